@@ -1,0 +1,41 @@
+# Two commands: `make demo` runs the main job, `make test` everything that CI runs.
+# Either makes .venv first; nothing but python3 (3.11 or newer, with venv) and make is taken for granted.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO := out/envisat
+
+.PHONY: demo test check benchmark lock clean
+.DELETE_ON_ERROR:
+
+demo: $(VENV)/.ready
+	$(BIN)/baryscope compare --scenario envisat -o $(DEMO)
+
+test: check
+	$(BIN)/python -m pytest
+
+# Type checkers don't follow an editable install, so mypy reads a plain one.
+check: $(VENV)/.ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	rm -rf build/typed build/lib build/bdist.*
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --target build/typed .
+	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml -p baryscope
+
+benchmark: $(VENV)/.ready
+	$(BIN)/python scripts/benchmark.py
+
+$(VENV)/.ready: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys, venv; v = sys.version_info; sys.exit(v < (3, 11) and f"baryscope needs Python 3.11 or newer; $(PYTHON) is {v[0]}.{v[1]}. Try: make PYTHON=python3.12")'
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	touch $@
+
+# Renew the pins; needs uv, and only those who change dependencies need it.
+lock:
+	uv pip compile pyproject.toml --universal --all-extras --generate-hashes --python-version 3.11 \
+	    --no-emit-index-url --custom-compile-command 'make lock' -o requirements.lock
+
+clean:
+	rm -rf $(VENV) build out *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
