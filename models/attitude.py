@@ -1,0 +1,43 @@
+"""Rotation of a rigid target: the paper's (1) with a full inertia tensor, and what is conserved."""
+
+from collections.abc import Mapping
+
+import casadi as ca
+
+from baryscope.models.frames import Symbol
+
+
+def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
+    """J in B from its six elements."""
+    xx, yy, zz, xy, xz, yz = (
+        parameters[f"target.inertia.{axes}"] for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+
+
+def angular_acceleration(inertia_B: Symbol, angular_rate_B: Symbol, torque_B: Symbol) -> Symbol:
+    """ω̇ from Euler's equation J ω̇ + ω × J ω = τ; J kg m², ω rad/s, τ N m, all in B."""
+    J = inertia_B
+    return symmetric_inverse(J) @ (torque_B - ca.cross(angular_rate_B, J @ angular_rate_B))
+
+
+def symmetric_inverse(J: Symbol) -> Symbol:
+    """J⁻¹ of a symmetric 3 × 3 matrix by its cofactors, which are the cross products of its columns."""
+    columns = ca.horzsplit(J)
+    cofactors = ca.horzcat(*(ca.cross(columns[(i + 1) % 3], columns[(i + 2) % 3]) for i in range(3)))
+    return cofactors / ca.dot(columns[0], cofactors[:, 0])
+
+
+def gravity_gradient_torque(inertia_B: Symbol, radius: Symbol, up_B: Symbol, mu: Symbol) -> Symbol:
+    """3 μ/r³ û × J û, N m in B, û the unit vector from the Earth's centre to the target, in B."""
+    return 3 * mu / radius**3 * ca.cross(up_B, inertia_B @ up_B)
+
+
+def rotational_energy(inertia_B: Symbol, angular_rate_B: Symbol) -> Symbol:
+    """½ ω·Jω, J."""
+    return 0.5 * ca.dot(angular_rate_B, inertia_B @ angular_rate_B)
+
+
+def angular_momentum(inertia_B: Symbol, angular_rate_B: Symbol, R_I_B: Symbol) -> Symbol:
+    """R_I_B J ω, kg m²/s in I: constant when there is no torque."""
+    return R_I_B @ (inertia_B @ angular_rate_B)

@@ -1,0 +1,197 @@
+"""What makes a set of parameters possible, as CasADi expressions.
+
+Scenario files and the FMU refuse the same things because both evaluate these: the file's reader through
+`casadi.Function`, the unit through the C code generated from them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.models.attitude import inertia_tensor
+from baryscope.models.frames import Symbol
+
+TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
+COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
+UNIT_TOLERANCE = 1e-3  # of a quaternion's or normal's length: enough for four printed digits
+
+
+@dataclass(frozen=True)
+class Check:
+    """One condition on the parameters.
+
+    Attributes:
+        variable: the unit's variable it concerns.
+        field: the scenario file's field it concerns.
+        expected: what should hold, in words, to follow "expected".
+        quantity: what `found` is, in words, to precede its value.
+        found: the number to show.
+        margin: positive exactly where the condition holds.
+    """
+
+    variable: str
+    field: str
+    expected: str
+    quantity: str
+    found: Symbol
+    margin: Symbol
+
+
+@dataclass(frozen=True)
+class CheckSet:
+    """Checks compiled over one flat vector of parameters.
+
+    Attributes:
+        checks: what is checked, in the order in which it is reported.
+        margins: parameters → margin of each check.
+        found: parameters → what to show for each check.
+    """
+
+    checks: tuple[Check, ...]
+    margins: ca.Function
+    found: ca.Function
+
+    @classmethod
+    def over(cls, parameters: Symbol, checks: tuple[Check, ...]) -> Self:
+        """Compile `checks`, which are expressions of the column `parameters`."""
+        margins = ca.vertcat(*(check.margin for check in checks))
+        found = ca.vertcat(*(check.found for check in checks))
+        return cls(
+            checks,
+            ca.Function("margins", [parameters], [margins], ["p"], ["margins"]),
+            ca.Function("found", [parameters], [found], ["p"], ["found"]),
+        )
+
+    def failure(self, parameters: NDArray[np.float64]) -> str | None:
+        """The first check that fails, as `field: found …, expected …`; None when all hold."""
+        margins = np.array(self.margins(parameters)).ravel()
+        if np.all(margins > 0):
+            return None
+        index = int(np.argmin(margins > 0))
+        check, value = self.checks[index], np.array(self.found(parameters)).ravel()[index]
+        return f"{check.field}: found {check.quantity} {value:g}, expected {check.expected}"
+
+
+def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    """All conditions on the parameters, in the order in which they are reported."""
+    return (
+        *_inertia_checks(parameters),
+        *_feature_checks(parameters),
+        *orbit_checks(parameters),
+        *_other_checks(parameters),
+    )
+
+
+def _inertia_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    """J is positive definite and no principal moment exceeds the sum of the others.
+
+    The latter says that ½ tr(J) 1 − J, the second moments of mass, has no negative eigenvalue.
+    Both are decided by the coefficients of the characteristic polynomial, which are all positive
+    exactly when all eigenvalues are.
+    """
+    J = inertia_tensor(parameters)
+    trace, minors, determinant = _invariants(J)
+    moments = ca.trace(J) / 2 * ca.SX.eye(3) - J + TRIANGLE_TOLERANCE * ca.trace(J) * ca.SX.eye(3)
+    mass_trace, mass_minors, mass_determinant = _invariants(moments)
+    return (
+        Check(
+            "target.inertia",
+            "target.inertia",
+            "a positive definite tensor (all principal moments positive)",
+            "determinant",
+            determinant,
+            ca.fmin(trace, ca.fmin(minors, determinant)),
+        ),
+        Check(
+            "target.inertia",
+            "target.inertia",
+            "no principal moment larger than the sum of the other two (triangle inequality)",
+            "trace",
+            trace,
+            ca.fmin(mass_trace, ca.fmin(mass_minors, mass_determinant)),
+        ),
+    )
+
+
+def _feature_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    features, normals = parameters["target.features"], parameters["target.normals"]
+    count = features.shape[0]
+    centred = features - ca.repmat(ca.sum1(features) / count, count, 1)
+    trace, minors, _ = _invariants(centred.T @ centred)
+    worst = ca.mmax(ca.fabs(ca.sqrt(ca.sum2(normals**2)) - 1))
+    return (
+        Check(
+            "target.features",
+            "features.points",
+            "at least three features that do not lie on one line",
+            "features",
+            ca.SX(count),
+            minors - COLLINEAR_TOLERANCE * trace**2,
+        ),
+        Check(
+            "target.normals",
+            "features.points",
+            "normals of length 1",
+            "largest deviation of a length from 1",
+            worst,
+            UNIT_TOLERANCE - worst,
+        ),
+    )
+
+
+def orbit_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    """The conditions on the orbit alone."""
+    e, a = parameters["orbit.eccentricity"], parameters["orbit.semiMajorAxis"]
+    mu = parameters["orbit.gravitationalParameter"]
+    return (
+        Check("orbit.semiMajorAxis", "orbit.semi_major_axis", "a length above 0 m", "value", a, a),
+        # e = 0 is allowed, so the margin there must still be positive.
+        Check(
+            "orbit.eccentricity", "orbit.eccentricity", "0 ≤ e < 1", "value", e,
+            ca.if_else(ca.logic_and(e >= 0, e < 1), 1, -1),
+        ),
+        Check("orbit.gravitationalParameter", "orbit.gravitational_parameter", "a value above 0 m³/s²", "value", mu, mu),
+    )  # fmt: skip
+
+
+def _other_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    length = ca.norm_2(parameters["target.attitude0"])
+    reach = ca.norm_2(parameters["chaser.position0"])
+    tolerance = parameters["solver.tolerance"]
+    return (
+        Check(
+            "target.attitude0",
+            "target.attitude",
+            "a unit quaternion (w, x, y, z)",
+            "length",
+            length,
+            UNIT_TOLERANCE - ca.fabs(length - 1),
+        ),
+        Check(
+            "chaser.position0",
+            "chaser.position",
+            "a chaser away from the target's centre of mass",
+            "range in m",
+            reach,
+            reach,
+        ),
+        Check(
+            "solver.tolerance",
+            "run.tolerance",
+            "a value between 1e-15 and 1e-3",
+            "value",
+            tolerance,
+            ca.fmin(tolerance - 0.999e-15, 1.001e-3 - tolerance),
+        ),
+    )
+
+
+def _invariants(matrix: Symbol) -> tuple[Symbol, Symbol, Symbol]:
+    """Trace, sum of the principal 2 × 2 minors, determinant: positive for a positive definite matrix."""
+    trace = ca.trace(matrix)
+    minors = (trace**2 - ca.trace(matrix @ matrix)) / 2
+    return trace, minors, ca.det(matrix)

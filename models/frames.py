@@ -1,0 +1,42 @@
+"""Frames and rotations as CasADi expressions.
+
+I inertial (Earth-centred axes); L target LVLH (x radial outward, y along-track, z orbit normal);
+B target body, origin at the centre of mass (CoM); C chaser, origin at the chaser, axes parallel to I.
+`R_A_B` turns coordinates in B into coordinates in A: `p_A = R_A_B @ p_B`.
+Quaternions are scalar first (w, x, y, z), Hamilton, unit; `q_I_B` stands for `R_I_B`.
+"""
+
+import casadi as ca
+
+Symbol = ca.SX
+
+
+def cross_matrix(v: Symbol) -> Symbol:
+    """[v]×, such that `cross_matrix(v) @ w` is v × w (the matrix printed in the paper's (3) is minus this)."""
+    return ca.skew(v)
+
+
+def rotation_from_quaternion(q: Symbol) -> Symbol:
+    """R of a unit quaternion (w, x, y, z)."""
+    w, v = q[0], q[1:]
+    return (w * w - ca.dot(v, v)) * ca.SX.eye(3) + 2 * v @ v.T + 2 * w * cross_matrix(v)
+
+
+def quaternion_rate(q: Symbol, angular_rate_B: Symbol) -> Symbol:
+    """q̇ = ½ q ⊗ (0, ω) for q_I_B (w, x, y, z) and ω in B, rad/s."""
+    w, v = q[0], q[1:]
+    return 0.5 * ca.vertcat(-ca.dot(v, angular_rate_B), w * angular_rate_B + ca.cross(v, angular_rate_B))
+
+
+def rotation_about(axis: int, angle: Symbol) -> Symbol:
+    """R that turns vectors by `angle` (rad) about coordinate axis 0, 1 or 2."""
+    c, s = ca.cos(angle), ca.sin(angle)
+    R = ca.SX.eye(3)
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    R[j, j], R[j, k], R[k, j], R[k, k] = c, -s, s, c
+    return R
+
+
+def rotation_I_L(raan: Symbol, inclination: Symbol, argument_of_latitude: Symbol) -> Symbol:
+    """R_I_L = R3(Ω) R1(i) R3(u), u = ω + θ the argument of latitude; all angles in rad."""
+    return rotation_about(2, raan) @ rotation_about(0, inclination) @ rotation_about(2, argument_of_latitude)

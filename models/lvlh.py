@@ -1,0 +1,36 @@
+"""Where LVLH points at given times on a known orbit, for those who have an orbit and tracks but no unit."""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.models.frames import rotation_I_L
+from baryscope.models.keplerian import true_anomaly_after
+from baryscope.models.scenario import Orbit, orbit_parameters
+
+
+def lvlh_attitude(orbit: Orbit, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """R_I_L of the target's LVLH frame.
+
+    Args:
+        orbit: Keplerian elements at time 0.
+        time: (n,), s.
+
+    Returns:
+        R_I_L, (n, 3, 3), such that `p_I = R_I_L @ p_L`.
+    """
+    elements = np.array(list(orbit_parameters(orbit).values()))
+    rows = np.array(_lvlh_function().map(time.size)(time[None, :], elements))
+    return rows.T.reshape(-1, 3, 3)
+
+
+@cache
+def _lvlh_function() -> ca.Function:
+    """(time, elements) → R_I_L as nine numbers, row by row."""
+    time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
+    a, e, inclination, raan, periapsis, anomaly0, mu = ca.vertsplit(elements)
+    anomaly = true_anomaly_after(time, a, e, mu, anomaly0)
+    R_I_L = rotation_I_L(raan, inclination, periapsis + anomaly)
+    return ca.Function("lvlh", [time, elements], [ca.vec(R_I_L.T)])
