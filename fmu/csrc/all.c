@@ -1,0 +1,11 @@
+/* One translation unit: everything but the fmi2* functions stays private to the library. */
+
+#define CASADI_SYMBOL_EXPORT static
+#include "model.c"
+
+#include "dop853.c"
+#include "unit.c"
+#include "fmi2.c"
+#include "fmi2_values.c"
+#include "fmi2_step.c"
+#include "fmi2_absent.c"

@@ -1,0 +1,140 @@
+"""The FMU file: valid, complete, reproducible, and buildable with more than one compiler."""
+
+import sys
+import warnings
+import xml.etree.ElementTree as ET
+import zipfile
+
+import casadi as ca
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from baryscope.fmu import Session, build_fmu
+from baryscope.fmu.compiler import find_compiler
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.target import tumbling_target
+from baryscope.models.variables import Kind
+
+
+@pytest.fixture(scope="module")
+def description(envisat_fmu):
+    with zipfile.ZipFile(envisat_fmu) as archive:
+        return ET.fromstring(archive.read("modelDescription.xml"))  # noqa: S314  our own file
+
+
+def test_fmpy_finds_nothing_to_complain_about(envisat_fmu):
+    assert validate_fmu(str(envisat_fmu)) == []
+
+
+def test_fmpy_simulates_it_without_us(envisat, envisat_fmu):
+    result = fmpy.simulate_fmu(str(envisat_fmu), stop_time=10.0, output_interval=1.0, output=["target.position[2]"])
+    with Session(envisat_fmu) as session:
+        session.step(10.0)
+        assert result["target.position[2]"][-1] == pytest.approx(session.position[1], abs=1e-9)
+
+
+def test_every_variable_of_the_table_is_described(envisat, description):
+    table = tumbling_target(len(envisat.features.points)).variables
+    scalars = description.find("ModelVariables")
+    assert [s.get("name") for s in scalars] == [name for v in table for name in v.scalar_names]
+    assert [int(s.get("valueReference")) for s in scalars] == list(range(len(scalars)))
+    assert all(s.get("description") for s in scalars)
+    units = {unit.get("name") for unit in description.find("UnitDefinitions")}
+    assert all(s[0].get("unit") in units for s in scalars if s[0].tag == "Real")
+    assert description.get("variableNamingConvention") == "structured"
+
+
+def test_starts_have_all_digits(envisat, description):
+    starts = [s[0].get("start") for s in description.find("ModelVariables") if s.get("causality") == "parameter"]
+    values = [{"true": 1.0, "false": 0.0}.get(text, text) for text in starts]
+    assert np.array_equal(np.array(values, dtype=float), envisat.flat_parameters())
+
+
+def test_initial_dependencies_are_those_of_the_derivatives(envisat, description):
+    """Against CasADi's Jacobian at random parameters: what is not declared must be zero."""
+    system = tumbling_target(len(envisat.features.points))
+    p = ca.SX.sym("p", system.initial.numel_in())
+    jacobian = ca.Function("j", [p], [ca.jacobian(system.outputs(system.initial(p), p), p)])
+    values = envisat.flat_parameters() * (1 + 1e-2 * np.random.default_rng(5).normal(size=p.numel()))
+    numeric = np.array(jacobian(values))
+
+    inputs = sum(v.size for v in system.of_kind(Kind.INPUT))
+    unknowns = description.find("ModelStructure/InitialUnknowns")
+    assert len(unknowns) == numeric.shape[0]
+    for row, unknown in enumerate(unknowns):
+        declared = {int(index) - 1 - inputs for index in unknown.get("dependencies").split()}
+        assert set(np.flatnonzero(numeric[row])) <= declared
+        assert int(unknown.get("index")) == inputs + numeric.shape[1] + row + 1
+    first_feature = {int(index) for index in unknowns[0].get("dependencies").split()}
+    names = {s.get("name"): index for index, s in enumerate(description.find("ModelVariables"), start=1)}
+    assert names["target.features[1,2]"] in first_feature
+    assert names["target.features[2,1]"] not in first_feature
+    assert names["target.inertia.xx"] not in first_feature
+
+
+def test_outputs_are_declared_free_of_direct_feedthrough(envisat_fmu, description):
+    assert all(u.get("dependencies") == "" for u in description.find("ModelStructure/Outputs"))
+    with Session(envisat_fmu) as session:
+        before = session.outputs.copy()
+        session.set_inputs(torque=[1e3] * 3, acceleration=[1.0] * 3)
+        session._read()
+        assert np.array_equal(session.outputs, before)
+
+
+def test_the_compiler_has_nothing_to_say(envisat, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        build_fmu(envisat, tmp_path / "unit.fmu")
+
+
+def test_two_builds_are_equal_and_another_scenario_is_not(envisat, envisat_fmu, tmp_path):
+    again = build_fmu(envisat, tmp_path / "deep" / "er" / "unit.fmu")
+    assert again.read_bytes() == envisat_fmu.read_bytes()
+    run = envisat.run.model_copy(update={"tolerance": 1e-10})
+    other = build_fmu(envisat.model_copy(update={"run": run}), tmp_path / "other.fmu")
+    tokens = {fmpy.read_model_description(str(path)).guid for path in (again, other)}
+    assert len(tokens) == 2
+
+
+def test_zig_builds_the_same_unit(envisat, envisat_fmu, tmp_path, monkeypatch):
+    """On a machine without a compiler of its own; the numbers agree to the last digits of libm."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr("baryscope.fmu.compiler.CANDIDATES", ())
+    assert find_compiler() == [sys.executable, "-m", "ziglang", "cc"]
+    unit = build_fmu(envisat, tmp_path / "zig.fmu")
+    assert validate_fmu(str(unit)) == []
+    with Session(unit) as zig, Session(envisat_fmu) as native:
+        for session in (zig, native):
+            session.step(100.0)
+        np.testing.assert_allclose(zig.outputs, native.outputs, rtol=1e-10, atol=1e-10)
+
+
+def test_a_machine_without_any_compiler_is_told_what_to_do(monkeypatch):
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr("baryscope.fmu.compiler.CANDIDATES", ())
+    monkeypatch.setattr("baryscope.fmu.compiler.find_spec", lambda name: None)
+    with pytest.raises(ComputationError, match=r"no C compiler found.*baryscope\[cross\]"):
+        find_compiler()
+
+
+def test_a_compiler_that_fails_leaves_the_old_file(envisat, tmp_path, monkeypatch):
+    old = tmp_path / "unit.fmu"
+    old.write_text("old")
+    monkeypatch.setenv("CC", "false")
+    with pytest.raises(ComputationError, match="failed"):
+        build_fmu(envisat, old)
+    assert old.read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["unit.fmu"]
+
+
+def test_an_unknown_compiler_is_named(monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler -O1")
+    with pytest.raises(ComputationError, match="'no-such-compiler'"):
+        find_compiler()
+
+
+def test_a_folder_is_no_file_to_write(envisat, tmp_path):
+    with pytest.raises(InputError, match="is a folder"):
+        build_fmu(envisat, tmp_path)

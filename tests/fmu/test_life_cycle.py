@@ -1,0 +1,191 @@
+"""Illegal calls, made as an importer would make them: each is refused with a reason and changes nothing."""
+
+import ctypes
+import math
+
+import fmpy
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+
+ERROR, DISCARD = 3, 2
+
+
+class Importer:
+    """An instance in the state Instantiated, with what it logged."""
+
+    def __init__(self, path, folder):
+        description = fmpy.read_model_description(str(path))
+        fmpy.extract(str(path), str(folder))
+        self.messages = []
+        self.callbacks = fmi2CallbackFunctions()
+        self.callbacks.logger = fmi2CallbackLoggerTYPE(lambda *a: self.messages.append(a[4].decode()))
+        self.slave = FMU2Slave(
+            guid=description.guid,
+            modelIdentifier=description.modelName,
+            unzipDirectory=str(folder),
+            instanceName="x",
+        )
+        self.slave.instantiate(callbacks=self.callbacks)
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
+
+    def initialise(self):
+        self.slave.setupExperiment()
+        self.slave.enterInitializationMode()
+        self.slave.exitInitializationMode()
+
+    def refused(self, call, *words, status=ERROR):
+        """Make the call, see it fail with one new message that contains `words`."""
+        before = len(self.messages)
+        with pytest.raises(FMICallException) as raised:
+            call()
+        assert raised.value.status == status
+        if words:
+            assert len(self.messages) == before + 1
+            for word in words:
+                assert word in self.messages[-1]
+
+
+@pytest.fixture
+def importer(envisat_fmu, tmp_path):
+    importer = Importer(envisat_fmu, tmp_path)
+    yield importer
+    importer.slave.freeInstance()
+
+
+def test_calls_before_initialization(importer):
+    s = importer.slave
+    importer.refused(lambda: s.doStep(0, 1), "fmi2DoStep", "Instantiated")
+    importer.refused(lambda: s.getReal([0]), "fmi2GetReal", "Instantiated")
+    importer.refused(lambda: s.exitInitializationMode(), "fmi2ExitInitializationMode", "Instantiated")
+    importer.refused(lambda: s.terminate(), "fmi2Terminate", "Instantiated")
+    importer.refused(lambda: s.getRealStatus(2), "fmi2GetRealStatus", "Instantiated")
+    importer.initialise()
+    s.doStep(0, 1)
+
+
+def test_calls_after_termination(importer):
+    s = importer.slave
+    importer.initialise()
+    s.doStep(0, 2.5)
+    s.terminate()
+    importer.refused(lambda: s.doStep(2.5, 1), "fmi2DoStep", "Terminated")
+    importer.refused(lambda: s.setReal([0], [1.0]), "fmi2SetReal", "Terminated")
+    importer.refused(lambda: s.setupExperiment(), "fmi2SetupExperiment", "Terminated")
+    assert s.getReal([importer.references["target.position[1]"]])
+    assert s.getRealStatus(2) == 2.5
+    s.reset()
+    importer.initialise()
+    s.doStep(0, 1)
+
+
+def test_initialization_twice_or_with_a_wrong_experiment(importer):
+    s = importer.slave
+    importer.refused(lambda: s.setupExperiment(startTime=math.nan), "startTime", "finite")
+    importer.refused(lambda: s.setupExperiment(startTime=1.0, stopTime=0.0), "stopTime is 0", "at least startTime, 1")
+    importer.refused(lambda: s.setupExperiment(tolerance=-1.0), "tolerance is -1")
+    s.setupExperiment()
+    s.enterInitializationMode()
+    importer.refused(lambda: s.enterInitializationMode(), "Initialization Mode")
+    importer.refused(lambda: s.setupExperiment(), "Initialization Mode")
+
+
+def test_parameters_are_fixed_after_initialization(importer):
+    s, reference = importer.slave, importer.references
+    importer.initialise()
+    importer.refused(lambda: s.setReal([reference["orbit.raan"]], [1.0]), "orbit.raan", "fixed after initialization")
+    importer.refused(lambda: s.setBoolean([reference["gravityGradient"]], [1]), "gravityGradient", "fixed")
+    importer.refused(lambda: s.setReal([reference["features[1,1]"]], [1.0]), "features[1,1]", "output")
+
+
+def test_values_are_all_checked_before_any_is_set(importer):
+    s, reference = importer.slave, importer.references
+    pair = [reference["orbit.raan"], reference["orbit.inclination"]]
+    importer.refused(lambda: s.setReal(pair, [0.5, math.inf]), "orbit.inclination is inf")
+    s.setupExperiment()
+    s.enterInitializationMode()
+    assert s.getReal(pair)[0] != 0.5
+
+
+def test_wrong_references_types_and_pointers(importer):
+    s, reference = importer.slave, importer.references
+    importer.initialise()
+    importer.refused(lambda: s.getReal([10_000]), "value reference 10000", "expected one below")
+    importer.refused(lambda: s.getReal([reference["gravityGradient"]]), "gravityGradient is a Boolean")
+    importer.refused(lambda: s.getBoolean([reference["orbit.raan"]]), "orbit.raan is a Real")
+    importer.refused(lambda: s.getInteger([0]), "no Integer variables")
+    importer.refused(lambda: s.setString([0], ["x"]), "no String variables")
+    importer.refused(lambda: s.fmi2GetReal(s.component, None, 3, None), "null pointer", "arrays of 3")
+    assert s.getInteger([]) == []
+    assert s.getReal([]) == []
+
+
+def test_a_null_instance_is_an_error_and_no_crash(importer):
+    for call in (importer.slave.fmi2Reset, importer.slave.fmi2Terminate):
+        with pytest.raises(FMICallException):
+            call(ctypes.c_void_p())
+    importer.slave.fmi2FreeInstance(ctypes.c_void_p())
+
+
+def test_initial_outputs_follow_the_parameters(importer):
+    s, reference = importer.slave, importer.references
+    name = reference["chaser.position[1]"]
+    s.setupExperiment()
+    s.enterInitializationMode()
+    s.getReal([name])
+    s.setReal([reference["chaser.position0[1]"]], [12.5])
+    assert s.getReal([name]) == [12.5]
+    s.setReal([reference["orbit.eccentricity"]], [1.5])
+    importer.refused(lambda: s.getReal([name]), "orbit.eccentricity", "0 ≤ e < 1")
+    importer.refused(lambda: s.exitInitializationMode(), "orbit.eccentricity", "0 ≤ e < 1")
+    s.setReal([reference["orbit.eccentricity"]], [0.5])
+    s.exitInitializationMode()
+
+
+def test_the_communication_point_must_be_where_the_unit_is(importer):
+    s = importer.slave
+    importer.initialise()
+    s.doStep(0, 1)
+    importer.refused(lambda: s.doStep(5.0, 1.0), "currentCommunicationPoint is 5", "expected 1")
+    importer.refused(lambda: s.doStep(math.nan, 1.0), "currentCommunicationPoint is nan")
+    importer.refused(lambda: s.doStep(1.0, 1e-20), "too small to move the time 1")
+    s.doStep(1.0 + 1e-12, 1.0)
+    assert s.getRealStatus(2) == 2.0 + 1e-12
+
+
+def test_what_is_not_declared_is_refused(importer):
+    s = importer.slave
+    importer.initialise()
+    importer.refused(lambda: s.getFMUstate(), "fmi2GetFMUstate", "does not offer")
+    importer.refused(lambda: s.getDirectionalDerivative([70], [0], [1.0]), "fmi2GetDirectionalDerivative")
+    importer.refused(lambda: s.setRealInputDerivatives([0], [1], [1.0]), "fmi2SetRealInputDerivatives")
+    importer.refused(lambda: s.cancelStep(), "fmi2CancelStep")
+    importer.refused(lambda: s.getIntegerStatus(1), status=DISCARD)
+    assert s.getBooleanStatus(3) == 0
+
+
+def test_instantiation_for_another_interface_or_build(importer):
+    s = importer.slave
+    callbacks = ctypes.byref(importer.callbacks)
+    guid = s.guid.encode()
+    for name, kind, token, words in (
+        (b"x", 0, guid, "Model Exchange"),
+        (b"", 1, guid, "name is empty"),
+        (b"x", 1, b"{other}", "different builds"),
+    ):
+        assert not s.fmi2Instantiate(name, kind, token, b"", callbacks, 0, 0)
+        assert words in importer.messages[-1]
+
+
+def test_logging_categories(importer):
+    importer.slave.setDebugLogging(True, ["logStatusError"])
+    importer.refused(lambda: importer.slave.setDebugLogging(True, ["logAll"]), "logAll", "logStatusError")
+
+
+def test_a_long_instance_name_and_percent_signs_do_no_harm(importer):
+    s = importer.slave
+    component = s.fmi2Instantiate(b"%n%s" * 100, 1, s.guid.encode(), b"", ctypes.byref(importer.callbacks), 0, 0)
+    with pytest.raises(FMICallException):
+        s.fmi2Terminate(component)
+    assert "fmi2Terminate" in importer.messages[-1]
+    s.fmi2FreeInstance(component)
