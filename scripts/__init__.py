@@ -1,1 +1,1 @@
-"""placeholder."""
+"""The command line, one file per subcommand, and scripts to copy from."""

@@ -1,0 +1,70 @@
+"""`baryscope`: the subcommands put together, and how errors reach the user."""
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.scripts.build import build
+from baryscope.scripts.compare import compare
+from baryscope.scripts.console import VERSION
+from baryscope.scripts.estimate import estimate_file
+from baryscope.scripts.scenarios import scenarios
+from baryscope.scripts.simulate import simulate_scenario
+
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+app = App(
+    name="baryscope",
+    help="Find the centre of mass of a tumbling object from the tracks of features on its surface.",
+    version=VERSION,
+    exit_on_error=False,
+    print_error=False,
+    result_action="return_value",
+)
+app.command(compare)
+app.command(build)
+app.command(simulate_scenario, name="simulate")
+app.command(estimate_file, name="estimate")
+app.command(scenarios)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; errors are one line on standard error.
+
+    Returns:
+        0 when done, 2 for bad input, 1 for what could not be computed, 130 when interrupted.
+    """
+    warnings.showwarning = _show_warning
+    try:
+        app(arguments)
+    except (InputError, CycloptsError) as error:
+        return _complain(error, BAD_INPUT)
+    except ComputationError as error:
+        return _complain(error, FAILED)
+    except KeyboardInterrupt:
+        return _complain("interrupted; files that were not finished are not there", INTERRUPTED)
+    except BrokenPipeError:  # the reader of our output has gone; it has seen what it wanted
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        if os.environ.get("BARYSCOPE_DEBUG"):
+            raise
+        return _complain(f"internal error, {type(error).__name__}: {error} (BARYSCOPE_DEBUG=1 shows where)", FAILED)
+    return 0
+
+
+def _complain(error: object, code: int) -> int:
+    print(f"baryscope: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+def _show_warning(message: Warning | str, *_: object) -> None:
+    print(f"baryscope: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
