@@ -9,9 +9,7 @@ from baryscope.models.frames import Symbol
 
 def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
     """J in B from its six elements."""
-    xx, yy, zz, xy, xz, yz = (
-        parameters[f"target.inertia.{axes}"] for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
-    )
+    xx, yy, zz, xy, xz, yz = (parameters[f"target.inertia.{axes}"] for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 

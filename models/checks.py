@@ -17,6 +17,7 @@ from baryscope.models.frames import Symbol
 
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
 COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
+TINY = 1e-300  # keeps what a message shows from dividing by zero
 UNIT_TOLERANCE = 1e-3  # of a quaternion's or normal's length: enough for four printed digits
 
 
@@ -62,8 +63,8 @@ class CheckSet:
         found = ca.vertcat(*(check.found for check in checks))
         return cls(
             checks,
-            ca.Function("margins", [parameters], [margins], ["p"], ["margins"]),
-            ca.Function("found", [parameters], [found], ["p"], ["found"]),
+            ca.Function("target_margins", [parameters], [margins], ["p"], ["margins"]),
+            ca.Function("target_found", [parameters], [found], ["p"], ["found"]),
         )
 
     def failure(self, parameters: NDArray[np.float64]) -> str | None:
@@ -97,21 +98,22 @@ def _inertia_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     trace, minors, determinant = _invariants(J)
     moments = ca.trace(J) / 2 * ca.SX.eye(3) - J + TRIANGLE_TOLERANCE * ca.trace(J) * ca.SX.eye(3)
     mass_trace, mass_minors, mass_determinant = _invariants(moments)
+    smallest, largest = _extreme_eigenvalues(J)
     return (
         Check(
             "target.inertia",
             "target.inertia",
-            "a positive definite tensor (all principal moments positive)",
-            "determinant",
-            determinant,
+            "a positive definite tensor (all principal moments above 0 kg m²)",
+            "smallest principal moment",
+            smallest,
             ca.fmin(trace, ca.fmin(minors, determinant)),
         ),
         Check(
             "target.inertia",
             "target.inertia",
             "no principal moment larger than the sum of the other two (triangle inequality)",
-            "trace",
-            trace,
+            "largest principal moment over the sum of the others",
+            largest / (trace - largest),
             ca.fmin(mass_trace, ca.fmin(mass_minors, mass_determinant)),
         ),
     )
@@ -128,8 +130,8 @@ def _feature_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
             "target.features",
             "features.points",
             "at least three features that do not lie on one line",
-            "features",
-            ca.SX(count),
+            "rms distance from a line through them in m",
+            ca.sqrt(ca.fmax(minors, 0) / ca.fmax(trace, TINY) / count),
             minors - COLLINEAR_TOLERANCE * trace**2,
         ),
         Check(
@@ -149,13 +151,24 @@ def orbit_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     mu = parameters["orbit.gravitationalParameter"]
     return (
         Check("orbit.semiMajorAxis", "orbit.semi_major_axis", "a length above 0 m", "value", a, a),
-        # e = 0 is allowed, so the margin there must still be positive.
         Check(
-            "orbit.eccentricity", "orbit.eccentricity", "0 ≤ e < 1", "value", e,
+            "orbit.eccentricity",
+            "orbit.eccentricity",
+            "0 ≤ e < 1",
+            "value",
+            e,
+            # e = 0 is allowed, so the margin there must still be positive.
             ca.if_else(ca.logic_and(e >= 0, e < 1), 1, -1),
         ),
-        Check("orbit.gravitationalParameter", "orbit.gravitational_parameter", "a value above 0 m³/s²", "value", mu, mu),
-    )  # fmt: skip
+        Check(
+            "orbit.gravitationalParameter",
+            "orbit.gravitational_parameter",
+            "a value above 0 m³/s²",
+            "value",
+            mu,
+            mu,
+        ),
+    )
 
 
 def _other_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
@@ -195,3 +208,13 @@ def _invariants(matrix: Symbol) -> tuple[Symbol, Symbol, Symbol]:
     trace = ca.trace(matrix)
     minors = (trace**2 - ca.trace(matrix @ matrix)) / 2
     return trace, minors, ca.det(matrix)
+
+
+def _extreme_eigenvalues(matrix: Symbol) -> tuple[Symbol, Symbol]:
+    """Smallest and largest eigenvalue of a symmetric matrix in closed form (Smith 1961): to show, not to decide."""
+    centre = ca.trace(matrix) / 3
+    deviator = matrix - centre * ca.SX.eye(3)
+    radius = ca.sqrt(ca.trace(deviator @ deviator) / 6)
+    cosine = ca.det(deviator) / (2 * ca.fmax(radius, TINY ** (1 / 3)) ** 3)
+    angle = ca.acos(ca.fmax(-1, ca.fmin(1, cosine))) / 3
+    return centre + 2 * radius * ca.cos(angle + 2 * ca.pi / 3), centre + 2 * radius * ca.cos(angle)

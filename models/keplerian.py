@@ -51,8 +51,8 @@ def true_anomaly_after(
     e = eccentricity
     to_eccentric = ca.sqrt((1 - e) / (1 + e))
 
-    half_turns0 = ca.floor((true_anomaly0 + ca.pi) / (2 * ca.pi))
-    theta0 = true_anomaly0 - 2 * ca.pi * half_turns0
+    turns0 = ca.floor((true_anomaly0 + ca.pi) / (2 * ca.pi))
+    theta0 = true_anomaly0 - 2 * ca.pi * turns0
     E0 = 2 * ca.atan2(to_eccentric * ca.sin(theta0 / 2), ca.cos(theta0 / 2))
     M = E0 - e * ca.sin(E0) + mean_motion(semi_major_axis, mu) * time
     turns = ca.floor((M + ca.pi) / (2 * ca.pi))
@@ -61,4 +61,4 @@ def true_anomaly_after(
     for _ in range(KEPLER_ITERATIONS):
         E = E - (E - e * ca.sin(E) - M) / (1 - e * ca.cos(E))
     theta = 2 * ca.atan2(ca.sin(E / 2), to_eccentric * ca.cos(E / 2))
-    return theta + 2 * ca.pi * (turns + half_turns0)
+    return theta + 2 * ca.pi * (turns + turns0)

@@ -37,9 +37,7 @@ def relative_acceleration(
     return rotating + gravity + acceleration_L
 
 
-def target_from_chaser(
-    position_L: Symbol, velocity_L: Symbol, orbit: Conic, R_I_L: Symbol
-) -> tuple[Symbol, Symbol]:
+def target_from_chaser(position_L: Symbol, velocity_L: Symbol, orbit: Conic, R_I_L: Symbol) -> tuple[Symbol, Symbol]:
     """(6): the target's CoM in C and its velocity there, ρ_g = −R_I_L ρ and v_g = −R_I_L (ρ̇ + θ̇ e_z × ρ)."""
     spin = ca.vertcat(0, 0, orbit.anomaly_rate)
     return -R_I_L @ position_L, -R_I_L @ (velocity_L + ca.cross(spin, position_L))

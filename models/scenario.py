@@ -6,14 +6,14 @@ see `baryscope.models.checks`.
 
 from functools import cache
 from importlib.resources import files
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from baryscope.models.checks import CheckSet, orbit_checks
 from baryscope.models.errors import InputError
@@ -34,6 +34,8 @@ from baryscope.models.variables import Kind, variable_table
 EARTH_MU = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, WGS 84
 NORMAL_LENGTH = 1e-9
+MIN_SAMPLES = 3
+MAX_SAMPLES = 10_000_000  # a slip of units in sample_time shall not fill the memory
 
 Row = tuple[float, float, float]
 
@@ -51,7 +53,11 @@ class Target(FileModel):
     def _symmetric(cls, rows: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
         J = np.array(rows)
         if not np.allclose(J, J.T, rtol=1e-12, atol=0):
-            raise ValueError(f"found {rows}, expected a symmetric 3 × 3 tensor in kg m²")
+            i, j = next((i, j) for i, j in ((0, 1), (0, 2), (1, 2)) if not np.isclose(J[i, j], J[j, i], 1e-12, 0))
+            raise ValueError(
+                f"found {J[i, j]:g} in row {i + 1}, column {j + 1} but {J[j, i]:g} in row {j + 1}, column {i + 1}, "
+                "expected a symmetric tensor in kg m²"
+            )
         return rows
 
 
@@ -67,7 +73,7 @@ class FeaturePoint(FileModel):
     def _unit_length(cls, normal: Vector) -> Vector:
         length = sqrt(sum(c * c for c in normal))
         if length < NORMAL_LENGTH:
-            raise ValueError(f"found {normal}, expected a direction (any length above zero)")
+            raise ValueError(f"found {list(normal)}, expected a direction (any length above zero)")
         x, y, z = (c / length for c in normal)
         return (x, y, z)
 
@@ -153,11 +159,13 @@ class Interval(FileModel):
     end: Seconds
     features: tuple[str, ...] = Field(min_length=1)
 
-    @model_validator(mode="after")
-    def _forward(self) -> Self:
-        if self.end <= self.start:
-            raise ValueError(f"end is {self.end} s, expected a time after start, {self.start} s")
-        return self
+    @field_validator("end")
+    @classmethod
+    def _forward(cls, end: float, info: ValidationInfo) -> float:
+        start = info.data.get("start", -inf)
+        if end <= start:
+            raise ValueError(f"found {end:g} s, expected a time after start, {start:g} s")
+        return end
 
 
 class Tracking(FileModel):
@@ -182,10 +190,10 @@ class Sensor(FileModel):
 class Run(FileModel):
     """[run]: how long, how often, and the seed of everything random."""
 
-    duration: Annotated[Seconds, Field(gt=0)] | None = None  # None: one orbit
+    duration: Annotated[float | None, Unit("s"), Field(gt=0)] = None  # None: one orbit
     sample_time: Annotated[Seconds, Field(gt=0)] = 1.0
     seed: int = Field(default=1, ge=0)
-    tolerance: float = 1e-12
+    tolerance: float = 1e-13  # keeps the attitude to 1e-9 rad over an orbit in steps of any length
 
 
 class Scenario(FileModel):
@@ -216,10 +224,10 @@ class Scenario(FileModel):
                         f"tracking.intervals[{index}].features: found {label!r}, "
                         f"expected labels of features.points ({', '.join(known)})"
                     )
-        if self.sample_times.size < 3:
+        if not MIN_SAMPLES <= self.duration / self.run.sample_time + 1 < MAX_SAMPLES:
             raise ValueError(
-                f"run.sample_time: found {self.run.sample_time} s, "
-                f"expected at least three samples in the run's {self.duration} s"
+                f"run.sample_time: found {self.run.sample_time:g} s, "
+                f"expected {MIN_SAMPLES} to {MAX_SAMPLES} samples in the run's {self.duration:g} s"
             )
         failure = tumbling_target(len(self.features.points)).checks.failure(self.flat_parameters())
         if failure is not None:
@@ -235,7 +243,7 @@ class Scenario(FileModel):
     def sample_times(self) -> NDArray[np.float64]:
         """Times of the samples, s, from 0 to the last one within the duration."""
         count = int(self.duration / self.run.sample_time * (1 + 1e-12)) + 1
-        return np.arange(count) * self.run.sample_time
+        return np.arange(count, dtype=np.float64) * self.run.sample_time
 
     def parameters(self) -> dict[str, NDArray[np.float64]]:
         """The unit's parameters by name, arrays in the shapes of the table of variables."""

@@ -4,11 +4,12 @@ A field's unit stands in its annotation (`Metres = Annotated[float, Unit("m")]`)
 """
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Self
+from types import NoneType, UnionType
+from typing import Annotated, Any, Self, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
@@ -68,9 +69,13 @@ class FileModel(BaseModel):
         try:
             return cls.model_validate(lists_to_tuples(data))
         except ValidationError as error:
+            # A key that is unknown is often one that is missing, misspelt: say the former and don't count the latter.
             details = error.errors(include_url=False)
-            more = f" (and {len(details) - 1} more)" if len(details) > 1 else ""
-            raise InputError(f"{source}: {_describe(details[0], cls)}{more}") from error
+            first = next((detail for detail in details if detail["type"] == "extra_forbidden"), details[0])
+            doubled = "missing" if first["type"] == "extra_forbidden" else None
+            others = sum(detail is not first and detail["type"] != doubled for detail in details)
+            more = f" (and {others} more)" if others else ""
+            raise InputError(" ".join(f"{source}: {_describe(first, cls)}{more}".splitlines())) from error
 
 
 def read_toml(path: Path, expected: str) -> dict[str, Any]:
@@ -94,24 +99,52 @@ def lists_to_tuples(value: Any) -> Any:
     return value
 
 
+# What was expected, for each of pydantic's kinds of error; its own words where none stand here.
+EXPECTED = {
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "greater_than": "a value above {gt:g}",
+    "greater_than_equal": "a value of at least {ge:g}",
+    "int_type": "a whole number",
+    "less_than": "a value below {lt:g}",
+    "less_than_equal": "a value of at most {le:g}",
+    "literal_error": "{expected}",
+    "model_type": "a table",
+    "string_too_short": "text that is not empty",
+    "string_type": "text in quotes",
+    "too_short": "at least {min_length}",
+}
+UNITLESS = ("bool_type", "literal_error", "model_type", "string_too_short", "string_type", "too_short")
+
+
 def _describe(detail: ErrorDetails, model: type[BaseModel]) -> str:
     """One line for one pydantic error: field, what was found, what was expected."""
-    location = detail["loc"]
+    location, kind, found = detail["loc"], detail["type"], detail["input"]
     where = _path(location)
-    kind = detail["type"]
     if kind == "extra_forbidden":
         return f"{where}: unknown field{_hint(location, model)}"
-    if kind == "missing":
-        unit = _unit_at(location, model)
-        return f"{where}: missing{f', expected a value in {unit}' if unit else ''}"
-    found = _short(detail["input"])
-    if kind == "value_error":  # our own validators write whole sentences
+    if kind == "value_error":  # our own validators write whole sentences, some with the field
         message = str(detail["ctx"]["error"])
-        return f"{where}: {message}" if where else message
-    unit = _unit_at(location, model)
-    message = detail["msg"][0].lower() + detail["msg"][1:]
-    expectation = message.removeprefix("input should be ").removeprefix("a valid ")
-    return f"{where}: found {found}, expected {expectation}{f' in {unit}' if unit else ''}"
+        return message if not where or message.startswith(f"{where}.") else f"{where}: {message}"
+
+    field, expected = _walk(location, model)
+    unit = _unit_of(field)
+    in_unit = f" in {unit}" if unit else ""
+    if kind == "missing" and isinstance(found, Mapping):
+        return f"{where}: missing, expected {_kind_of_value(expected)}{in_unit}"
+    if kind in ("missing", "too_long"):  # a list of the wrong length; what "missing" locates is its first lack
+        whole = location[:-1] if kind == "missing" else location
+        wanted = _kind_of_value(_walk(whole, model)[1])
+        return f"{_path(whole)}: found a list of {len(found)}, expected {wanted}{in_unit}"
+    shown = f"a list of {len(found)}" if kind == "too_short" else _short(found)
+    if kind == "tuple_type":
+        wanted = _kind_of_value(expected)
+    elif kind in EXPECTED:
+        wanted = EXPECTED[kind].format(**detail.get("ctx", {}))
+    else:
+        wanted = detail["msg"].lower().removeprefix("input should be ")
+    return f"{where}: found {shown}, expected {wanted}{'' if kind in UNITLESS else in_unit}"
 
 
 def _path(location: Sequence[int | str]) -> str:
@@ -122,50 +155,51 @@ def _path(location: Sequence[int | str]) -> str:
     return text
 
 
-def _fields_along(location: Sequence[int | str], model: type[BaseModel]) -> list[FieldInfo]:
-    """The pydantic fields that a location passes through, as far as they are known."""
-    fields: list[FieldInfo] = []
-    current: Any = model
+def _walk(location: Sequence[int | str], model: type[BaseModel]) -> tuple[FieldInfo | None, Any]:
+    """The last field that a location passes through, and the type of value expected at its end."""
+    field: FieldInfo | None = None
+    expected: Any = model
     for part in location:
         if isinstance(part, int):
-            continue
-        known: dict[str, FieldInfo] = getattr(current, "model_fields", {})
-        if part not in known:
-            break
-        fields.append(known[part])
-        current = _inner_model(known[part].annotation)
-    return fields
+            items = [item for item in get_args(expected) if item is not Ellipsis]
+            expected = _bare(items[min(part, len(items) - 1)]) if items else object
+        else:
+            known: dict[str, FieldInfo] = getattr(expected, "model_fields", {})
+            if part not in known:
+                return None, object
+            field = known[part]
+            expected = _bare(field.annotation)
+    return field, expected
 
 
-def _inner_model(annotation: Any) -> Any:
-    """The model inside `Model`, `tuple[Model, ...]` or `Model | None`."""
-    if hasattr(annotation, "model_fields"):
-        return annotation
-    for argument in getattr(annotation, "__args__", ()):
-        inner = _inner_model(argument)
-        if inner is not None:
-            return inner
-    return None
+def _bare(annotation: Any) -> Any:
+    """A type without `Annotated` and without `| None`."""
+    if get_origin(annotation) is Annotated:
+        return _bare(get_args(annotation)[0])
+    options = [option for option in get_args(annotation) if option is not NoneType]
+    return _bare(options[0]) if get_origin(annotation) in (Union, UnionType) else annotation
 
 
-def _unit_of(field: FieldInfo) -> str | None:
-    return next((item.name for item in field.metadata if isinstance(item, Unit)), None)
+def _unit_of(field: FieldInfo | None) -> str | None:
+    return next((item.name for item in field.metadata if isinstance(item, Unit)), None) if field else None
 
 
-def _unit_at(location: Sequence[int | str], model: type[BaseModel]) -> str | None:
-    fields = _fields_along(location, model)
-    return _unit_of(fields[-1]) if fields else None
+def _kind_of_value(expected: Any) -> str:
+    """What to write for a value of this type, in words."""
+    if get_origin(expected) is tuple:
+        items = get_args(expected)
+        of = {float: "numbers", str: "texts"}.get(_bare(items[0]), "lists" if get_args(items[0]) else "tables")
+        return f"a list of {of}" if Ellipsis in items else f"a list of {len(items)} {of}"
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "text in quotes"}
+    return names.get(expected, "a table")
 
 
 def _hint(location: Sequence[int | str], model: type[BaseModel]) -> str:
     """What an unknown key may have meant; a key with another unit is told the unit that is expected."""
-    parents = _fields_along(location[:-1], model)
-    owner = _inner_model(parents[-1].annotation) if parents else model
-    known: dict[str, FieldInfo] = getattr(owner, "model_fields", {})
+    known: dict[str, FieldInfo] = getattr(_walk(location[:-1], model)[1], "model_fields", {})
     name = str(location[-1])
-    stem = next(
-        (name.removesuffix(s) for s in sorted(UNIT_SUFFIXES, key=len, reverse=True) if name.endswith(s)), name
-    )
+    suffixes = sorted(UNIT_SUFFIXES, key=len, reverse=True)
+    stem = next((name.removesuffix(suffix) for suffix in suffixes if name.endswith(suffix)), name)
     same = [key for key in known if stem in (key, key.removesuffix("_deg"))]
     close = same or get_close_matches(name, list(known), n=1)
     if not close:
@@ -175,5 +209,16 @@ def _hint(location: Sequence[int | str], model: type[BaseModel]) -> str:
 
 
 def _short(value: Any) -> str:
-    text = repr(value)
+    """A value as TOML writes it, cut to 60 characters."""
+    text = _toml(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return str(value) if isinstance(value, float | int) else repr(value)

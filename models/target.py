@@ -67,10 +67,10 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
     return TumblingTarget(
         variables=table,
-        initial=ca.Function("initial", [p], [_initial_state(parameters)], ["p"], ["x"]),
-        rhs=ca.Function("rhs", [x, u, p], [rates], ["x", "u", "p"], ["xdot"]),
-        outputs=ca.Function("outputs", [x, p], [y], ["x", "p"], ["y"]),
-        nominals=ca.Function("nominals", [p], [_nominal_state(parameters)], ["p"], ["scales"]),
+        initial=ca.Function("target_initial", [p], [_initial_state(parameters)], ["p"], ["x"]),
+        rhs=ca.Function("target_rhs", [x, u, p], [rates], ["x", "u", "p"], ["xdot"]),
+        outputs=ca.Function("target_outputs", [x, p], [y], ["x", "p"], ["y"]),
+        nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters)], ["p"], ["scales"]),
         checks=CheckSet.over(p, parameter_checks(parameters)),
     )
 

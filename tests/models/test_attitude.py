@@ -1,0 +1,224 @@
+"""Rigid rotation against Jacobi's elliptic functions, scipy's integrator, and closed forms of the torques."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from scipy.special import ellipj, ellipkinc
+
+import oracles
+from baryscope.models.attitude import (
+    angular_acceleration,
+    angular_momentum,
+    gravity_gradient_torque,
+    inertia_tensor,
+    rotational_energy,
+    symmetric_inverse,
+)
+from baryscope.models.scenario import load_scenario
+from baryscope.models.target import tumbling_target
+
+RATE_TOLERANCE = 1e-9  # of the rate, over one orbit
+ATTITUDE_TOLERANCE = 1e-8  # rad over one orbit
+CONSERVATION_TOLERANCE = 1e-10  # relative, over one orbit
+ORBIT = 6000.0  # s
+
+ENVISAT = np.array([[17023.3, 397.1, -2171.4], [397.1, 124825.7, 344.2], [-2171.4, 344.2, 129112.2]])
+TRIAXIAL = Rotation.from_euler("xyz", [20, -40, 70], degrees=True).as_matrix()
+TRIAXIAL = TRIAXIAL @ np.diag([1.0, 2.1, 2.6]) @ TRIAXIAL.T
+CASES = [
+    pytest.param((ENVISAT, np.deg2rad([3.38, 0.45, 0.77])), id="envisat-about-the-least-axis"),
+    pytest.param((ENVISAT, np.deg2rad([0.2, 0.5, 3.4])), id="envisat-about-the-greatest-axis"),
+    pytest.param((TRIAXIAL, np.array([0.02, 0.05, 0.03])), id="triaxial"),
+    pytest.param((TRIAXIAL, np.array([0.05, -0.02, 0.01])), id="triaxial-other-way"),
+]
+
+
+class TorqueFree:
+    """The closed solution (Landau, Lifshitz, Mechanics, §37) through a given ω(0), in principal axes I₁ < I₂ < I₃.
+
+    ω is Jacobi's functions; the Euler angles θ and ψ follow from the angular momentum, and φ from one quadrature
+    (twenty-point Gauss–Legendre over a second).
+    """
+
+    def __init__(self, J, rate):
+        self.moments, axes = np.linalg.eigh(J)
+        self.R_B_P = axes * np.linalg.det(axes)
+        w1, w2, w3 = start = self.R_B_P.T @ rate
+        I1, I2, I3 = self.moments
+        twice_energy, self.momentum = start @ (self.moments * start), np.linalg.norm(self.moments * start)
+        high, low = twice_energy * I3 - self.momentum**2, self.momentum**2 - twice_energy * I1
+        self.about_greatest = self.momentum**2 > twice_energy * I2
+        if not self.about_greatest:
+            high, low, I1, I3, w1, w3 = low, high, I3, I1, w3, w1
+        # From here on axis 3 is the one that ω circles, and axis 1 the other extreme.
+        self.amplitudes = np.sqrt(
+            [high / (I1 * (I3 - I1)), high / (I2 * (I3 - I2)), low / (I3 * (I3 - I1))]
+            if self.about_greatest
+            else [high / (I1 * (I1 - I3)), high / (I2 * (I2 - I3)), low / (I3 * (I1 - I3))]
+        )
+        self.speed = np.sqrt(abs(I3 - I2) * low / (I1 * I2 * I3))
+        self.modulus = abs(I2 - I1) * high / (abs(I3 - I2) * low)
+        # The solution has ω₃ > 0; a half turn about axis 2 or axis 1 brings any start there.
+        self.signs = np.array([1.0, np.sign(w3), np.sign(w3)])
+        amplitude = np.arctan2(self.signs[1] * w2 / self.amplitudes[1], w1 / self.amplitudes[0])
+        self.phase = ellipkinc(amplitude, self.modulus)
+
+    def principal_rate(self, time):
+        sn, cn, dn, _ = ellipj(self.phase + self.speed * time, self.modulus)
+        a1, a2, a3 = self.amplitudes[:, None] * self.signs[:, None] * np.array([cn, sn, dn]).reshape(3, -1)
+        return np.array([a1, a2, a3] if self.about_greatest else [a3, a2, a1]).T.reshape(*np.shape(time), 3)
+
+    def rate(self, time):
+        """ω in B, (n, 3)."""
+        return self.principal_rate(time) @ self.R_B_P.T
+
+    def attitude(self, time):
+        """R_I_B at 0, 1, 2 … s, with I such that R_I_B(0) = 1."""
+        nodes, weights = np.polynomial.legendre.leggauss(20)
+        at = time[:-1, None] + (nodes + 1) / 2
+        w = self.principal_rate(at.ravel()).reshape(*at.shape, 3)
+        I1, I2, _ = self.moments
+        M, w1, w2 = self.momentum, w[..., 0], w[..., 1]
+        phi_dot = M * (I1 * w1**2 + I2 * w2**2) / ((I1 * w1) ** 2 + (I2 * w2) ** 2)
+        phi = np.concatenate([[0], np.cumsum(phi_dot @ weights / 2)])
+        m = self.principal_rate(time) * self.moments / M
+        theta, psi = np.arccos(m[:, 2]), np.arctan2(m[:, 0], m[:, 1])
+        R_H_B = Rotation.from_euler("ZXZ", np.column_stack([phi, theta, psi])) * Rotation.from_matrix(self.R_B_P.T)
+        return R_H_B[0].inv() * R_H_B
+
+
+def integrated(J, rate, time):
+    """(q, ω) by scipy from the equations of baryscope alone: quaternion (w, x, y, z)."""
+    scenario = load_scenario("envisat")
+    target = scenario.target.model_copy(
+        update={"inertia": tuple(map(tuple, J)), "attitude": (1.0, 0.0, 0.0, 0.0), "angular_rate_deg": np.rad2deg(rate)}
+    )
+    system = tumbling_target(len(scenario.features.points))
+    p = scenario.model_copy(update={"target": target}).flat_parameters()
+    start = np.array(system.initial(p)).ravel()
+    solution = solve_ivp(
+        lambda _, x: np.array(system.rhs(x, np.zeros(6), p)).ravel(), (0, time[-1]), start, "DOP853", time,
+        rtol=1e-13, atol=1e-14,
+    )  # fmt: skip
+    return solution.y[:4].T, solution.y[4:7].T
+
+
+@pytest.fixture(scope="module", params=CASES)
+def flight(request):
+    J, rate = request.param
+    time = np.arange(0, ORBIT + 1)
+    return J, rate, time, *integrated(J, rate, time)
+
+
+def test_rate_is_jacobis(flight):
+    J, rate, time, _, found = flight
+    expected = TorqueFree(J, rate).rate(time)
+    assert np.abs(found - expected).max() < RATE_TOLERANCE * np.linalg.norm(rate)
+
+
+def test_attitude_is_the_closed_form(flight):
+    J, rate, time, q, _ = flight
+    error = (Rotation.from_quat(q, scalar_first=True).inv() * TorqueFree(J, rate).attitude(time)).magnitude()
+    assert error.max() < ATTITUDE_TOLERANCE
+
+
+def test_energy_and_momentum_stay(flight):
+    J, _, _, q, rates = flight
+    energy = np.einsum("ni,ij,nj->n", rates, J, rates) / 2
+    momentum = Rotation.from_quat(q, scalar_first=True).apply(rates @ J)
+    assert np.abs(energy / energy[0] - 1).max() < CONSERVATION_TOLERANCE
+    assert np.linalg.norm(momentum - momentum[0], axis=1).max() < CONSERVATION_TOLERANCE * np.linalg.norm(momentum[0])
+    R = Rotation.from_quat(q[-1], scalar_first=True).as_matrix()
+    assert float(ca.evalf(rotational_energy(ca.DM(J), ca.DM(rates[-1])))) == pytest.approx(energy[-1], rel=1e-14)
+    shown = np.array(ca.evalf(angular_momentum(ca.DM(J), ca.DM(rates[-1]), ca.DM(R)))).ravel()
+    np.testing.assert_allclose(shown, momentum[-1], rtol=1e-12, atol=1e-13 * np.linalg.norm(momentum[0]))
+
+
+def test_envisat_as_in_the_preset():
+    """From the preset's own attitude, against scipy on plain numpy equations."""
+    scenario = load_scenario("envisat")
+    time = np.linspace(0, 600, 31)
+    system, p = tumbling_target(12), scenario.flat_parameters()
+    start = np.array(system.initial(p)).ravel()
+    solution = solve_ivp(
+        lambda _, x: np.array(system.rhs(x, np.zeros(6), p)).ravel(), (0, 600), start, "DOP853", time,
+        rtol=1e-13, atol=1e-14,
+    )  # fmt: skip
+    error = oracles.angle_between(solution.y[:4].T, oracles.torque_free_attitude(scenario, time))
+    assert error.max() < ATTITUDE_TOLERANCE
+
+
+@st.composite
+def inertias(draw):
+    """Tensors of ten point masses."""
+    numbers = draw(st.lists(st.tuples(*[st.floats(-3, 3)] * 3), min_size=10, max_size=10, unique=True))
+    points = np.array(numbers) + np.eye(3)[np.arange(10) % 3] * 5
+    points -= points.mean(axis=0)
+    return sum(p @ p * np.eye(3) - np.outer(p, p) for p in points)
+
+
+@given(J=inertias(), rate=st.tuples(*[st.floats(-1, 1)] * 3), torque=st.tuples(*[st.floats(-10, 10)] * 3))
+def test_inverse_and_eulers_equation(J, rate, torque):
+    inverse = np.array(ca.evalf(symmetric_inverse(ca.DM(J))))
+    np.testing.assert_allclose(inverse, np.linalg.inv(J), rtol=1e-10, atol=1e-13 / np.linalg.eigvalsh(J)[0])
+    found = np.array(ca.evalf(angular_acceleration(ca.DM(J), ca.DM(rate), ca.DM(torque)))).ravel()
+    expected = np.linalg.solve(J, np.array(torque) - np.cross(rate, J @ rate))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
+
+
+def test_inertia_tensor_puts_each_element_in_its_place():
+    values = {"xx": 1, "yy": 2, "zz": 3, "xy": 4, "xz": 5, "yz": 6}
+    tensor = inertia_tensor({f"target.inertia.{axes}": ca.DM(value) for axes, value in values.items()})
+    np.testing.assert_array_equal(np.array(ca.evalf(tensor)), [[1, 4, 5], [4, 2, 6], [5, 6, 3]])
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_no_gravity_gradient_along_a_principal_axis(axis):
+    up = np.linalg.eigh(ENVISAT)[1][:, axis]
+    torque = np.array(ca.evalf(gravity_gradient_torque(ca.DM(ENVISAT), ca.DM(7e6), ca.DM(up), ca.DM(3.986e14))))
+    scale = 3 * 3.986e14 / 7e6**3 * 1.3e5
+    assert np.linalg.norm(torque) < 1e-14 * scale
+
+
+@given(tilt=st.floats(-3, 3))
+def test_gravity_gradient_of_a_tilted_body(tilt):
+    """Tilted by α about z, the torque is 3 μ/r³ (B − A) sin α cos α about z."""
+    A, B, C, mu, r = 2.0, 3.0, 4.0, 3.986e14, 7e6
+    up = [np.cos(tilt), np.sin(tilt), 0]
+    torque = np.array(ca.evalf(gravity_gradient_torque(ca.DM(np.diag([A, B, C])), ca.DM(r), ca.DM(up), ca.DM(mu))))
+    expected = [0, 0, 3 * mu / r**3 * (B - A) * np.sin(tilt) * np.cos(tilt)]
+    np.testing.assert_allclose(torque.ravel(), expected, atol=1e-20)
+
+
+def test_libration_under_the_gravity_gradient():
+    """In pitch, α̈ = −3 n² (B − A)/C α on a circular orbit; of third order in α = 1e-3 rad."""
+    A, B, C, tilt = 2.0, 3.5, 4.0, 1e-3
+    envisat = load_scenario("envisat")
+    orbit = envisat.orbit.model_copy(update={"eccentricity": 0.0, "argument_of_periapsis_deg": 0.0})
+    n = 2 * np.pi / orbit.period
+    R_I_L0 = Rotation.from_euler("ZXZ", [orbit.raan_deg, orbit.inclination_deg, 0], degrees=True)
+    q = (R_I_L0 * Rotation.from_euler("z", tilt)).as_quat(scalar_first=True)
+    target = envisat.target.model_copy(
+        update={
+            "inertia": ((A, 0.0, 0.0), (0.0, B, 0.0), (0.0, 0.0, C)),
+            "attitude": tuple(q),
+            "angular_rate_deg": (0.0, 0.0, np.rad2deg(n)),
+            "gravity_gradient": True,
+        }
+    )
+    p = envisat.model_copy(update={"orbit": orbit, "target": target}).flat_parameters()
+    system = tumbling_target(len(envisat.features.points))
+    time = np.linspace(0, orbit.period, 61)
+    start = np.array(system.initial(p)).ravel()
+    solution = solve_ivp(
+        lambda _, x: np.array(system.rhs(x, np.zeros(6), p)).ravel(), (0, time[-1]), start, "DOP853", time,
+        rtol=1e-12, atol=1e-14,
+    )  # fmt: skip
+    R_I_L = R_I_L0 * Rotation.from_euler("z", (n * time)[:, None])
+    pitch = (R_I_L.inv() * Rotation.from_quat(solution.y[:4].T, scalar_first=True)).as_rotvec()
+    np.testing.assert_allclose(pitch[:, 2], tilt * np.cos(np.sqrt(3 * (B - A) / C) * n * time), atol=10 * tilt**3)
+    np.testing.assert_allclose(pitch[:, :2], 0, atol=1e-11)

@@ -1,0 +1,57 @@
+"""The table of variables: names, sizes, units."""
+
+import re
+
+import pytest
+
+from baryscope.models.variables import UNITS, Kind, Variable, variable_table
+
+COUNTS = [3, 8, 12]
+BASE_UNITS = {"kg", "m", "s", "A", "K", "mol", "cd", "rad"}  # of FMI
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_names_are_unique(count):
+    table = variable_table(count)
+    names = [name for variable in table for name in variable.scalar_names]
+    assert len(names) == len(set(names))
+    assert len(table) == len({variable.name for variable in table})
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_number_of_scalars(count):
+    """As in design.md: J, features and normals, q, ω, elements, chaser, two settings; 6n and 24 outputs."""
+    sizes = {kind: sum(v.size for v in variable_table(count) if v.kind == kind) for kind in Kind}
+    assert sizes == {Kind.INPUT: 6, Kind.PARAMETER: 6 + 6 * count + 4 + 3 + 7 + 6 + 2, Kind.OUTPUT: 6 * count + 24}
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_every_variable_is_described(count):
+    for variable in variable_table(count):
+        assert variable.unit in UNITS
+        assert variable.description == variable.description.strip() != ""
+        assert len(variable.scalar_names) == variable.size
+        assert re.fullmatch(r"[a-z][A-Za-z0-9]*(\.[a-z][A-Za-z0-9]*)*", variable.name)
+        if variable.shape == (4,):
+            assert "quaternion" in variable.description
+            assert "(w, x, y, z)" in variable.description
+
+
+def test_scalar_names_go_row_by_row_from_1():
+    features = Variable("features", Kind.OUTPUT, "m", "positions", (2, 3))
+    assert features.scalar_names == [
+        "features[1,1]", "features[1,2]", "features[1,3]", "features[2,1]", "features[2,2]", "features[2,3]"
+    ]  # fmt: skip
+    assert Variable("rate", Kind.INPUT, "rad/s", "rate", (3,)).scalar_names == ["rate[1]", "rate[2]", "rate[3]"]
+    assert Variable("e", Kind.PARAMETER, "1", "eccentricity").scalar_names == ["e"]
+
+
+def test_booleans():
+    assert [v.name for v in variable_table(3) if v.boolean] == ["gravityGradient"]
+
+
+def test_units_are_made_of_base_units():
+    for exponents in UNITS.values():
+        assert set(exponents) <= BASE_UNITS
+    newton = {"kg": 1, "m": 1, "s": -2}
+    assert UNITS["N.m"] == newton | {"m": 2} == UNITS["J"]
