@@ -1,0 +1,166 @@
+"""Rigid alignment of many point sets at once: the rotation over SO(3) and the centroids.
+
+The rotation is the eigenvector of Davenport's 4×4 matrix K to its greatest eigenvalue (Horn, J. Opt. Soc.
+Am. A 4, 1987), found by Newton's method on K's characteristic polynomial (Theobald, Acta Cryst. A61, 2005). It is a
+rotation by construction, never a reflection, also for three points and for coplanar ones, where the plain
+U Vᵀ of a singular value decomposition reflects. Where two eigenvalues nearly meet (points nearly in a line) the
+polynomial loses digits: those few sets are solved by the singular value decomposition with det = +1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+ILL_CONDITIONED = 1e-2  # of the polynomial's slope at its root, K scaled to ‖H‖ = 1
+UNDETERMINED = 1e-12  # points in a line, up to rounding
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How p_A = R_A_B p_B + translation fits best, for n point sets.
+
+    rotation (n, 3, 3) R_A_B; quaternion (n, 4), scalar first; centroid_a, centroid_b (n, 3), in A and in B;
+    spread (n,), m²: how far, squared, the points lie off a line (a lower bound, within a factor of two).
+    """
+
+    rotation: FloatArray
+    quaternion: FloatArray
+    centroid_a: FloatArray
+    centroid_b: FloatArray
+    spread: FloatArray
+
+    @property
+    def translation(self) -> FloatArray:
+        """The image of B's origin, (n, 3)."""
+        return np.asarray(self.centroid_a - np.einsum("nij,nj->ni", self.rotation, self.centroid_b))
+
+
+def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Alignment:
+    """Weighted least-squares alignment of points_B (n, m, 3) or (m, 3) on points_A (n, m, 3).
+
+    weights (n, m) are >= 0; points of weight zero may be NaN. Each set needs a positive weight, and three points that
+    are not in a line for a unique answer: `spread` tells.
+    """
+    n = len(points_A)
+    present = weights > 0
+    a = np.where(present[..., None], points_A, 0.0)
+    b = np.where(present[..., None], np.broadcast_to(points_B, points_A.shape), 0.0)
+    total = weights.sum(axis=1)
+    centroid_a = np.einsum("nm,nmi->ni", weights, a) / total[:, None]
+    centroid_b = np.einsum("nm,nmi->ni", weights, b) / total[:, None]
+    a = weights[..., None] * (a - centroid_a[:, None])
+    b = b - centroid_b[:, None]
+    quaternion, spread = rotation_from_moments(np.swapaxes(a, 1, 2) @ b)
+    rotation = matrix_from_quaternion(quaternion)
+    return Alignment(rotation.reshape(n, 3, 3), quaternion, centroid_a, centroid_b, spread / total)
+
+
+def rotation_from_moments(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The rotation R_A_B that maximises tr(R_A_Bᵀ H), for H = Σ w a bᵀ (n, 3, 3), a and b centred.
+
+    Returns its quaternions (n, 4), scalar first, and (n,) a lower bound of s₂ ± s₃, the singular values
+    that hold the rotation; zero means undetermined, and there the identity is returned.
+    """
+    norm = np.sqrt(np.einsum("nij,nij->n", moments, moments))
+    ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)) = np.moveaxis(
+        moments / np.where(norm > 0, norm, 1)[:, None, None], 0, -1
+    )
+    determinant = xx * (yy * zz - yz * zy) - xy * (yx * zz - yz * zx) + xz * (yx * zy - yy * zx)
+    aa, bb, cc = xx * xx + yx * yx + zx * zx, xy * xy + yy * yy + zy * zy, xz * xz + yz * yz + zz * zz
+    ab, ac, bc = xx * xy + yx * yy + zx * zy, xx * xz + yx * yz + zx * zz, xy * xz + yy * yz + zy * zz
+    # λ⁴ − 2λ² − 8 det(H) λ + c₀: all coefficients are invariants of H, which is scaled to ‖H‖ = 1.
+    c1 = -8 * determinant
+    c0 = 2 * (aa * aa + bb * bb + cc * cc + 2 * (ab * ab + ac * ac + bc * bc)) - (aa + bb + cc) ** 2
+    root = np.full(len(norm), np.sqrt(3.0))  # not below s₁ + s₂ + s₃: from here Newton falls onto the greatest root
+    for _ in range(30):
+        slope = 4 * root * (root * root - 1) + c1
+        value = ((root * root - 2) * root + c1) * root + c0
+        step = np.where(slope > 1e-9, value / np.where(slope > 1e-9, slope, 1), 0)
+        root -= step
+        if np.abs(step).max(initial=0.0) < 1e-14:
+            break
+    slope = 4 * root * (root * root - 1) + c1
+    quaternion = _null_vector(
+        (xx + yy + zz - root, zy - yz, xz - zx, yx - xy, xx - yy - zz - root),
+        (xy + yx, xz + zx, -xx + yy - zz - root, yz + zy, -xx - yy + zz - root),
+    )
+    spread = np.maximum(slope, 0) / (8 * root * root)
+    poor = np.nonzero(~(slope > ILL_CONDITIONED))[0]
+    if poor.size:
+        quaternion[poor], spread[poor] = _by_singular_values(
+            moments[poor] / np.where(norm > 0, norm, 1)[poor, None, None]
+        )
+    return quaternion, spread * norm
+
+
+def _null_vector(upper: tuple[FloatArray, ...], lower: tuple[FloatArray, ...]) -> FloatArray:
+    """Unit null vectors (n, 4) of symmetric singular matrices, from the best column of their adjugates."""
+    m00, m01, m02, m03, m11 = upper
+    m12, m13, m22, m23, m33 = lower
+    # 2×2 minors of the last two and of the first two rows
+    d01, d02, d03 = m02 * m13 - m12 * m03, m02 * m23 - m22 * m03, m02 * m33 - m23 * m03
+    d12, d13, d23 = m12 * m23 - m22 * m13, m12 * m33 - m23 * m13, m22 * m33 - m23 * m23
+    e01, e02, e03 = m00 * m11 - m01 * m01, m00 * m12 - m02 * m01, m00 * m13 - m03 * m01
+    e12, e13 = m01 * m12 - m02 * m11, m01 * m13 - m03 * m11
+    a00 = m11 * d23 - m12 * d13 + m13 * d12
+    a01 = -m01 * d23 + m12 * d03 - m13 * d02
+    a02 = m01 * d13 - m11 * d03 + m13 * d01
+    a03 = -m01 * d12 + m11 * d02 - m12 * d01
+    a11 = m00 * d23 - m02 * d03 + m03 * d02
+    a12 = -m00 * d13 + m01 * d03 - m03 * d01
+    a13 = m00 * d12 - m01 * d02 + m02 * d01
+    a22 = m33 * e01 - m13 * e03 + m03 * e13
+    a23 = -(m23 * e01 - m13 * e02 + m03 * e12)
+    a33 = m22 * e01 - m12 * e02 + m02 * e12
+    diagonal = np.stack([a00, a11, a22, a33])
+    columns = np.array([[a00, a01, a02, a03], [a01, a11, a12, a13], [a02, a12, a22, a23], [a03, a13, a23, a33]])
+    best = np.argmax(np.abs(diagonal), axis=0)
+    vector = np.take_along_axis(columns, best[None, None, :], axis=0)[0].T
+    length = np.sqrt(np.einsum("ni,ni->n", vector, vector))
+    return np.where((length > 0)[:, None], vector / np.where(length > 0, length, 1)[:, None], [1.0, 0, 0, 0])
+
+
+def _by_singular_values(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same by U diag(1, 1, det(U Vᵀ)) Vᵀ, for the few sets where Newton's method loses digits."""
+    u, s, vt = np.linalg.svd(moments)
+    sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
+    spread = s[:, 1] + sign * s[:, 2]
+    determined = spread > UNDETERMINED
+    u[:, :, 2] *= sign[:, None]
+    quaternion = quaternion_from_matrix(u @ vt)
+    quaternion[~determined] = [1.0, 0, 0, 0]
+    return quaternion, np.where(determined, spread, 0.0)
+
+
+def matrix_from_quaternion(quaternion: FloatArray) -> FloatArray:
+    """Rotation matrices (n, 3, 3) of unit quaternions (n, 4), scalar first."""
+    w, x, y, z = quaternion.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix = np.empty((len(quaternion), 3, 3))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            matrix[:, i, j] = entry
+    return matrix
+
+
+def quaternion_from_matrix(matrix: FloatArray) -> FloatArray:
+    """Unit quaternions (n, 4), scalar first, of rotation matrices (n, 3, 3): the greatest column of 4 q qᵀ."""
+    ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)) = np.moveaxis(matrix, 0, -1)
+    outer = np.array(
+        [
+            [1 + xx + yy + zz, zy - yz, xz - zx, yx - xy],
+            [zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx],
+            [xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy],
+            [yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz],
+        ]
+    )
+    best = np.argmax(np.einsum("iin->in", outer), axis=0)
+    vector = np.take_along_axis(outer, best[None, None, :], axis=0)[0].T
+    return np.asarray(vector / np.linalg.norm(vector, axis=1, keepdims=True))

@@ -1,0 +1,129 @@
+"""A CSV table read by columns, numbers as floats, with errors that name the line and the column."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.models.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+CHUNK = 50_000  # rows turned into numbers at a time: the strings of a long file are never all in memory
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a CSV file: numbers (rows,) with NaN for empty cells, and one text column as codes."""
+
+    source: str  # names the file in errors
+    numbers: dict[str, FloatArray]
+    labels: tuple[str, ...]  # distinct texts in the order of appearance, without the empty one
+    codes: IntArray  # (rows,) index into labels, -1 where the cell is empty
+    text: str
+
+    def place(self, row: int) -> str:
+        """File and line of a data row, for an error."""
+        for index, (line, _) in enumerate(_data_rows(self.text, self.source)):
+            if index == row:
+                return f"{self.source}, line {line}"
+        raise IndexError(row)
+
+
+def read_table(text: str, source: str, required: Sequence[str], label: str, optional: Sequence[str]) -> Table:
+    """Parse `text`, whose header names each of `required`, and either all of `optional` or none.
+
+    Column `label` is text, the others are finite numbers or empty; columns may stand in any order.
+
+    Raises:
+        InputError: one line that names file, line and column, what was found and what was expected.
+    """
+    header = _read_header(text, source, required, optional)
+    labels: dict[str, int] = {}
+    codes: list[IntArray] = []
+    chunks: dict[str, list[FloatArray]] = {name: [] for name in header if name != label}
+    rows = _data_rows(text, source)
+    while chunk := list(islice(rows, CHUNK)):
+        for line, cells in chunk:
+            if len(cells) != len(header):
+                raise InputError(
+                    f"{source}, line {line}: {len(cells)} cells, expected {len(header)} ({','.join(header)})"
+                )
+        columns = dict(zip(header, zip(*(cells for _, cells in chunk), strict=True), strict=True))
+        for text_cell in columns[label]:
+            if text_cell and text_cell not in labels:
+                labels[text_cell] = len(labels)
+        codes.append(np.array([labels.get(cell, -1) for cell in columns[label]], dtype=np.intp))
+        lines = [line for line, _ in chunk]
+        for name, parts in chunks.items():
+            parts.append(_numbers(columns[name], name, lines, source))
+    if not codes:
+        raise InputError(f"{source}: no rows below the header, expected at least one")
+    numbers = {name: np.concatenate(parts) for name, parts in chunks.items()}
+    return Table(source, numbers, tuple(labels), np.concatenate(codes), text)
+
+
+def _read_header(text: str, source: str, required: Sequence[str], optional: Sequence[str]) -> list[str]:
+    wanted = f"{','.join(required)} and, if known, {','.join(optional)}"
+    found = next(_rows(text, source), None)
+    if found is None:
+        raise InputError(f"{source}: the file is empty, expected a header with {wanted}")
+    header = [name.strip() for name in found[1]]
+    place = f"{source}, line {found[0]}"
+    for name in header:
+        if header.count(name) > 1:
+            raise InputError(f"{place}: column '{name}' stands twice in the header, expected {wanted}")
+        if name not in (*required, *optional):
+            raise InputError(f"{place}: unknown column '{name}' in the header, expected {wanted}")
+    some_optional = any(name in header for name in optional)
+    for name in (*required, *(optional if some_optional else ())):
+        if name not in header:
+            raise InputError(f"{place}: column '{name}' is missing from the header, expected {wanted}")
+    return header
+
+
+def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
+    """The number of the line on which a row ends, and its cells; empty lines are passed over."""
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        for cells in reader:
+            if cells:
+                yield reader.line_num, cells
+    except csv.Error as error:
+        raise InputError(f"{source}, line {reader.line_num}: {error}, expected a row of CSV cells") from error
+
+
+def _data_rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
+    return islice(_rows(text, source), 1, None)
+
+
+def _numbers(cells: Sequence[str], name: str, lines: Sequence[int], source: str) -> FloatArray:
+    try:
+        values = np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
+    except ValueError:
+        values = None
+    # Python's float also takes nan, inf and 1_000, none of which is a number in the file's contract.
+    empty = np.array([not cell for cell in cells])
+    odd = "_" in "".join(cells) or not cells
+    if values is not None and not odd and np.array_equal(np.isfinite(values), ~empty):
+        return values
+    for cell, line in zip(cells, lines, strict=True):
+        if cell.strip() and not _is_number(cell):
+            raise InputError(f"{source}, line {line}, column {name}: {_shortened(cell)}, expected a finite number")
+    return np.array([float(cell) if cell.strip() else np.nan for cell in cells], dtype=np.float64)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return "_" not in cell and bool(np.isfinite(float(cell)))
+    except ValueError:
+        return False
+
+
+def _shortened(cell: str) -> str:
+    return repr(cell if len(cell) <= 40 else cell[:37] + "...")

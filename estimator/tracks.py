@@ -1,0 +1,230 @@
+"""Tracks of features on the target's surface: what the estimator is given, in memory and as a CSV file."""
+
+import csv
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.estimator.csv_table import Table, read_table
+from baryscope.models.errors import InputError
+from baryscope.models.files import read_text, replacing
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
+
+COLUMNS = ("time", "feature", "x", "y", "z")
+COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # where the six columns stand in the matrix
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureTracks:
+    """Positions of labelled features in frame C (origin at the chaser, inertial axes), frame by frame.
+
+    time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN where a feature is not seen;
+    covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once.
+
+    Raises:
+        InputError: a shape, an order or a value is not as above.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    labels: tuple[str, ...]
+    covariance: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", _floats(self.time, "time"))
+        object.__setattr__(self, "position", _floats(self.position, "position"))
+        object.__setattr__(self, "labels", tuple(self.labels))
+        if self.covariance is not None:
+            object.__setattr__(self, "covariance", _floats(self.covariance, "covariance"))
+        self._check_shapes()
+        self._check_values()
+
+    @property
+    def seen(self) -> BoolArray:
+        """Which features are seen in which frames, (n, m)."""
+        return np.asarray(~np.isnan(self.position[..., 0]))
+
+    @classmethod
+    def read_csv(cls, path: Path) -> "FeatureTracks":
+        """Read a file of one row per sighting, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
+
+        A row whose position is empty stands for "not seen"; where its feature is empty too, it keeps the
+        time of a frame in which nothing is seen.
+
+        Raises:
+            InputError: one line that names file, line and column, what was found and what was expected.
+        """
+        text = read_text(path, "feature tracks in CSV")
+        table = read_table(text, str(path), COLUMNS, "feature", COVARIANCE_COLUMNS)
+        try:
+            return cls(*_arrays(table))
+        except InputError as error:
+            place = "" if str(error).startswith(table.source) else f"{path}: "
+            raise InputError(f"{place}{error}") from error
+
+    def write_csv(self, path: Path) -> None:
+        """Write the file that `read_csv` gives back exactly, times of empty frames and order of labels included.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        seen = self.seen
+        rows = seen.copy()
+        rows[:1] = True  # the first frame lists every feature: that keeps their order
+        frame, feature = np.nonzero(rows)
+        blank = np.nonzero(~rows.any(axis=1))[0]
+        values = [self.position[frame, feature, axis] for axis in range(3)]
+        if self.covariance is not None:
+            values += [self.covariance[frame, feature, row, column] for row, column in UPPER]
+        columns: list[list[object]] = [
+            np.concatenate([self.time[frame], self.time[blank]]).tolist(),
+            [*(self.labels[index] for index in feature.tolist()), *[""] * len(blank)],
+            *(_cells(column, seen[frame, feature], len(blank)) for column in values),
+        ]
+        order = np.argsort(np.concatenate([frame, blank]), kind="stable").tolist()
+        header = COLUMNS + (COVARIANCE_COLUMNS if self.covariance is not None else ())
+        with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            rows_of_cells = list(zip(*columns, strict=True))
+            writer.writerows(chain([header], (rows_of_cells[index] for index in order)))
+
+    def _check_shapes(self) -> None:
+        n, m = len(self.time) if self.time.ndim == 1 else -1, len(self.labels)
+        if n < 1:
+            raise InputError(f"time has the shape {self.time.shape}, expected (n,) with n >= 1")
+        if self.position.shape != (n, m, 3):
+            raise InputError(
+                f"position has the shape {self.position.shape}, expected ({n}, {m}, 3) for {n} times and {m} labels"
+            )
+        if self.covariance is not None and self.covariance.shape != (n, m, 3, 3):
+            raise InputError(f"covariance has the shape {self.covariance.shape}, expected ({n}, {m}, 3, 3)")
+
+    def _check_values(self) -> None:
+        bad_time = np.nonzero(~np.isfinite(self.time))[0]
+        if bad_time.size:
+            raise InputError(f"time of frame {bad_time[0]} is {self.time[bad_time[0]]}, expected a finite number")
+        steps_back = np.nonzero(np.diff(self.time) <= 0)[0]
+        if steps_back.size:
+            k = steps_back[0]
+            raise InputError(f"time goes from {self.time[k]} to {self.time[k + 1]}, expected strictly increasing times")
+        self._check_labels()
+        unseen = np.isnan(self.position)
+        for problem, what in (
+            (np.asarray(np.isinf(self.position).any(axis=-1)), "is infinite"),
+            (np.asarray(unseen.any(axis=-1) & ~unseen.all(axis=-1)), "is partly NaN"),
+        ):
+            if problem.any():
+                raise InputError(
+                    f"position of {self._name(problem)} {what}, expected three finite numbers or three NaN"
+                )
+        if self.covariance is not None:
+            wrong = ~is_covariance(self.covariance) & self.seen
+            if wrong.any():
+                raise InputError(f"covariance of {self._name(wrong)} is not a symmetric positive semidefinite matrix")
+
+    def _check_labels(self) -> None:
+        for label in self.labels:
+            if not label or "\n" in label or "\r" in label:
+                raise InputError(f"label {label!r}: expected a text that is not empty and has no line break")
+            try:
+                label.encode()
+            except UnicodeEncodeError as error:
+                raise InputError(f"label {label!r} cannot be written in UTF-8") from error
+        if len(set(self.labels)) != len(self.labels):
+            twice = next(label for label in self.labels if self.labels.count(label) > 1)
+            raise InputError(f"label {twice!r} stands twice, expected each feature once")
+
+    def _name(self, wrong: BoolArray) -> str:
+        frame, feature = np.argwhere(wrong)[0]
+        return f"feature {self.labels[feature]!r} at {self.time[frame]} s"
+
+
+def is_covariance(matrix: FloatArray) -> BoolArray:
+    """Whether matrices (..., 3, 3) are symmetric and positive semidefinite, up to rounding; NaN is not.
+
+    By the signs of the principal minors, which for half a million small matrices is much faster than eigenvalues.
+    """
+    c = matrix
+    xx, yy, zz = c[..., 0, 0], c[..., 1, 1], c[..., 2, 2]
+    xy, xz, yz = c[..., 0, 1], c[..., 0, 2], c[..., 1, 2]
+    room = 1 + 1e-9
+    determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    symmetric = (np.abs(c - np.swapaxes(c, -1, -2)) <= 1e-9 * (xx + yy + zz)[..., None, None]).all(axis=(-1, -2))
+    return np.asarray(
+        symmetric
+        & (xx >= 0)
+        & (yy >= 0)
+        & (zz >= 0)
+        & (xy * xy <= xx * yy * room)
+        & (xz * xz <= xx * zz * room)
+        & (yz * yz <= yy * zz * room)
+        & (determinant >= -1e-9 * xx * yy * zz)
+    )
+
+
+def _floats(values: ArrayLike, name: str) -> FloatArray:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is not an array of numbers") from error
+
+
+def _cells(values: FloatArray, seen: BoolArray, blanks: int) -> list[object]:
+    cells: list[object] = values.tolist()
+    for index in np.nonzero(~seen)[0].tolist():
+        cells[index] = ""
+    return cells + [""] * blanks
+
+
+def _arrays(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], FloatArray | None]:
+    """The arguments of FeatureTracks from the rows of a file; checks what only rows can get wrong."""
+    numbers, codes = table.numbers, table.codes
+    position = np.stack([numbers[axis] for axis in "xyz"], axis=-1)
+    empty = np.isnan(position)
+    _refuse(table, np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
+    seen = np.asarray(~empty.all(axis=1))
+    for index, axis in enumerate("xyz"):
+        _refuse(table, seen & empty[:, index], axis, "empty, expected a number (x, y and z, or none of them)")
+    _refuse(table, seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
+    time, frame = np.unique(numbers["time"], return_inverse=True)
+    key = np.where(codes < 0, -1 - np.arange(len(codes)), frame * max(len(table.labels), 1) + codes)
+    first = np.zeros(len(codes), dtype=bool)
+    first[np.unique(key, return_index=True)[1]] = True
+    if not first.all():
+        row = int(np.argmin(first))
+        label = table.labels[codes[row]]
+        raise InputError(
+            f"{table.place(row)}, column feature: {label!r} stands twice at {numbers['time'][row]} s, expected once"
+        )
+    shape = (len(time), len(table.labels))
+    filled = np.full((*shape, 3), np.nan)
+    filled[frame[seen], codes[seen]] = position[seen]
+    if COVARIANCE_COLUMNS[0] not in numbers:
+        return time, filled, table.labels, None
+    covariance = np.full((*shape, 3, 3), np.nan)
+    covariance[frame[seen], codes[seen]] = _covariances(table, seen)
+    return time, filled, table.labels, covariance
+
+
+def _covariances(table: Table, seen: BoolArray) -> FloatArray:
+    covariance = np.empty((len(seen), 3, 3))
+    for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
+        values = table.numbers[name]
+        _refuse(table, seen & np.isnan(values), name, "empty, expected a number (all six, wherever x, y, z stand)")
+        _refuse(table, ~seen & ~np.isnan(values), name, "a number without a position, expected an empty cell")
+        covariance[:, row, column] = covariance[:, column, row] = values
+    wrong = seen & ~is_covariance(covariance)
+    _refuse(table, wrong, "cxx to czz", "not positive semidefinite, expected a covariance matrix in m²")
+    return covariance[seen]
+
+
+def _refuse(table: Table, wrong: BoolArray, column: str, message: str) -> None:
+    if wrong.any():
+        raise InputError(f"{table.place(int(np.argmax(wrong)))}, column {column}: {message}")

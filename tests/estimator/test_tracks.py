@@ -1,0 +1,144 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
+
+HEADER = "time,feature,x,y,z\n"
+WIDE = "time,feature,x,y,z,cxx,cxy,cxz,cyy,cyz,czz\n"
+
+# What stands in the file (None: no file), and what the one line must name.
+MALFORMED = {
+    "missing file": (None, ["No such file"]),
+    "empty file": ("", ["empty", "header"]),
+    "blank lines only": ("\n\n", ["empty", "header"]),
+    "header only": (HEADER, ["no rows"]),
+    "not UTF-8": (b"time,feature,x,y,z\n0,\xff\xfe,1,2,3\n", ["UTF-8"]),
+    "missing column": ("time,feature,x,y\n0,a,1,2\n", ["line 1", "'z'", "missing"]),
+    "unknown column": ("time,feature,x,y,z,w\n0,a,1,2,3,4\n", ["line 1", "'w'", "unknown"]),
+    "column twice": ("time,feature,x,x,y,z\n0,a,1,1,2,3\n", ["line 1", "'x'", "twice"]),
+    "no header": ("0,a,1,2,3\n", ["line 1", "unknown column '0'"]),
+    "some covariances": ("time,feature,x,y,z,cxx\n0,a,1,2,3,1\n", ["line 1", "'cxy'", "missing"]),
+    "too few cells": (HEADER + "0,a,1,2,3\n1,a,1,2\n", ["line 3", "4 cells", "expected 5"]),
+    "too many cells": (HEADER + "0,a,1,2,3,4\n", ["line 2", "6 cells", "expected 5"]),
+    "semicolons": ("time;feature;x;y;z\n0;a;1;2;3\n", ["line 1", "unknown column"]),
+    "not a number": (HEADER + "0,a,1,2,3\n0,b,1,far,3\n", ["line 3", "column y", "'far'", "number"]),
+    "infinite position": (HEADER + "0,a,1,inf,3\n", ["line 2", "column y", "'inf'", "finite"]),
+    "nan spelled out": (HEADER + "0,a,1,nan,3\n", ["line 2", "column y", "'nan'", "finite"]),
+    "infinite time": (HEADER + "-inf,a,1,2,3\n", ["line 2", "column time", "'-inf'"]),
+    "empty time": (HEADER + ",a,1,2,3\n", ["line 2", "column time", "empty"]),
+    "nan time": (HEADER + "nan,a,1,2,3\n", ["line 2", "column time", "'nan'"]),
+    "digits grouped": (HEADER + "0,a,1_000,2,3\n", ["line 2", "column x", "'1_000'"]),
+    "overflow": (HEADER + "0,a,1e999,2,3\n", ["line 2", "column x", "'1e999'"]),
+    "half a position": (HEADER + "0,a,1,2,3\n0,b,1,,3\n", ["line 3", "column y", "empty"]),
+    "position without label": (HEADER + "0,,1,2,3\n", ["line 2", "column feature", "empty"]),
+    "sighting twice": (HEADER + "0,a,1,2,3\n1,a,1,2,3\n0,a,1,2,4\n", ["line 4", "'a'", "twice", "0.0 s"]),
+    "quote never closed": (HEADER + '0,"a,1,2,3\n', ["line 2", "CSV"]),
+    "half a covariance": (WIDE + "0,a,1,2,3,1,0,0,1,,1\n", ["line 2", "column cyz", "empty"]),
+    "covariance of nothing": (WIDE + "0,a,,,,1,0,0,1,0,1\n", ["line 2", "column cxx"]),
+    "indefinite covariance": (WIDE + "0,a,1,2,3,1,2,0,1,0,1\n", ["line 2", "positive semidefinite"]),
+    "negative variance": (WIDE + "0,a,1,2,3,1,0,0,1,0,-1\n", ["line 2", "positive semidefinite"]),
+    "line break in a label": (HEADER + '0,"a\nb",1,2,3\n', ["label", "line break"]),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_malformed_file_gives_one_clear_line(case, tmp_path):
+    content, expected = MALFORMED[case]
+    path = tmp_path / "tracks.csv"
+    if content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError) as caught:
+        FeatureTracks.read_csv(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in ["tracks.csv", *expected]:
+        assert part in message
+
+
+def test_rows_in_any_order_columns_in_any_order_and_unseen_features(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("feature,z,y,x,time\nb,6,5,4,2\n\na,3,2,1,1\nb,,,,1\n,,,,3\n", encoding="utf-8")
+    tracks = FeatureTracks.read_csv(path)
+    assert tracks.labels == ("b", "a")
+    np.testing.assert_array_equal(tracks.time, [1, 2, 3])
+    np.testing.assert_array_equal(tracks.seen, [[False, True], [True, False], [False, False]])
+    np.testing.assert_array_equal(tracks.position[0, 1], [1, 2, 3])
+    np.testing.assert_array_equal(tracks.position[1, 0], [4, 5, 6])
+
+
+labels = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\r\n"), min_size=1, max_size=5)
+
+
+@st.composite
+def some_tracks(draw):
+    names = draw(st.lists(labels, min_size=1, max_size=4, unique=True))
+    time = sorted(draw(st.sets(st.floats(-1e6, 1e6), min_size=1, max_size=5)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    position = rng.normal(size=(len(time), len(names), 3)) * 10 ** rng.uniform(-8, 8)
+    unseen = rng.random(position.shape[:2]) < draw(st.floats(0, 1))
+    position[unseen] = np.nan
+    covariance = None
+    if draw(st.booleans()):
+        factor = rng.normal(size=(*position.shape, 2))  # of rank two: as near to indefinite as can be
+        covariance = factor @ np.swapaxes(factor, -1, -2)
+        covariance[unseen] = np.nan
+    return FeatureTracks(np.array(time), position, tuple(names), covariance)
+
+
+@given(some_tracks())
+def test_what_is_written_is_read_back_exactly(tmp_path_factory, tracks):
+    path = tmp_path_factory.mktemp("round") / "tracks.csv"
+    tracks.write_csv(path)
+    back = FeatureTracks.read_csv(path)
+    assert back.labels == tracks.labels
+    np.testing.assert_array_equal(back.time, tracks.time)
+    np.testing.assert_array_equal(back.position, tracks.position)
+    assert (back.covariance is None) == (tracks.covariance is None)
+    if tracks.covariance is not None:
+        upper = np.triu_indices(3)
+        np.testing.assert_array_equal(back.covariance[..., *upper], tracks.covariance[..., *upper])
+
+
+def test_times_of_a_blackout_survive(tmp_path):
+    position = np.arange(12.0).reshape(4, 1, 3)
+    position[1:3] = np.nan
+    FeatureTracks(np.arange(4.0), position, ("a",)).write_csv(tmp_path / "t.csv")
+    assert (tmp_path / "t.csv").read_text().splitlines()[2:4] == ["1.0,,,,", "2.0,,,,"]
+    np.testing.assert_array_equal(FeatureTracks.read_csv(tmp_path / "t.csv").time, np.arange(4.0))
+
+
+WRONG = {
+    "times that go back": ({"time": [0, 0]}, "strictly increasing"),
+    "time of two dimensions": ({"time": [[0, 1]]}, "shape"),
+    "no time at all": ({"time": [], "position": np.zeros((0, 2, 3))}, "shape"),
+    "NaN time": ({"time": [0, np.nan]}, "finite"),
+    "position of the wrong shape": ({"position": np.zeros((2, 3, 3))}, "expected (2, 2, 3)"),
+    "text for a position": ({"position": "far"}, "numbers"),
+    "infinite position": ({"position": np.full((2, 2, 3), np.inf)}, "infinite"),
+    "half a position": ({"position": np.broadcast_to([1, np.nan, 1], (2, 2, 3))}, "partly NaN"),
+    "label twice": ({"labels": ("a", "a")}, "twice"),
+    "empty label": ({"labels": ("a", "")}, "empty"),
+    "label that is no Unicode": ({"labels": ("a", "\ud800")}, "UTF-8"),
+    "covariance of the wrong shape": ({"covariance": np.zeros((2, 2, 3))}, "shape"),
+    "covariance not symmetric": ({"covariance": np.eye(3) + np.eye(3, k=1) + np.zeros((2, 2, 3, 3))}, "symmetric"),
+    "covariance missing": ({"covariance": np.full((2, 2, 3, 3), np.nan)}, "symmetric"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_arrays_are_refused(case):
+    arguments, expected = WRONG[case]
+    sound = {"time": [0.0, 1.0], "position": np.zeros((2, 2, 3)), "labels": ("a", "b")}
+    with pytest.raises(InputError) as caught:
+        FeatureTracks(**(sound | arguments))
+    assert expected in str(caught.value)
+
+
+def test_failed_write_leaves_no_file(tmp_path):
+    tracks = FeatureTracks(np.zeros(1), np.zeros((1, 1, 3)), ("a",))
+    with pytest.raises(InputError):
+        tracks.write_csv(tmp_path)
+    assert list(tmp_path.iterdir()) == []

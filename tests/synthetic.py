@@ -1,0 +1,121 @@
+"""Tracks of a tumbling body, made without any of baryscope.models: Euler's equations by DOP853 at 1e-12."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.tracks import FeatureTracks
+
+FloatArray = NDArray[np.float64]
+
+ENVISAT = np.array([[17023.3, 397.1, -2171.4], [397.1, 124825.7, 344.2], [-2171.4, 344.2, 129112.2]])
+MU = 3.986004418e14
+
+
+def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray) -> FloatArray:
+    """R_I_B (n, 3, 3) of a torque-free body that starts with R_I_B = 1 and angular rate rate0 (rad/s, body axes)."""
+
+    def slope(_: float, state: FloatArray) -> FloatArray:
+        w, x, y, z = state[:4]
+        omega = state[4:]
+        p, q, r = omega
+        quaternion = 0.5 * np.array(
+            [-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p]
+        )
+        return np.concatenate([quaternion, np.linalg.solve(inertia, -np.cross(omega, inertia @ omega))])
+
+    start = np.concatenate([[1.0, 0, 0, 0], rate0])
+    solution = solve_ivp(
+        slope, (time[0], time[-1]), start, t_eval=time, method="DOP853", rtol=1e-12, atol=1e-12, max_step=20.0
+    )
+    return Rotation.from_quat(np.roll(solution.y[:4].T, -1, axis=1)).as_matrix()
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """Keplerian elements at time 0 in m and rad, and R_I_L from Kepler's equation."""
+
+    semi_major_axis: float = 7150e3
+    eccentricity: float = 0.001
+    inclination: float = np.deg2rad(98.55)
+    raan: float = 0.3
+    periapsis: float = 0.7
+    anomaly: float = 0.2
+
+    @property
+    def period(self) -> float:
+        return float(2 * np.pi * np.sqrt(self.semi_major_axis**3 / MU))
+
+    def R_I_L(self, time: FloatArray) -> FloatArray:
+        e = self.eccentricity
+        eccentric0 = 2 * np.arctan(np.sqrt((1 - e) / (1 + e)) * np.tan(self.anomaly / 2))
+        mean = eccentric0 - e * np.sin(eccentric0) + 2 * np.pi * time / self.period
+        eccentric = mean.copy()
+        for _ in range(50):
+            eccentric -= (eccentric - e * np.sin(eccentric) - mean) / (1 - e * np.cos(eccentric))
+        half = np.arctan2(np.sqrt(1 + e) * np.sin(eccentric / 2), np.sqrt(1 - e) * np.cos(eccentric / 2))
+        latitude = self.periapsis + 2 * half
+        plane = Rotation.from_euler("ZX", [self.raan, self.inclination])
+        return (plane * Rotation.from_euler("Z", latitude[:, None])).as_matrix()
+
+    def model(self):  # type: ignore[no-untyped-def]
+        """The same orbit as baryscope's own."""
+        from baryscope.models.scenario import Orbit as ModelOrbit
+
+        return ModelOrbit(
+            semi_major_axis=self.semi_major_axis,
+            eccentricity=self.eccentricity,
+            inclination_deg=np.rad2deg(self.inclination),
+            raan_deg=np.rad2deg(self.raan),
+            argument_of_periapsis_deg=np.rad2deg(self.periapsis),
+            true_anomaly_deg=np.rad2deg(self.anomaly),
+        )
+
+
+def box_features(
+    count: int, size: tuple[float, float, float], seed: int, centre: tuple[float, float, float] = (0, 0, 0)
+) -> FloatArray:
+    """Points (count, 3) on the surface of a box around `centre`, origin of the body axes at the centre of mass."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.5, 0.5, (count, 3))
+    side = rng.integers(0, 3, count)
+    points[np.arange(count), side] = rng.choice([-0.5, 0.5], count)
+    return points * np.array(size) + np.array(centre)
+
+
+@dataclass(frozen=True)
+class Case:
+    """Tracks and the truth they were made from."""
+
+    tracks: FeatureTracks
+    com: FloatArray
+    R_I_B: FloatArray
+    features: FloatArray
+
+
+def make_case(
+    time: FloatArray,
+    R_I_B: FloatArray,
+    com: FloatArray,
+    features: FloatArray,
+    *,
+    noise: float = 0.0,
+    seed: int = 0,
+    clusters: list[tuple[float, float, list[int]]] | None = None,
+) -> Case:
+    """Tracks of features (m, 3), body axes, of a body with attitude R_I_B and its centre of mass at com (n, 3).
+
+    clusters: (begin, end, features) in s; without them all features are seen always.
+    """
+    position = com[:, None] + np.einsum("nij,mj->nmi", R_I_B, features)
+    position = position + noise * np.random.default_rng(seed).standard_normal(position.shape)
+    if clusters is not None:
+        seen = np.zeros(position.shape[:2], dtype=bool)
+        for begin, end, members in clusters:
+            seen[np.ix_((time >= begin) & (time < end), members)] = True
+        position[~seen] = np.nan
+    labels = tuple(f"F{index}" for index in range(len(features)))
+    return Case(FeatureTracks(time, position, labels), com, R_I_B, features)
