@@ -9,7 +9,7 @@ from pathlib import Path
 
 import fmpy
 
-from baryscope.fmu.codegen import model_source, tables_header
+from baryscope.fmu.codegen import integrator_header, model_source, tables_header
 from baryscope.fmu.compiler import compile_library
 from baryscope.fmu.description import MODEL_NAME, model_description
 from baryscope.models.files import replacing
@@ -48,11 +48,12 @@ def build_fmu(scenario: Scenario, path: str | Path) -> Path:
         return tables_header(system, parameters, token)
 
     with replacing(path) as temporary, as_file(files("baryscope.fmu") / "csrc") as csrc:
-        token = _token(equations, tables(""), description(""), csrc)
+        token = _token(equations + integrator_header(), tables(""), description(""), csrc)
         with tempfile.TemporaryDirectory(prefix="baryscope-") as folder:
             build = Path(folder)
             (build / "model.c").write_text(equations, encoding="utf-8")
             (build / "tables.h").write_text(tables(token), encoding="utf-8")
+            (build / "dop853.h").write_text(integrator_header(), encoding="utf-8")
             library = build / f"{MODEL_NAME}{fmpy.sharedLibraryExtension}"
             headers = Path(fmpy.__file__).parent / "c-code"
             complaints = compile_library(csrc / "all.c", [build, csrc, headers], library)

@@ -13,10 +13,11 @@ def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 
-def angular_acceleration(inertia_B: Symbol, angular_rate_B: Symbol, torque_B: Symbol) -> Symbol:
+def angular_acceleration(
+    inertia_B: Symbol, inverse_inertia_B: Symbol, angular_rate_B: Symbol, torque_B: Symbol
+) -> Symbol:
     """ω̇ from Euler's equation J ω̇ + ω × J ω = τ; J kg m², ω rad/s, τ N m, all in B."""
-    J = inertia_B
-    return symmetric_inverse(J) @ (torque_B - ca.cross(angular_rate_B, J @ angular_rate_B))
+    return inverse_inertia_B @ (torque_B - ca.cross(angular_rate_B, inertia_B @ angular_rate_B))
 
 
 def symmetric_inverse(J: Symbol) -> Symbol:
@@ -26,9 +27,9 @@ def symmetric_inverse(J: Symbol) -> Symbol:
     return cofactors / ca.dot(columns[0], cofactors[:, 0])
 
 
-def gravity_gradient_torque(inertia_B: Symbol, radius: Symbol, up_B: Symbol, mu: Symbol) -> Symbol:
-    """3 μ/r³ û × J û, N m in B, û the unit vector from the Earth's centre to the target, in B."""
-    return 3 * mu / radius**3 * ca.cross(up_B, inertia_B @ up_B)
+def gravity_gradient_torque(inertia_B: Symbol, up_B: Symbol, stiffness: Symbol) -> Symbol:
+    """3 μ/r³ û × J û, N m in B: û the unit vector from the Earth's centre to the target, in B; stiffness μ/r³, 1/s²."""
+    return 3 * stiffness * ca.cross(up_B, inertia_B @ up_B)
 
 
 def rotational_energy(inertia_B: Symbol, angular_rate_B: Symbol) -> Symbol:

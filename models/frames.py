@@ -37,6 +37,11 @@ def rotation_about(axis: int, angle: Symbol) -> Symbol:
     return R
 
 
-def rotation_I_L(raan: Symbol, inclination: Symbol, argument_of_latitude: Symbol) -> Symbol:
-    """R_I_L = R3(Ω) R1(i) R3(u), u = ω + θ the argument of latitude; all angles in rad."""
-    return rotation_about(2, raan) @ rotation_about(0, inclination) @ rotation_about(2, argument_of_latitude)
+def rotation_I_P(raan: Symbol, inclination: Symbol, argument_of_periapsis: Symbol) -> Symbol:
+    """R_I_P = R3(Ω) R1(i) R3(ω), P perifocal (x to the periapsis, z orbit normal); all angles in rad."""
+    return rotation_about(2, raan) @ rotation_about(0, inclination) @ rotation_about(2, argument_of_periapsis)
+
+
+def rotation_I_L(R_I_P: Symbol, true_anomaly: Symbol) -> Symbol:
+    """R_I_L = R_I_P R3(θ), the true anomaly θ in rad."""
+    return R_I_P @ rotation_about(2, true_anomaly)

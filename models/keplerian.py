@@ -1,12 +1,34 @@
 """The target's own orbit: the conic, its rates, and Kepler's equation, as CasADi expressions."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import casadi as ca
 
 from baryscope.models.frames import Symbol
 
 KEPLER_ITERATIONS = 16
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """The size of an orbit, in the numbers that its equations need.
+
+    Attributes:
+        semi_latus_rectum: p = a (1 − e²), m.
+        eccentricity: e.
+        rate: √(μ/p³), rad/s.
+    """
+
+    semi_latus_rectum: Symbol
+    eccentricity: Symbol
+    rate: Symbol
+
+    @classmethod
+    def of(cls, semi_major_axis: Symbol, eccentricity: Symbol, mu: Symbol) -> Self:
+        """From a in m, 0 ≤ e < 1 and μ in m³/s²."""
+        p = semi_major_axis * (1 - eccentricity**2)
+        return cls(p, eccentricity, ca.sqrt(mu / p**3))
 
 
 @dataclass(frozen=True)
@@ -18,21 +40,28 @@ class Conic:
         radial_rate: ṙ, m/s.
         anomaly_rate: θ̇ = h / r², rad/s.
         anomaly_acceleration: θ̈ = −2 ṙ θ̇ / r, rad/s².
+        stiffness: μ / r³, 1/s².
     """
 
     radius: Symbol
     radial_rate: Symbol
     anomaly_rate: Symbol
     anomaly_acceleration: Symbol
+    stiffness: Symbol
 
 
-def conic(semi_major_axis: Symbol, eccentricity: Symbol, mu: Symbol, true_anomaly: Symbol) -> Conic:
-    """The two-body ellipse at a true anomaly (rad); semi_major_axis in m, mu in m³/s², 0 ≤ e < 1."""
-    p = semi_major_axis * (1 - eccentricity**2)
-    radius = p / (1 + eccentricity * ca.cos(true_anomaly))
-    anomaly_rate = ca.sqrt(mu * p) / radius**2
-    radial_rate = ca.sqrt(mu / p) * eccentricity * ca.sin(true_anomaly)
-    return Conic(radius, radial_rate, anomaly_rate, -2 * radial_rate * anomaly_rate / radius)
+def conic(orbit: Ellipse, true_anomaly: Symbol) -> Conic:
+    """The place on the ellipse at a true anomaly, rad; all rates are √(μ/p³) times powers of p/r = 1 + e cos θ."""
+    e, k = orbit.eccentricity, orbit.rate
+    ratio, sine = 1 + e * ca.cos(true_anomaly), e * ca.sin(true_anomaly)
+    rate = k * ratio**2
+    return Conic(
+        radius=orbit.semi_latus_rectum / ratio,
+        radial_rate=orbit.semi_latus_rectum * k * sine,
+        anomaly_rate=rate,
+        anomaly_acceleration=-2 * k * sine * ratio * rate,
+        stiffness=k * rate * ratio,
+    )
 
 
 def mean_motion(semi_major_axis: Symbol, mu: Symbol) -> Symbol:

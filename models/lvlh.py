@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.models.frames import rotation_I_L
+from baryscope.models.frames import rotation_I_L, rotation_I_P
 from baryscope.models.keplerian import true_anomaly_after
 from baryscope.models.scenario import Orbit, orbit_parameters
 
@@ -32,5 +32,5 @@ def _lvlh_function() -> ca.Function:
     time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
     a, e, inclination, raan, periapsis, anomaly0, mu = ca.vertsplit(elements)
     anomaly = true_anomaly_after(time, a, e, mu, anomaly0)
-    R_I_L = rotation_I_L(raan, inclination, periapsis + anomaly)
+    R_I_L = rotation_I_L(rotation_I_P(raan, inclination, periapsis), anomaly)
     return ca.Function("lvlh", [time, elements], [ca.vec(R_I_L.T)])

@@ -6,9 +6,7 @@ from baryscope.models.frames import Symbol
 from baryscope.models.keplerian import Conic
 
 
-def relative_acceleration(
-    position_L: Symbol, velocity_L: Symbol, acceleration_L: Symbol, orbit: Conic, mu: Symbol
-) -> Symbol:
+def relative_acceleration(position_L: Symbol, velocity_L: Symbol, acceleration_L: Symbol, orbit: Conic) -> Symbol:
     """ρ̈ of the chaser in L, m/s²: the nonlinear equations (4)(5), where the paper's θ̇ρ must read θ̇²ρ.
 
     The difference between the gravity at the target and at the chaser is taken by Battin's form of
@@ -19,15 +17,14 @@ def relative_acceleration(
         velocity_L: ρ̇ in L, m/s.
         acceleration_L: the chaser's commanded acceleration in L, m/s².
         orbit: where the target is.
-        mu: gravitational parameter, m³/s².
     """
     x, y = position_L[0], position_L[1]
     rate, rate_dot, r = orbit.anomaly_rate, orbit.anomaly_acceleration, orbit.radius
 
-    q = (2 * r * x + ca.dot(position_L, position_L)) / r**2
+    q = (2 * x + ca.dot(position_L, position_L) / r) / r
     s = (1 + q) * ca.sqrt(1 + q)
-    f = q * (3 + q * (3 + q)) / (s * (1 + s))  # 1 − (1+q)^(−3/2)
-    gravity = mu / r**3 * (f * ca.vertcat(r, 0, 0) - position_L / s)
+    f = q * (3 + q * (3 + q)) / (1 + s)  # s (1 − (1+q)^(−3/2))
+    gravity = orbit.stiffness / s * ca.vertcat(f * r - x, -y, -position_L[2])
 
     rotating = ca.vertcat(
         2 * rate * velocity_L[1] + rate_dot * y + rate**2 * x,

@@ -2,11 +2,16 @@
 
     x = initial(p)      ẋ = rhs(x, u, p)      y = outputs(x, p)      scales = nominals(p)
 
-x is (q_I_B, ω_B, ρ_L, ρ̇_L, θ): 14 numbers. u, p and y hold the inputs, parameters and outputs of the table of
-variables, in its order, arrays row by row. The system is autonomous: time enters through θ alone.
+x is (q_I_B, ω_B, θ, ρ_L, ρ̇_L): 14 numbers. The first eight, the attitude's part, and the last seven, the orbit's, share
+the true anomaly θ and can each be integrated alone; the attitude needs θ for the gravity gradient only. u, p and y hold
+the inputs, parameters and outputs of the table of variables, in its order, arrays row by row. The system is
+autonomous: time enters through θ alone.
+
+What can be had from p before a run (the inverse of J, the orbit's plane) is computed once, as constants(p), and the
+functions that run often take these constants c.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,14 +23,16 @@ from baryscope.models.attitude import (
     gravity_gradient_torque,
     inertia_tensor,
     rotational_energy,
+    symmetric_inverse,
 )
 from baryscope.models.checks import CheckSet, parameter_checks
-from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quaternion, rotation_I_L
-from baryscope.models.keplerian import Conic, conic, mean_motion
+from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
+from baryscope.models.keplerian import Conic, Ellipse, conic, mean_motion
 from baryscope.models.relative_motion import relative_acceleration, target_from_chaser
 from baryscope.models.variables import Kind, Variable, variable_table
 
-STATE_SIZES = (4, 3, 3, 3, 1)  # q_I_B, ω_B, ρ_L, ρ̇_L, θ
+STATE_SIZES = (4, 3, 1, 3, 3)  # q_I_B, ω_B, θ, ρ_L, ρ̇_L
+ATTITUDE_PART, ORBIT_PART = slice(0, 8), slice(7, 14)
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,11 @@ class TumblingTarget:
         rhs: x, u, p → ẋ.
         outputs: x, p → y.
         nominals: p → the size of each state that a relative tolerance refers to.
+        constants: p → c.
+        free_attitude_rates: (q, ω, θ), u, c → their rates without gravity gradient, where θ is left alone.
+        attitude_rates: the same with gravity gradient, and θ̇.
+        orbit_rates: (θ, ρ, ρ̇), u, c → their rates.
+        run_outputs: x, p, c → y.
         checks: what makes p possible.
     """
 
@@ -46,6 +58,11 @@ class TumblingTarget:
     rhs: ca.Function
     outputs: ca.Function
     nominals: ca.Function
+    constants: ca.Function
+    free_attitude_rates: ca.Function
+    attitude_rates: ca.Function
+    orbit_rates: ca.Function
+    run_outputs: ca.Function
     checks: CheckSet
 
     def of_kind(self, kind: Kind) -> list[Variable]:
@@ -60,19 +77,37 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
     inputs, u = _symbols(table, Kind.INPUT)
     parameters, p = _symbols(table, Kind.PARAMETER)
     x = ca.SX.sym("x", sum(STATE_SIZES))
-    state = ca.vertsplit(x, [0, 4, 7, 10, 13, 14])
+    constants_of_p = ca.Function("target_constants", [p], [_pack(_constants(parameters))], ["p"], ["c"])
+    c = ca.SX.sym("c", constants_of_p.numel_out())
+    constants = _unpack(c, _constants(parameters))
 
-    rates = _rates(state, inputs, parameters)
-    values = _output_values(state, parameters)
+    pulled = parameters["gravityGradient"]
+    attitude = {on: _attitude_rates(x[ATTITUDE_PART], inputs, constants, on) for on in (0, 1)}
+    orbit = _orbit_rates(x[ORBIT_PART], inputs, constants)
+    rates = ca.vertcat(attitude[0][:7] + pulled * (attitude[1][:7] - attitude[0][:7]), orbit)
+    values = _output_values(ca.vertsplit(x, [0, 4, 7, 8, 11, 14]), parameters, constants)
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
+
+    def of_parameters(expression: Symbol) -> Symbol:
+        return ca.substitute(expression, c, constants_of_p(p))
+
     return TumblingTarget(
         variables=table,
         initial=ca.Function("target_initial", [p], [_initial_state(parameters)], ["p"], ["x"]),
-        rhs=ca.Function("target_rhs", [x, u, p], [rates], ["x", "u", "p"], ["xdot"]),
-        outputs=ca.Function("target_outputs", [x, p], [y], ["x", "p"], ["y"]),
+        rhs=ca.Function("target_rhs", [x, u, p], [of_parameters(rates)], ["x", "u", "p"], ["xdot"]),
+        outputs=ca.Function("target_outputs", [x, p], [of_parameters(y)], ["x", "p"], ["y"]),
         nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters)], ["p"], ["scales"]),
+        constants=constants_of_p,
+        free_attitude_rates=_part("target_free_attitude_rates", x[ATTITUDE_PART], u, c, attitude[0]),
+        attitude_rates=_part("target_attitude_rates", x[ATTITUDE_PART], u, c, attitude[1]),
+        orbit_rates=_part("target_orbit_rates", x[ORBIT_PART], u, c, orbit),
+        run_outputs=ca.Function("target_run_outputs", [x, p, c], [y], ["x", "p", "c"], ["y"]),
         checks=CheckSet.over(p, parameter_checks(parameters)),
     )
+
+
+def _part(name: str, x: Symbol, u: Symbol, c: Symbol, rates: Symbol) -> ca.Function:
+    return ca.Function(name, [x, u, c], [rates], ["x", "u", "c"], ["xdot"])
 
 
 def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:
@@ -91,20 +126,44 @@ def _flat(value: Symbol) -> Symbol:
     return ca.vec(value.T) if value.shape[1] > 1 else value
 
 
-def _orbit_at(true_anomaly: Symbol, parameters: Mapping[str, Symbol]) -> tuple[Conic, Symbol]:
-    """The target's place on its orbit, and R_I_L there."""
-    orbit = conic(
+def _constants(parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
+    """What the equations need of the parameters, computed once a run."""
+    ellipse = Ellipse.of(
         parameters["orbit.semiMajorAxis"],
         parameters["orbit.eccentricity"],
         parameters["orbit.gravitationalParameter"],
-        true_anomaly,
     )
-    R_I_L = rotation_I_L(
-        parameters["orbit.raan"],
-        parameters["orbit.inclination"],
-        parameters["orbit.argumentOfPeriapsis"] + true_anomaly,
-    )
-    return orbit, R_I_L
+    J = inertia_tensor(parameters)
+    return {
+        "inertia": J,
+        "inverse_inertia": symmetric_inverse(J),
+        "R_I_P": rotation_I_P(
+            parameters["orbit.raan"], parameters["orbit.inclination"], parameters["orbit.argumentOfPeriapsis"]
+        ),
+        "semi_latus_rectum": ellipse.semi_latus_rectum,
+        "eccentricity": ellipse.eccentricity,
+        "rate": ellipse.rate,
+    }
+
+
+def _pack(constants: Mapping[str, Symbol]) -> Symbol:
+    return ca.vertcat(*(ca.vec(value) for value in constants.values()))
+
+
+def _unpack(c: Symbol, like: Mapping[str, Symbol]) -> dict[str, Symbol]:
+    """The entries of c in the shapes of `like`."""
+    values, start = {}, 0
+    for name, shape in ((name, value.shape) for name, value in like.items()):
+        size = shape[0] * shape[1]
+        values[name] = ca.reshape(c[start : start + size], *shape)
+        start += size
+    return values
+
+
+def _place(true_anomaly: Symbol, constants: Mapping[str, Symbol]) -> tuple[Conic, Symbol]:
+    """The target's place on its orbit, and R_I_L there."""
+    ellipse = Ellipse(constants["semi_latus_rectum"], constants["eccentricity"], constants["rate"])
+    return conic(ellipse, true_anomaly), rotation_I_L(constants["R_I_P"], true_anomaly)
 
 
 def _unit(q: Symbol) -> Symbol:
@@ -115,9 +174,9 @@ def _initial_state(parameters: Mapping[str, Symbol]) -> Symbol:
     return ca.vertcat(
         _unit(parameters["target.attitude0"]),
         parameters["target.angularRate0"],
+        parameters["orbit.trueAnomaly0"],
         parameters["chaser.position0"],
         parameters["chaser.velocity0"],
-        parameters["orbit.trueAnomaly0"],
     )
 
 
@@ -127,31 +186,36 @@ def _nominal_state(parameters: Mapping[str, Symbol]) -> Symbol:
     spin = ca.fmax(ca.norm_2(parameters["target.angularRate0"]), n)
     reach = ca.norm_2(parameters["chaser.position0"])
     speed = ca.fmax(ca.norm_2(parameters["chaser.velocity0"]), n * reach)
-    return ca.vertcat(ca.SX.ones(4), ca.repmat(spin, 3), ca.repmat(reach, 3), ca.repmat(speed, 3), 1)
+    return ca.vertcat(ca.SX.ones(4), ca.repmat(spin, 3), 1, ca.repmat(reach, 3), ca.repmat(speed, 3))
 
 
-def _rates(state: list[Symbol], inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> Symbol:
-    q_I_B, rate_B, position_L, velocity_L, true_anomaly = state
-    mu = parameters["orbit.gravitationalParameter"]
-    J = inertia_tensor(parameters)
-    orbit, R_I_L = _orbit_at(true_anomaly, parameters)
-
-    up_B = rotation_from_quaternion(_unit(q_I_B)).T @ R_I_L[:, 0]
-    tide = gravity_gradient_torque(J, orbit.radius, up_B, mu)
-    torque = inputs["target.torque"] + parameters["gravityGradient"] * tide
-    return ca.vertcat(
-        quaternion_rate(q_I_B, rate_B),
-        angular_acceleration(J, rate_B, torque),
-        velocity_L,
-        relative_acceleration(position_L, velocity_L, inputs["chaser.acceleration"], orbit, mu),
-        orbit.anomaly_rate,
-    )
+def _attitude_rates(
+    part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol], gravity_gradient: int
+) -> Symbol:
+    q_I_B, rate_B, true_anomaly = ca.vertsplit(part, [0, 4, 7, 8])
+    J, torque, anomaly_rate = constants["inertia"], inputs["target.torque"], ca.SX(0)
+    if gravity_gradient:
+        orbit, R_I_L = _place(true_anomaly, constants)
+        up_B = rotation_from_quaternion(_unit(q_I_B)).T @ R_I_L[:, 0]
+        torque += gravity_gradient_torque(J, up_B, orbit.stiffness)
+        anomaly_rate = orbit.anomaly_rate
+    acceleration = angular_acceleration(J, constants["inverse_inertia"], rate_B, torque)
+    return ca.vertcat(quaternion_rate(q_I_B, rate_B), acceleration, anomaly_rate)
 
 
-def _output_values(state: list[Symbol], parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
-    q_I_B, rate_B, position_L, velocity_L, true_anomaly = state
-    J = inertia_tensor(parameters)
-    orbit, R_I_L = _orbit_at(true_anomaly, parameters)
+def _orbit_rates(part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol]) -> Symbol:
+    true_anomaly, position_L, velocity_L = ca.vertsplit(part, [0, 1, 4, 7])
+    orbit, _ = _place(true_anomaly, constants)
+    acceleration = relative_acceleration(position_L, velocity_L, inputs["chaser.acceleration"], orbit)
+    return ca.vertcat(orbit.anomaly_rate, velocity_L, acceleration)
+
+
+def _output_values(
+    state: Sequence[Symbol], parameters: Mapping[str, Symbol], constants: Mapping[str, Symbol]
+) -> dict[str, Symbol]:
+    q_I_B, rate_B, true_anomaly, position_L, velocity_L = state
+    J = constants["inertia"]
+    orbit, R_I_L = _place(true_anomaly, constants)
     q_I_B = _unit(q_I_B)
     R_I_B = rotation_from_quaternion(q_I_B)
     position_C, velocity_C = target_from_chaser(position_L, velocity_L, orbit, R_I_L)

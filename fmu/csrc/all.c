@@ -3,7 +3,7 @@
 #define CASADI_SYMBOL_EXPORT static
 #include "model.c"
 
-#include "dop853.c"
+#include "flow.c"
 #include "unit.c"
 #include "fmi2.c"
 #include "fmi2_values.c"

@@ -63,10 +63,8 @@ static fmi2Status set(fmi2Component component, const char *function, Type type, 
         const Variable *target = variable(instance, function, references[i], type);
         if (!target || !settable(instance, function, target, reals ? reals[i] : 0.0)) return fmi2Error;
     }
-    for (size_t i = 0; i < count; i++) {
-        instance->unit.values[references[i]] = reals ? reals[i] : (booleans[i] ? 1.0 : 0.0);
-        if (VARIABLES[references[i]].kind == PARAMETER) instance->unit.initialised = false;
-    }
+    for (size_t i = 0; i < count; i++)
+        unit_set(&instance->unit, references[i], reals ? reals[i] : (booleans[i] ? 1.0 : 0.0));
     return fmi2OK;
 }
 

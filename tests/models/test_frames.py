@@ -14,6 +14,7 @@ from baryscope.models.frames import (
     rotation_about,
     rotation_from_quaternion,
     rotation_I_L,
+    rotation_I_P,
 )
 
 ROUNDING = 1e-14  # of matrix elements up to 1
@@ -51,10 +52,11 @@ def test_rotation_about_an_axis(axis, name, angle):
     np.testing.assert_allclose(numeric(rotation_about(axis, ca.DM(angle))), expected, atol=ROUNDING)
 
 
-@given(raan=ANGLES, inclination=st.floats(0, np.pi), latitude=ANGLES)
-def test_rotation_of_lvlh(raan, inclination, latitude):
+@given(raan=ANGLES, inclination=st.floats(0, np.pi), periapsis=ANGLES, anomaly=ANGLES)
+def test_rotation_of_lvlh(raan, inclination, periapsis, anomaly):
     """R3(Ω) R1(i) R3(u) is scipy's intrinsic ZXZ sequence, or its extrinsic zxz read backwards."""
-    R = numeric(rotation_I_L(ca.DM(raan), ca.DM(inclination), ca.DM(latitude)))
+    R_I_P = rotation_I_P(ca.DM(raan), ca.DM(inclination), ca.DM(periapsis))
+    R, latitude = numeric(rotation_I_L(R_I_P, ca.DM(anomaly))), periapsis + anomaly
     intrinsic = Rotation.from_euler("ZXZ", [raan, inclination, latitude]).as_matrix()
     extrinsic = Rotation.from_euler("zxz", [latitude, inclination, raan]).as_matrix()
     np.testing.assert_allclose(R, intrinsic, atol=ROUNDING)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from baryscope.models.keplerian import conic, mean_motion, true_anomaly_after
+from baryscope.models.keplerian import Ellipse, conic, mean_motion, true_anomaly_after
 
 MU = 3.986004418e14
 AXIS = 9.0e6
@@ -50,7 +50,7 @@ def test_anomaly_over_several_revolutions(e):
 @given(e=st.floats(0, 0.95), theta=st.floats(-10, 10))
 def test_rates_of_the_conic(e, theta):
     """Complex steps through r(θ) and θ̇(r) give ṙ and θ̈; vis-viva and h tie r, ṙ and θ̇ together."""
-    here = conic(*map(ca.DM, (AXIS, e, MU, theta)))
+    here = conic(Ellipse.of(*map(ca.DM, (AXIS, e, MU))), ca.DM(theta))
     r, r_dot, rate, rate_dot = (
         float(ca.evalf(x)) for x in (here.radius, here.radial_rate, here.anomaly_rate, here.anomaly_acceleration)
     )

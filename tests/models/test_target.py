@@ -61,7 +61,7 @@ def test_nominals_are_the_sizes_of_the_states():
     scales = np.array(tumbling_target(12).nominals(scenario.flat_parameters())).ravel()
     n = 2 * np.pi / scenario.orbit.period
     rate = np.deg2rad(np.linalg.norm(scenario.target.angular_rate_deg))
-    np.testing.assert_allclose(scales, [1] * 4 + [rate] * 3 + [20] * 3 + [20 * n] * 3 + [1], rtol=1e-12)
+    np.testing.assert_allclose(scales, [1] * 4 + [rate] * 3 + [1] + [20] * 3 + [20 * n] * 3, rtol=1e-12)
 
 
 def test_one_system_per_number_of_features():
