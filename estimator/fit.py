@@ -12,6 +12,7 @@ HIGHEST_DEGREE = 20
 LONGEST = 2000  # rows of a least-squares problem: longer series are averaged first
 BLOCKS = 20  # contiguous stretches that cross-validation leaves out one at a time
 ROUNDS = 10  # of reweighting
+FARTHEST = 3.0  # how far a path may lead from the centre of the samples, over how far the farthest of them lies
 ROUNDING = 1e-9  # of the positions: closer to the path than this, no sample is told from another
 # Deviations beyond which a sample has no weight. Wider than the usual 4.7: the bias of a moving target swings about the
 # path with heavy tails, and cutting these on one side shifts the path (measured: see tests and docs).
@@ -59,6 +60,8 @@ def fit_path(
     else:
         chosen = highest
     robust = _reweighted(basis[:, : chosen + 1], position, weights)
+    if degree is None:
+        chosen = _bounded_degree(basis, position, robust, chosen)
     coefficients = _solve(basis[:, : chosen + 1], position, robust)
     residual = position - basis[:, : chosen + 1] @ coefficients
     rms = float(np.sqrt(np.sum(robust[:, None] * residual**2) / (3 * robust.sum())))
@@ -126,10 +129,28 @@ def _best_degree(
             coefficients = np.linalg.solve(head, factor[:count, columns:])
             left = triangles[index] @ np.vstack([coefficients, np.zeros((columns - count, 3)), -np.eye(3)])
             errors[count - 1, index] = np.sum(left**2) / total
-    mean = errors.mean(axis=1)
-    best = int(np.argmin(mean))
-    room = errors[best].std(ddof=1) / np.sqrt(len(blocks))
-    return int(np.argmax(mean <= mean[best] + room))
+    # As logarithms: the stretches at the ends are extrapolated, and their errors would drown those of all others.
+    solved = np.isfinite(errors).all(axis=1)
+    floor = (ROUNDING * np.abs(position).max()) ** 2
+    logarithms = np.log(errors[solved] + max(floor, 1e-300))
+    best = int(np.argmin(logarithms.mean(axis=1)))
+    worse = logarithms - logarithms[best]
+    room = worse.std(axis=1, ddof=1) / np.sqrt(len(blocks))
+    return int(np.argmax(worse.mean(axis=1) <= room))
+
+
+def _bounded_degree(basis: FloatArray, position: FloatArray, weights: FloatArray, degree: int) -> int:
+    """The highest degree up to `degree` whose path keeps near the samples over the whole span, gaps and ends included."""
+    used = position[weights > 0]
+    centre = used.mean(axis=0)
+    reach = FARTHEST * np.linalg.norm(used - centre, axis=1).max()
+    everywhere = np.linspace(-1, 1, 501)
+    while degree > 0:
+        path = chebyshev.chebval(everywhere, _solve(basis[:, : degree + 1], position, weights)).T
+        if np.linalg.norm(path - centre, axis=1).max() <= reach:
+            break
+        degree -= 1
+    return degree
 
 
 def _triangle(rows: FloatArray) -> FloatArray:

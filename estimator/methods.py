@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from baryscope.estimator import screw_gpa, screw_ls, screw_raw
-from baryscope.estimator.estimate import Estimate
 from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.result import Estimate
 from baryscope.estimator.screw_pipeline import ScrewFunction, estimate_by_screws
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.defaults import Trial, choose_cutoff, choose_lag, try_lag
-from baryscope.estimator.estimate import Estimate
 from baryscope.estimator.filtering import low_pass_axes
 from baryscope.estimator.fit import PathFit, fit_path
 from baryscope.estimator.intersection import Intersections, intersect
 from baryscope.estimator.motion import Motion, Pairs, pairs_of, register_motion, step_of
 from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.result import Estimate
 from baryscope.estimator.screws import REASONS, TOO_LITTLE_ROTATION, Screws, screws_or_nan
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
@@ -33,7 +33,7 @@ CLEAR = 3.0  # standard deviations of noise above which an angle counts as seen
 @dataclass(frozen=True)
 class Axes:
     """Low-passed axes of the sound screws: frames first and second (k,), axis (k, 3), point (k, 3) in m, and
-    deviation (k,), the expected noise of the axis in rad per direction.
+    deviation (k,), the expected noise of the axis in rad per direction; raw_deviation (k,), the same before the low-pass.
     """
 
     first: IntArray
@@ -41,6 +41,7 @@ class Axes:
     axis: FloatArray
     point: FloatArray
     deviation: FloatArray
+    raw_deviation: FloatArray
 
 
 def estimate_by_screws(
@@ -140,8 +141,7 @@ def smooth_axes(pairs: Pairs, screws: Screws, cutoff: float) -> Axes:
         # What the filter took away shows how noisy this method's axes are; √(2 ln 2) is Rayleigh's median.
         taken = np.linalg.norm(axis - screws.axis[sound], axis=1) / np.sqrt(2 * np.log(2) * (1 - passed))
         deviation = deviation * max(1.0, float(np.median(taken) / max(np.median(deviation), 1e-300)))
-    deviation = np.sqrt(passed) * deviation
-    return Axes(first, pairs.second[sound], axis, point, deviation)
+    return Axes(first, pairs.second[sound], axis, point, np.sqrt(passed) * deviation, deviation)
 
 
 def successive(axes: Axes) -> tuple[IntArray, IntArray]:
@@ -164,7 +164,8 @@ def _check_observable(axes: Axes, spread: tuple[FloatArray, FloatArray], crossin
             "no two screws follow each other in one interval: the intervals in which the same features are "
             "followed are shorter than twice the lag"
         )
-    noise = float(np.sqrt(2 * np.mean(axes.deviation**2)))
+    # Before the low-pass: near the ends of a run it passes more noise than its bandwidth says.
+    noise = float(np.sqrt(2 * np.mean(axes.raw_deviation**2)))
     turned = float(np.sqrt(spread[0][0]))
     if turned <= max(CLEAR * noise, 1e-6) or not crossings.valid.any():
         raise ComputationError(

@@ -5,11 +5,12 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from baryscope.estimator.estimate import Estimate
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import Axes, ScrewOptions
 from baryscope.estimator.procrustes import Reference
+from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
 from baryscope.models.scenario import Orbit
 from baryscope.scripts.console import out, step
 from baryscope.scripts.simulate import csv_path
@@ -19,6 +20,7 @@ MethodName = Literal["screw-raw", "screw-ls", "screw-gpa"]
 
 def estimate_file(
     tracks: Path,
+    /,
     *,
     method: MethodName = "screw-gpa",
     axes: Axes = "inertial",
@@ -55,6 +57,8 @@ def estimate_file(
     """
     path = csv_path(output or tracks.with_suffix(".estimate.csv"))
     options = ScrewOptions(lag=lag, cutoff=cutoff, degree=degree, axes=axes, reference=reference)
+    if axes == "lvlh" and orbit is None:
+        raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
     known_orbit = None if orbit is None else Orbit.load(orbit)
     with step(f"reading {tracks}"):
         data = FeatureTracks.read_csv(csv_path(tracks))

@@ -48,7 +48,7 @@ def draw_outcome(
     panels[3].set_xlabel("time in s")
     panels[3].legend(loc="upper right")
     for panel in panels:
-        _shade_blackouts(panel, time, tracks.seen.any(axis=1))
+        _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
         panel.set_xlim(time[0], time[-1])
         panel.grid(alpha=0.25)
     panels[0].legend(loc="upper right", ncols=3)

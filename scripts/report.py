@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from baryscope.estimator.estimate import Estimate
+from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.files import replacing
 from baryscope.models.scenario import Orbit, Scenario
@@ -81,20 +81,25 @@ def write_summary(scenario: Scenario, tracks: FeatureTracks, outcomes: list[Outc
         "Covered is the share of the frames at which the method has a position of its own, not the polynomial's alone.",
     ]
     for outcome in outcomes:
-        lines += ["", f"## {outcome.method}, {outcome.axes} axes", "", *_details(outcome)]
+        lines += [
+            "",
+            f"## {outcome.method}, {outcome.axes} axes",
+            "",
+            *_details(outcome, (path.parent / f"{outcome.stem}.png").exists()),
+        ]
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _details(outcome: Outcome) -> list[str]:
+def _details(outcome: Outcome, pictured: bool) -> list[str]:
     if outcome.estimate is None:
         return [f"Could not be carried out: {outcome.failure}."]
     facts = outcome.estimate.diagnostics
     chosen = facts["options"]
     own = ", ".join(chosen["chosen_from_data"]) or "none"
+    picture = [f"![path and error]({outcome.stem}.png)", ""] if pictured else []
     return [
-        f"![path and error]({outcome.stem}.png)",
-        "",
+        *picture,
         f"- lag {chosen['lag']:g} s, cut-off {chosen['cutoff']:.3g} Hz, degree {chosen['degree']} "
         f"(chosen from the data: {own})",
         f"- rms of the registration {facts['residual_rms']:.4f} m, of the path's fit {facts['fit_rms']:.4f} m, "

@@ -5,48 +5,12 @@ from hypothesis import strategies as st
 
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
-
-HEADER = "time,feature,x,y,z\n"
-WIDE = "time,feature,x,y,z,cxx,cxy,cxz,cyy,cyz,czz\n"
-
-# What stands in the file (None: no file), and what the one line must name.
-MALFORMED = {
-    "missing file": (None, ["No such file"]),
-    "empty file": ("", ["empty", "header"]),
-    "blank lines only": ("\n\n", ["empty", "header"]),
-    "header only": (HEADER, ["no rows"]),
-    "not UTF-8": (b"time,feature,x,y,z\n0,\xff\xfe,1,2,3\n", ["UTF-8"]),
-    "missing column": ("time,feature,x,y\n0,a,1,2\n", ["line 1", "'z'", "missing"]),
-    "unknown column": ("time,feature,x,y,z,w\n0,a,1,2,3,4\n", ["line 1", "'w'", "unknown"]),
-    "column twice": ("time,feature,x,x,y,z\n0,a,1,1,2,3\n", ["line 1", "'x'", "twice"]),
-    "no header": ("0,a,1,2,3\n", ["line 1", "unknown column '0'"]),
-    "some covariances": ("time,feature,x,y,z,cxx\n0,a,1,2,3,1\n", ["line 1", "'cxy'", "missing"]),
-    "too few cells": (HEADER + "0,a,1,2,3\n1,a,1,2\n", ["line 3", "4 cells", "expected 5"]),
-    "too many cells": (HEADER + "0,a,1,2,3,4\n", ["line 2", "6 cells", "expected 5"]),
-    "semicolons": ("time;feature;x;y;z\n0;a;1;2;3\n", ["line 1", "unknown column"]),
-    "not a number": (HEADER + "0,a,1,2,3\n0,b,1,far,3\n", ["line 3", "column y", "'far'", "number"]),
-    "infinite position": (HEADER + "0,a,1,inf,3\n", ["line 2", "column y", "'inf'", "finite"]),
-    "nan spelled out": (HEADER + "0,a,1,nan,3\n", ["line 2", "column y", "'nan'", "finite"]),
-    "infinite time": (HEADER + "-inf,a,1,2,3\n", ["line 2", "column time", "'-inf'"]),
-    "empty time": (HEADER + ",a,1,2,3\n", ["line 2", "column time", "empty"]),
-    "nan time": (HEADER + "nan,a,1,2,3\n", ["line 2", "column time", "'nan'"]),
-    "digits grouped": (HEADER + "0,a,1_000,2,3\n", ["line 2", "column x", "'1_000'"]),
-    "overflow": (HEADER + "0,a,1e999,2,3\n", ["line 2", "column x", "'1e999'"]),
-    "half a position": (HEADER + "0,a,1,2,3\n0,b,1,,3\n", ["line 3", "column y", "empty"]),
-    "position without label": (HEADER + "0,,1,2,3\n", ["line 2", "column feature", "empty"]),
-    "sighting twice": (HEADER + "0,a,1,2,3\n1,a,1,2,3\n0,a,1,2,4\n", ["line 4", "'a'", "twice", "0.0 s"]),
-    "quote never closed": (HEADER + '0,"a,1,2,3\n', ["line 2", "CSV"]),
-    "half a covariance": (WIDE + "0,a,1,2,3,1,0,0,1,,1\n", ["line 2", "column cyz", "empty"]),
-    "covariance of nothing": (WIDE + "0,a,,,,1,0,0,1,0,1\n", ["line 2", "column cxx"]),
-    "indefinite covariance": (WIDE + "0,a,1,2,3,1,2,0,1,0,1\n", ["line 2", "positive semidefinite"]),
-    "negative variance": (WIDE + "0,a,1,2,3,1,0,0,1,0,-1\n", ["line 2", "positive semidefinite"]),
-    "line break in a label": (HEADER + '0,"a\nb",1,2,3\n', ["label", "line break"]),
-}
+from malformed import TRACKS
 
 
-@pytest.mark.parametrize("case", MALFORMED)
+@pytest.mark.parametrize("case", TRACKS)
 def test_malformed_file_gives_one_clear_line(case, tmp_path):
-    content, expected = MALFORMED[case]
+    content, expected = TRACKS[case]
     path = tmp_path / "tracks.csv"
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())

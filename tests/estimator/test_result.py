@@ -4,8 +4,8 @@ import json
 import numpy as np
 import pytest
 
-from baryscope.estimator.estimate import Estimate
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.result import Estimate
 from baryscope.models.errors import InputError
 
 COLUMNS = ["time", "x", "y", "z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"]
