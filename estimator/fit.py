@@ -140,7 +140,7 @@ def _best_degree(
 
 
 def _bounded_degree(basis: FloatArray, position: FloatArray, weights: FloatArray, degree: int) -> int:
-    """The highest degree up to `degree` whose path keeps near the samples over the whole span, gaps and ends included."""
+    """The highest degree up to `degree` whose path keeps near the samples over all the span, gaps and ends included."""
     used = position[weights > 0]
     centre = used.mean(axis=0)
     reach = FARTHEST * np.linalg.norm(used - centre, axis=1).max()

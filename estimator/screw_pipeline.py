@@ -33,7 +33,7 @@ CLEAR = 3.0  # standard deviations of noise above which an angle counts as seen
 @dataclass(frozen=True)
 class Axes:
     """Low-passed axes of the sound screws: frames first and second (k,), axis (k, 3), point (k, 3) in m, and
-    deviation (k,), the expected noise of the axis in rad per direction; raw_deviation (k,), the same before the low-pass.
+    deviation (k,), the expected noise of the axis in rad per direction, raw_deviation (k,) before the low-pass.
     """
 
     first: IntArray
