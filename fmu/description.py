@@ -1,16 +1,16 @@
 """modelDescription.xml of FMI 2.0, written from the table of variables and CasADi's sparsity."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from importlib.metadata import version
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.fmu.codegen import reference_table
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import TumblingTarget
-from baryscope.models.variables import UNITS, Kind, Variable
+from baryscope.models.variables import UNITS, Kind
 
 MODEL_NAME = "TumblingTarget"
 DESCRIPTION = (
@@ -18,11 +18,16 @@ DESCRIPTION = (
     "and the target's features as the chaser sees them"
 )
 
+LOG_CATEGORIES = {
+    "logStatusError": "Why a call was refused or failed; on unless switched off",
+    "logEvents": "Initialisation, reset and termination",
+}
+
 
 def model_description(system: TumblingTarget, parameters: NDArray[np.float64], scenario: Scenario, token: str) -> bytes:
-    """The XML file of a Co-Simulation FMU.
+    """The XML file of an FMU for Co-Simulation and Model Exchange.
 
-    Value references are the places of the scalars in [inputs | parameters | outputs].
+    Value references are the places of the scalars in the table of variables.
 
     Args:
         system: the symbolic system.
@@ -41,16 +46,25 @@ def model_description(system: TumblingTarget, parameters: NDArray[np.float64], s
         variableNamingConvention="structured",
         numberOfEventIndicators="0",
     )
+    offered = {
+        "modelIdentifier": MODEL_NAME,
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": "true",
+    }
+    ET.SubElement(root, "ModelExchange", offered, completedIntegratorStepNotNeeded="true")
     ET.SubElement(
         root,
         "CoSimulation",
-        modelIdentifier=MODEL_NAME,
+        offered,
         canHandleVariableCommunicationStepSize="true",
-        canNotUseMemoryManagementFunctions="true",
+        maxOutputDerivativeOrder="1",
     )
     _add_units(root, system)
     categories = ET.SubElement(root, "LogCategories")
-    ET.SubElement(categories, "Category", name="logStatusError", description="Why a call was refused or failed")
+    for name, text in LOG_CATEGORIES.items():
+        ET.SubElement(categories, "Category", name=name, description=text)
     ET.SubElement(
         root,
         "DefaultExperiment",
@@ -75,59 +89,90 @@ def _add_units(root: ET.Element, system: TumblingTarget) -> None:
             ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
 
 
-def _scalars(system: TumblingTarget) -> Iterator[tuple[int, str, Variable]]:
-    """Value reference, name and table row of every scalar."""
-    reference = 0
-    for variable in system.variables:
-        for name in variable.scalar_names:
-            yield reference, name, variable
-            reference += 1
-
-
 _ATTRIBUTES = {
     Kind.INPUT: {"causality": "input", "variability": "continuous"},
     Kind.PARAMETER: {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     Kind.OUTPUT: {"causality": "output", "variability": "continuous", "initial": "calculated"},
+    Kind.STATE: {"causality": "local", "variability": "continuous", "initial": "calculated"},
+    Kind.DERIVATIVE: {"causality": "local", "variability": "continuous", "initial": "calculated"},
 }
 
 
 def _add_variables(root: ET.Element, system: TumblingTarget, parameters: NDArray[np.float64]) -> None:
-    inputs = sum(v.size for v in system.of_kind(Kind.INPUT))
-    starts = np.concatenate([np.zeros(inputs), parameters])
+    starts = np.concatenate([np.zeros(sum(v.size for v in system.of_kind(Kind.INPUT))), parameters])
     parent = ET.SubElement(root, "ModelVariables")
-    for reference, name, variable in _scalars(system):
-        scalar = ET.SubElement(
-            parent,
-            "ScalarVariable",
-            {"name": name, "valueReference": str(reference), "description": variable.description}
-            | _ATTRIBUTES[variable.kind],
-        )
+    first_of = {kind: index for index, kind in reversed(list(enumerate(_kinds(system))))}
+    for reference in reference_table(system):
+        variable = reference.variable
+        attributes = {"name": reference.name, "valueReference": str(reference.offset)}
+        attributes |= {"description": variable.description} | _ATTRIBUTES[variable.kind]
+        if variable.tunable:
+            attributes["variability"] = "tunable"
+        scalar = ET.SubElement(parent, "ScalarVariable", attributes)
         kind = ET.SubElement(scalar, "Boolean" if variable.boolean else "Real")
         if not variable.boolean:
             kind.set("unit", variable.unit)
-        if variable.kind != Kind.OUTPUT:
-            start = starts[reference]
+        if variable.kind in (Kind.INPUT, Kind.PARAMETER):
+            start = starts[reference.offset]
             kind.set("start", str(bool(start)).lower() if variable.boolean else repr(float(start)))
+        if variable.kind == Kind.DERIVATIVE:
+            state = first_of[Kind.STATE] + reference.offset - first_of[Kind.DERIVATIVE]
+            kind.set("derivative", str(state + 1))
+
+
+def _kinds(system: TumblingTarget) -> list[Kind]:
+    """The kind of every scalar, by its place in the table."""
+    return [reference.variable.kind for reference in reference_table(system)]
 
 
 def _add_structure(root: ET.Element, system: TumblingTarget) -> None:
-    """Outputs depend on states and parameters, never on inputs at the same instant; initially on parameters."""
     structure = ET.SubElement(root, "ModelStructure")
-    outputs, unknowns = ET.SubElement(structure, "Outputs"), ET.SubElement(structure, "InitialUnknowns")
-    inputs = sum(v.size for v in system.of_kind(Kind.INPUT))
-    rows = _initial_dependencies(system)
-    indices = [reference + 1 for reference, _, v in _scalars(system) if v.kind == Kind.OUTPUT]
-    for index, row in zip(indices, rows, strict=True):
-        ET.SubElement(outputs, "Unknown", index=str(index), dependencies="")
-        known = " ".join(str(inputs + column + 1) for column in row)
-        ET.SubElement(unknowns, "Unknown", index=str(index), dependencies=known)
+    running, initially = dependencies(system)
+    kinds = _kinds(system)
+    for element, wanted, known in (
+        ("Outputs", {Kind.OUTPUT}, running),
+        ("Derivatives", {Kind.DERIVATIVE}, running),
+        ("InitialUnknowns", {Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE}, initially),
+    ):
+        parent = ET.SubElement(structure, element)
+        for index, kind in enumerate(kinds):
+            if kind in wanted:
+                text = " ".join(str(place + 1) for place in known[index])
+                ET.SubElement(parent, "Unknown", index=str(index + 1), dependencies=text)
 
 
-def _initial_dependencies(system: TumblingTarget) -> list[list[int]]:
-    """For each output, the parameters it depends on at the start."""
-    p = ca.SX.sym("p", system.initial.numel_in())
-    pattern = ca.jacobian_sparsity(system.outputs(system.initial(p), p), p)
-    rows: list[list[int]] = [[] for _ in range(pattern.size1())]
+def dependencies(system: TumblingTarget) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
+    """What depends on what, by CasADi's sparsity, as places of scalars in the table of variables.
+
+    Returns:
+        In a run: outputs and derivatives on inputs and states. At the start: outputs, states and derivatives on inputs
+        and parameters.
+    """
+    x, u, p = (ca.SX.sym(name, system.rhs.numel_in(index)) for index, name in enumerate("xup"))
+    running = _places(
+        system,
+        {Kind.OUTPUT, Kind.DERIVATIVE},
+        {Kind.INPUT, Kind.STATE},
+        ca.vertcat(system.outputs(x, p), system.rhs(x, u, p)),
+        ca.vertcat(u, x),
+    )
+    x0 = system.initial(p)
+    initially = _places(
+        system, {Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE}, {Kind.INPUT, Kind.PARAMETER},
+        ca.vertcat(system.outputs(x0, p), x0, system.rhs(x0, u, p)), ca.vertcat(u, p),
+    )  # fmt: skip
+    return running, initially
+
+
+def _places(
+    system: TumblingTarget, unknown_kinds: set[Kind], known_kinds: set[Kind], unknowns: ca.SX, knowns: ca.SX
+) -> dict[int, list[int]]:
+    """For each unknown the knowns it depends on; `unknowns` and `knowns` in the order of the table."""
+    kinds = _kinds(system)
+    rows = [index for index, kind in enumerate(kinds) if kind in unknown_kinds]
+    columns = [index for index, kind in enumerate(kinds) if kind in known_kinds]
+    found: dict[int, list[int]] = {row: [] for row in rows}
+    pattern = ca.jacobian_sparsity(unknowns, knowns)
     for row, column in zip(*pattern.get_triplet(), strict=True):
-        rows[row].append(column)
-    return [sorted(columns) for columns in rows]
+        found[rows[row]].append(columns[column])
+    return {row: sorted(places) for row, places in found.items()}

@@ -50,6 +50,10 @@ class TumblingTarget:
         attitude_rates: the same with gravity gradient, and θ̇.
         orbit_rates: (θ, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
+        run_forward: x, u, p, c, seed of (u, x) → the seed's image in (y, ẋ).
+        run_reverse: x, u, p, c, seed of (y, ẋ) → its image in (u, x).
+        initial_forward: u, p, seed of (u, p) → its image in (y, x, ẋ) at the start.
+        initial_reverse: u, p, seed of (y, x, ẋ) → its image in (u, p).
         checks: what makes p possible.
     """
 
@@ -63,6 +67,10 @@ class TumblingTarget:
     attitude_rates: ca.Function
     orbit_rates: ca.Function
     run_outputs: ca.Function
+    run_forward: ca.Function
+    run_reverse: ca.Function
+    initial_forward: ca.Function
+    initial_reverse: ca.Function
     checks: CheckSet
 
     def of_kind(self, kind: Kind) -> list[Variable]:
@@ -91,9 +99,14 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
     def of_parameters(expression: Symbol) -> Symbol:
         return ca.substitute(expression, c, constants_of_p(p))
 
+    x0 = _initial_state(parameters)
+    start = ca.vertcat(y, x, rates)
+    start = ca.substitute(of_parameters(start), x, x0)
+    run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, x), ca.vertcat(y, rates))
+    beginning = _derivatives("target_initial", [u, p], ca.vertcat(u, p), start)
     return TumblingTarget(
         variables=table,
-        initial=ca.Function("target_initial", [p], [_initial_state(parameters)], ["p"], ["x"]),
+        initial=ca.Function("target_initial", [p], [x0], ["p"], ["x"]),
         rhs=ca.Function("target_rhs", [x, u, p], [of_parameters(rates)], ["x", "u", "p"], ["xdot"]),
         outputs=ca.Function("target_outputs", [x, p], [of_parameters(y)], ["x", "p"], ["y"]),
         nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters)], ["p"], ["scales"]),
@@ -102,12 +115,27 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
         attitude_rates=_part("target_attitude_rates", x[ATTITUDE_PART], u, c, attitude[1]),
         orbit_rates=_part("target_orbit_rates", x[ORBIT_PART], u, c, orbit),
         run_outputs=ca.Function("target_run_outputs", [x, p, c], [y], ["x", "p", "c"], ["y"]),
+        run_forward=run[0],
+        run_reverse=run[1],
+        initial_forward=beginning[0],
+        initial_reverse=beginning[1],
         checks=CheckSet.over(p, parameter_checks(parameters)),
     )
 
 
 def _part(name: str, x: Symbol, u: Symbol, c: Symbol, rates: Symbol) -> ca.Function:
     return ca.Function(name, [x, u, c], [rates], ["x", "u", "c"], ["xdot"])
+
+
+def _derivatives(
+    name: str, arguments: list[Symbol], knowns: Symbol, unknowns: Symbol
+) -> tuple[ca.Function, ca.Function]:
+    """Products of the Jacobian of `unknowns` with a seed: forward J s and reverse Jᵀ s, exact, without forming J."""
+    forth, back = ca.SX.sym("seed", knowns.numel()), ca.SX.sym("seed", unknowns.numel())
+    return (
+        ca.Function(f"{name}_forward", [*arguments, forth], [ca.densify(ca.jtimes(unknowns, knowns, forth))]),
+        ca.Function(f"{name}_reverse", [*arguments, back], [ca.densify(ca.jtimes(unknowns, knowns, back, True))]),
+    )
 
 
 def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:

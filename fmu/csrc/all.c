@@ -1,11 +1,18 @@
-/* One translation unit: everything but the fmi2* functions stays private to the library. */
+/* One translation unit: everything but the functions of the FMI version stays private to the library. */
 
 #define CASADI_SYMBOL_EXPORT static
 #include "model.c"
 
 #include "flow.c"
 #include "unit.c"
+
+#include "instance.c"
+#include "saved.c"
+#include "step.c"
+#include "values.c"
+
+#if FMI_VERSION == 3
+#include "fmi3.c"
+#else
 #include "fmi2.c"
-#include "fmi2_values.c"
-#include "fmi2_step.c"
-#include "fmi2_absent.c"
+#endif

@@ -1,178 +1,266 @@
-/* FMI 2.0 Co-Simulation around the unit: the life cycle of an instance. */
+/* FMI 2.0, Co-Simulation and Model Exchange: types and names; what the calls do stands in instance.h. */
 
-#include "fmi2.h"
+#include "instance.h"
 
-#include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
+#include "fmi2Functions.h"
 
-/* ---- which call is allowed in which state ---- */
-
-static const unsigned ALLOWED[] = {
-    [SET_DEBUG_LOGGING] = ANY,
-    [SETUP_EXPERIMENT] = INSTANTIATED,
-    [ENTER_INITIALIZATION] = INSTANTIATED,
-    [EXIT_INITIALIZATION] = INITIALIZATION,
-    [TERMINATE] = STEPPING,
-    [RESET] = ANY,
-    [GET_VALUES] = INITIALIZATION | STEPPING | TERMINATED,
-    [SET_VALUES] = INSTANTIATED | INITIALIZATION | STEPPING,
-    [DO_STEP] = STEPPING,
-    [CANCEL_STEP] = 0, /* no step is ever pending */
-    [GET_STATUS] = STEPPING | TERMINATED,
-    [NOT_OFFERED] = ANY,
-};
-
-static const char *state_name(unsigned state)
-{
-    switch (state) {
-    case INSTANTIATED: return "Instantiated";
-    case INITIALIZATION: return "Initialization Mode";
-    case STEPPING: return "Step Mode";
-    default: return "Terminated";
-    }
-}
-
-static fmi2Status refuse(const Instance *instance, const char *format, ...)
-{
-    char message[MESSAGE_SIZE + NAME_SIZE];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(message, sizeof message, format, arguments);
-    va_end(arguments);
-    /* Not every importer expands a format: send none. */
-    for (char *c = message; *c; c++)
-        if (*c == '%') *c = '_';
-    if (instance->logger) instance->logger(instance->environment, instance->name, fmi2Error, "logStatusError", message);
-    return fmi2Error;
-}
-
-static Instance *enter(fmi2Component component, Call call, const char *function)
-{
-    Instance *instance = component;
-    if (!instance || instance->mark != MARK) return NULL;
-    if (instance->state & ALLOWED[call]) return instance;
-    refuse(instance, "%s: not allowed in state %s", function, state_name(instance->state));
-    return NULL;
-}
-
-/* ---- inquiry, creation, destruction ---- */
+/* ---- inquiry, creation, destruction, logging ---- */
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
 
-fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t count, const fmi2String categories[])
+static void log2_message(const Instance *instance, Status status, const char *category, const char *message)
 {
-    Instance *instance = enter(component, SET_DEBUG_LOGGING, "fmi2SetDebugLogging");
-    if (!instance) return fmi2Error;
-    (void)on; /* errors, the only category there is, are always logged */
-    if (count && !categories) return refuse(instance, "fmi2SetDebugLogging: found no categories, expected %zu", count);
-    for (size_t i = 0; i < count; i++)
-        if (!categories[i] || strcmp(categories[i], "logStatusError") != 0)
-            return refuse(instance, "fmi2SetDebugLogging: found category \"%s\", expected \"logStatusError\"",
-                          categories[i] ? categories[i] : "(null)");
-    return fmi2OK;
-}
-
-/* Why an instance cannot be made, or NULL. */
-static const char *instantiation_fault(fmi2String name, fmi2Type type, fmi2String guid)
-{
-    if (!name || !*name) return "fmi2Instantiate: the instance name is empty, expected a name";
-    if (type != fmi2CoSimulation) return "fmi2Instantiate: found type Model Exchange, expected Co-Simulation";
-    if (!guid || strcmp(guid, MODEL_TOKEN) != 0)
-        return "fmi2Instantiate: the GUID is not this library's: modelDescription.xml and binary are of different builds";
-    return NULL;
+    fmi2CallbackLogger logger = (fmi2CallbackLogger)instance->logger;
+    if (logger) logger(instance->environment, instance->name, (fmi2Status)status, category, message);
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
 {
-    (void)resources, (void)visible, (void)logging;
-    const char *fault = instantiation_fault(name, type, guid);
-    if (fault) {
-        if (functions && functions->logger)
-            functions->logger(functions->componentEnvironment, name ? name : "", fmi2Error, "logStatusError", fault);
-        return NULL;
-    }
-    Instance *instance = calloc(1, sizeof *instance);
-    if (!instance) return NULL;
-    instance->mark = MARK;
-    instance->state = INSTANTIATED;
-    instance->stop_time = INFINITY;
-    snprintf(instance->name, NAME_SIZE, "%s", name);
-    if (functions) {
-        instance->logger = functions->logger;
-        instance->environment = functions->componentEnvironment;
-    }
-    unit_reset(&instance->unit);
-    return instance;
+    (void)resources, (void)visible;
+    void (*logger)(void) = functions ? (void (*)(void))functions->logger : NULL;
+    return instance_create(name, type == fmi2CoSimulation ? CO_SIMULATION : MODEL_EXCHANGE, guid, log2_message, logger,
+                           functions ? functions->componentEnvironment : NULL, logging);
 }
 
-void fmi2FreeInstance(fmi2Component component)
+void fmi2FreeInstance(fmi2Component c) { instance_free(c); }
+
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, const fmi2String categories[])
 {
-    Instance *instance = component;
-    if (!instance || instance->mark != MARK) return;
-    instance->mark = 0;
-    free(instance);
+    return (fmi2Status)instance_set_logging(c, "fmi2SetDebugLogging", on, count, categories);
 }
 
 /* ---- life cycle ---- */
 
-fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_defined, fmi2Real tolerance,
-                               fmi2Real start, fmi2Boolean stop_defined, fmi2Real stop)
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean stop_defined, fmi2Real stop)
 {
-    Instance *instance = enter(component, SETUP_EXPERIMENT, "fmi2SetupExperiment");
+    Instance *instance = enter(c, SETUP, "fmi2SetupExperiment");
     if (!instance) return fmi2Error;
-    if (!isfinite(start)) return refuse(instance, "fmi2SetupExperiment: startTime is %g, expected a finite time", start);
-    if (stop_defined && !(stop >= start))
-        return refuse(instance, "fmi2SetupExperiment: stopTime is %g, expected at least startTime, %g", stop, start);
-    if (tolerance_defined && !(tolerance > 0.0 && isfinite(tolerance)))
-        return refuse(instance, "fmi2SetupExperiment: tolerance is %g, expected a value above 0", tolerance);
-    instance->unit.time = start;
-    instance->unit.experiment_tolerance = tolerance_defined ? tolerance : 0.0;
-    instance->stop_time = stop_defined ? stop : INFINITY;
-    return fmi2OK;
+    return (fmi2Status)instance_setup(instance, "fmi2SetupExperiment", tolerance_defined, tolerance, start, stop_defined, stop);
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component component)
+fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-    Instance *instance = enter(component, ENTER_INITIALIZATION, "fmi2EnterInitializationMode");
+    return (fmi2Status)instance_move(c, ENTER_INITIALIZATION, "fmi2EnterInitializationMode", INITIALIZATION);
+}
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component c)
+{
+    return (fmi2Status)instance_exit_initialization(c, "fmi2ExitInitializationMode");
+}
+
+fmi2Status fmi2Terminate(fmi2Component c) { return (fmi2Status)instance_move(c, TERMINATE, "fmi2Terminate", TERMINATED); }
+fmi2Status fmi2Reset(fmi2Component c) { return (fmi2Status)instance_reset(c, "fmi2Reset"); }
+
+/* ---- values ---- */
+
+fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
+{
+    return (fmi2Status)instance_get(c, "fmi2GetReal", REAL, vr, nvr, value, nvr);
+}
+
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
+{
+    return (fmi2Status)instance_set(c, "fmi2SetReal", REAL, vr, nvr, value, nvr);
+}
+
+/* FMI 2 has its Booleans in ints: they are passed one at a time. */
+fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[])
+{
+    bool one;
+    Status status = instance_get(c, "fmi2GetBoolean", BOOLEAN, vr, vr && value ? 0 : nvr, NULL, 0);
+    for (size_t i = 0; i < nvr && status == OK; i++) {
+        status = instance_get(c, "fmi2GetBoolean", BOOLEAN, vr + i, 1, &one, 1);
+        if (status == OK) value[i] = one ? fmi2True : fmi2False;
+    }
+    return (fmi2Status)status;
+}
+
+fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[])
+{
+    Status status = instance_set(c, "fmi2SetBoolean", BOOLEAN, vr, vr && value ? 0 : nvr, NULL, 0);
+    for (size_t i = 0; i < nvr && status == OK; i++) {
+        const bool one = value[i] != fmi2False;
+        status = instance_set(c, "fmi2SetBoolean", BOOLEAN, vr + i, 1, &one, 1);
+    }
+    return (fmi2Status)status;
+}
+
+fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
+{
+    (void)vr, (void)value;
+    return (fmi2Status)instance_none(c, GET_VALUES, "fmi2GetInteger", "Integer", nvr);
+}
+
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
+{
+    (void)vr, (void)value;
+    return (fmi2Status)instance_none(c, GET_VALUES, "fmi2GetString", "String", nvr);
+}
+
+fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer value[])
+{
+    (void)vr, (void)value;
+    return (fmi2Status)instance_none(c, SET_VALUES, "fmi2SetInteger", "Integer", nvr);
+}
+
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[])
+{
+    (void)vr, (void)value;
+    return (fmi2Status)instance_none(c, SET_VALUES, "fmi2SetString", "String", nvr);
+}
+
+/* ---- saved states and derivatives ---- */
+
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) { return (fmi2Status)instance_save(c, "fmi2GetFMUstate", state); }
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) { return (fmi2Status)instance_restore(c, "fmi2SetFMUstate", state); }
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) { return (fmi2Status)instance_forget(c, "fmi2FreeFMUstate", state); }
+
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
+{
+    return (fmi2Status)instance_saved_size(c, "fmi2SerializedFMUstateSize", state, size);
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    return (fmi2Status)instance_serialise(c, "fmi2SerializeFMUstate", state, (unsigned char *)bytes, size);
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    return (fmi2Status)instance_deserialise(c, "fmi2DeSerializeFMUstate", (const unsigned char *)bytes, size, state);
+}
+
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real seed[],
+                                        fmi2Real sensitivity[])
+{
+    return (fmi2Status)instance_derivative(c, "fmi2GetDirectionalDerivative", false, unknown, n_unknown, known, n_known, seed,
+                                           n_known, sensitivity, n_unknown);
+}
+
+/* ---- Co-Simulation ---- */
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real step, fmi2Boolean no_rollback)
+{
+    (void)no_rollback;
+    return (fmi2Status)instance_step(c, "fmi2DoStep", point, step);
+}
+
+fmi2Status fmi2CancelStep(fmi2Component c)
+{
+    enter(c, CANCEL_STEP, "fmi2CancelStep");
+    return fmi2Error;
+}
+
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
+                                        fmi2Real value[])
+{
+    return (fmi2Status)instance_output_derivatives(c, "fmi2GetRealOutputDerivatives", vr, nvr, order, value, nvr);
+}
+
+/* Inputs are held over a step: canInterpolateInputs is false. */
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
+                                       const fmi2Real value[])
+{
+    (void)vr, (void)order, (void)value;
+    Instance *instance = enter(c, ASK, "fmi2SetRealInputDerivatives");
     if (!instance) return fmi2Error;
-    instance->state = INITIALIZATION;
+    return nvr ? (fmi2Status)refuse(instance, "fmi2SetRealInputDerivatives: this unit holds its inputs over a step") : fmi2OK;
+}
+
+/* Steps are never pending: of all the statuses only the last time and "not terminated" exist. */
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
+{
+    Instance *instance = enter(c, GET_STATUS, "fmi2GetRealStatus");
+    if (!instance || !value) return fmi2Error;
+    if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
+    *value = instance->core.unit.time;
     return fmi2OK;
 }
 
-static fmi2Status initialise(Instance *instance, const char *function)
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 {
-    char message[MESSAGE_SIZE];
-    if (instance->unit.initialised || unit_initialise(&instance->unit, message)) return fmi2OK;
-    return refuse(instance, "%s: %s", function, message);
-}
-
-fmi2Status fmi2ExitInitializationMode(fmi2Component component)
-{
-    Instance *instance = enter(component, EXIT_INITIALIZATION, "fmi2ExitInitializationMode");
-    if (!instance || initialise(instance, "fmi2ExitInitializationMode") != fmi2OK) return fmi2Error;
-    instance->state = STEPPING;
+    Instance *instance = enter(c, GET_STATUS, "fmi2GetBooleanStatus");
+    if (!instance || !value) return fmi2Error;
+    if (kind != fmi2Terminated) return fmi2Discard;
+    *value = fmi2False;
     return fmi2OK;
 }
 
-fmi2Status fmi2Terminate(fmi2Component component)
+static fmi2Status no_status(fmi2Component c, const char *function) { return enter(c, GET_STATUS, function) ? fmi2Discard : fmi2Error; }
+
+fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
 {
-    Instance *instance = enter(component, TERMINATE, "fmi2Terminate");
+    (void)kind, (void)value;
+    return no_status(c, "fmi2GetStatus");
+}
+
+fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
+{
+    (void)kind, (void)value;
+    return no_status(c, "fmi2GetIntegerStatus");
+}
+
+fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
+{
+    (void)kind, (void)value;
+    return no_status(c, "fmi2GetStringStatus");
+}
+
+/* ---- Model Exchange ---- */
+
+fmi2Status fmi2EnterEventMode(fmi2Component c) { return (fmi2Status)instance_move(c, ENTER_EVENT, "fmi2EnterEventMode", EVENT); }
+
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
+{
+    return (fmi2Status)instance_move(c, ENTER_CONTINUOUS, "fmi2EnterContinuousTimeMode", CONTINUOUS);
+}
+
+/* There are no discrete states, no events and no event indicators. */
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
+{
+    if (!enter(c, DISCRETE_STATES, "fmi2NewDiscreteStates") || !info) return fmi2Error;
+    *info = (fmi2EventInfo){0};
+    return fmi2OK;
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_rollback, fmi2Boolean *event_mode, fmi2Boolean *terminate)
+{
+    (void)no_rollback;
+    if (!enter(c, COMPLETE_STEP, "fmi2CompletedIntegratorStep") || !event_mode || !terminate) return fmi2Error;
+    *event_mode = *terminate = fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) { return (fmi2Status)instance_set_time(c, "fmi2SetTime", time); }
+
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx)
+{
+    return (fmi2Status)instance_set_states(c, "fmi2SetContinuousStates", x, nx);
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
+{
+    return (fmi2Status)instance_get_states(c, "fmi2GetContinuousStates", STATE, x, nx);
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
+{
+    return (fmi2Status)instance_get_states(c, "fmi2GetDerivatives", DERIVATIVE, derivatives, nx);
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t nx)
+{
+    return (fmi2Status)instance_get_nominals(c, "fmi2GetNominalsOfContinuousStates", nominals, nx);
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t ni)
+{
+    (void)indicators;
+    Instance *instance = enter(c, ASK, "fmi2GetEventIndicators");
     if (!instance) return fmi2Error;
-    instance->state = TERMINATED;
-    return fmi2OK;
-}
-
-fmi2Status fmi2Reset(fmi2Component component)
-{
-    Instance *instance = enter(component, RESET, "fmi2Reset");
-    if (!instance) return fmi2Error;
-    unit_reset(&instance->unit);
-    instance->state = INSTANTIATED;
-    instance->stop_time = INFINITY;
-    return fmi2OK;
+    return ni ? (fmi2Status)refuse(instance, "fmi2GetEventIndicators: found %zu values, expected 0", ni) : fmi2OK;
 }

@@ -11,13 +11,16 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-typedef enum { INPUT, PARAMETER, OUTPUT } Kind;
+typedef enum { INPUT = 1, PARAMETER = 2, TUNABLE = 4, OUTPUT = 8, STATE = 16, DERIVATIVE = 32, TIME = 64 } Kind;
 typedef enum { REAL, BOOLEAN } Type;
 
+/* What a value reference stands for: a scalar, or in FMI 3 an array, of the unit's values. */
 typedef struct {
     const char *name;
     Kind kind;
     Type type;
+    int offset;
+    int size;
 } Variable;
 
 typedef struct {
@@ -30,42 +33,47 @@ typedef struct {
 
 #define MESSAGE_SIZE 512
 
-/* Values in the order of the table of variables: inputs, parameters, outputs.
+/* Values in the order of the table of variables: inputs, parameters, outputs, states, derivatives, time.
 
    The attitude (q, w, true anomaly) and the orbit (true anomaly, position, velocity) flow apart, each with steps of
    its own length; the attitude carries the true anomaly for the gravity gradient only. */
 typedef struct {
     double values[N_VALUES];
     double constants[N_CONSTANTS];
-    double state[N_STATES];
+    double scale[N_STATES];      /* sizes of the states */
     Flow attitude, orbit;
-    double time;                /* s */
-    double started;             /* when the flows were started, s */
-    double tolerance;           /* the smaller of the parameter's and the importer's */
-    double experiment_tolerance;
-    bool initialised;           /* constants, state and flows belong to the parameters */
-    bool outputs_current;       /* outputs belong to the state */
-    bool inputs_changed;        /* since the last step */
-    bool inputs_busy;           /* they had changed before the last step, too */
+    double time;                 /* s */
+    double started;              /* when the flows were started, s */
+    double tolerance;            /* the smaller of the parameter's and the importer's */
+    double experiment_tolerance; /* 0 for none */
+    bool initialised;            /* constants, state and flows belong to the parameters */
+    bool outputs_current;        /* outputs belong to the state */
+    bool rates_current;          /* derivatives belong to the state and the inputs */
+    bool flows_stale;            /* state or inputs were set since the last step */
+    bool inputs_busy;            /* they had been set before the last step, too */
 } Unit;
-
-static inline double *unit_inputs(Unit *unit) { return unit->values; }
-static inline double *unit_parameters(Unit *unit) { return unit->values + N_INPUTS; }
-static inline double *unit_outputs(Unit *unit) { return unit->values + N_INPUTS + N_PARAMETERS; }
 
 /* Back to the start values of the table. */
 static void unit_reset(Unit *unit);
 
-/* Set one value, an input or a parameter. */
-static void unit_set(Unit *unit, unsigned index, double value);
+/* Set one value, an input, a parameter or a state. */
+static void unit_set(Unit *unit, int index, double value);
+
+/* The values must be current before they are read: outputs, derivatives or both, by their kinds. */
+static void unit_update(Unit *unit, unsigned kinds);
 
 /* Check the parameters and make the initial state. On failure says why in `message`. */
 static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE]);
 
+/* Take over parameters that were set in mid-run. On failure says why in `message`; the caller sets them back. */
+static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE]);
+
 /* Go to `time` with the inputs held. On failure the unit is as before and `message` says why. */
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
-/* Bring the outputs up to the state. */
-static void unit_update_outputs(Unit *unit);
+/* Image of a seed under the Jacobian of (outputs, states, derivatives) by (inputs, parameters) at the start,
+   or of (outputs, derivatives) by (inputs, states) in a run; `reverse` takes its transpose. Both vectors are laid out as
+   the unit's values; what is not a known or an unknown is left alone. */
+static void unit_derivative(Unit *unit, bool at_start, bool reverse, const double seed[N_VALUES], double image[N_VALUES]);
 
 #endif

@@ -1,0 +1,206 @@
+#include "instance.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define ANY (INSTANTIATED | INITIALIZATION | STEPPING | EVENT | CONTINUOUS | TERMINATED)
+#define RUNNING (STEPPING | EVENT | CONTINUOUS)
+
+static const unsigned ALLOWED[N_CALLS] = {
+    [SET_LOGGING] = ANY,
+    [SETUP] = INSTANTIATED,
+    [ENTER_INITIALIZATION] = INSTANTIATED,
+    [EXIT_INITIALIZATION] = INITIALIZATION,
+    [TERMINATE] = RUNNING,
+    [RESET] = ANY,
+    [GET_VALUES] = INITIALIZATION | RUNNING | TERMINATED,
+    [SET_VALUES] = INSTANTIATED | INITIALIZATION | RUNNING,
+    [DO_STEP] = STEPPING,
+    [CANCEL_STEP] = 0, /* no step is ever pending */
+    [GET_STATUS] = STEPPING | TERMINATED,
+    [SAVE_STATE] = ANY,
+    [GET_DERIVATIVES] = INITIALIZATION | RUNNING | TERMINATED,
+    [GET_OUTPUT_DERIVATIVES] = STEPPING | TERMINATED,
+    [ENTER_EVENT] = CONTINUOUS,
+    [ENTER_CONTINUOUS] = EVENT,
+    [DISCRETE_STATES] = EVENT,
+    [SET_TIME] = EVENT | CONTINUOUS,
+    [SET_STATES] = CONTINUOUS,
+    [GET_STATES] = INITIALIZATION | EVENT | CONTINUOUS | TERMINATED,
+    [COMPLETE_STEP] = CONTINUOUS,
+    [ASK] = ANY,
+};
+
+static const char *state_name(unsigned state)
+{
+    switch (state) {
+    case INSTANTIATED: return "Instantiated";
+    case INITIALIZATION: return "Initialization Mode";
+    case STEPPING: return "Step Mode";
+    case EVENT: return "Event Mode";
+    case CONTINUOUS: return "Continuous-Time Mode";
+    default: return "Terminated";
+    }
+}
+
+/* ---- messages ---- */
+
+/* Not every importer expands a format: send none. */
+static void defuse(char *message)
+{
+    for (char *c = message; *c; c++)
+        if (*c == '%') *c = '_';
+}
+
+static Status refuse(const Instance *instance, const char *format, ...)
+{
+    char message[MESSAGE_SIZE + NAME_SIZE];
+    if (!instance->log_errors) return ERROR;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(message, sizeof message, format, arguments);
+    va_end(arguments);
+    defuse(message);
+    instance->log(instance, ERROR, "logStatusError", message);
+    return ERROR;
+}
+
+static void report(const Instance *instance, const char *event)
+{
+    char message[MESSAGE_SIZE];
+    if (!instance->log_events) return;
+    snprintf(message, sizeof message, "%s at %.17g s, tolerance %g", event, instance->core.unit.time,
+             instance->core.unit.tolerance);
+    instance->log(instance, OK, "logEvents", message);
+}
+
+static Instance *enter(void *component, Call call, const char *function)
+{
+    Instance *instance = component;
+    if (!instance || instance->mark != MARK) return NULL;
+    if (instance->core.state & ALLOWED[call]) return instance;
+    refuse(instance, "%s: not allowed in state %s", function, state_name(instance->core.state));
+    return NULL;
+}
+
+/* ---- creation and destruction ---- */
+
+/* Why an instance cannot be made, or NULL. */
+static const char *creation_fault(const char *name, const char *token)
+{
+    if (!name || !*name) return "the instance name is empty, expected a name";
+    if (!token || strcmp(token, MODEL_TOKEN) != 0)
+        return "the token is not this library's: modelDescription.xml and binary are of different builds";
+    return NULL;
+}
+
+static Instance *instance_create(const char *name, Interface interface, const char *token, Log *log, void (*logger)(void),
+                                 void *environment, bool log_events)
+{
+    Instance *instance = calloc(1, sizeof *instance);
+    if (!instance) return NULL;
+    snprintf(instance->name, NAME_SIZE, "%s", name ? name : "");
+    defuse(instance->name);
+    instance->log = log;
+    instance->logger = logger;
+    instance->environment = environment;
+    instance->log_errors = true;
+    instance->log_events = log_events;
+    const char *fault = creation_fault(name, token);
+    if (fault) {
+        refuse(instance, "instantiation: %s", fault);
+        free(instance);
+        return NULL;
+    }
+    instance->mark = MARK;
+    instance->core.state = INSTANTIATED;
+    instance->core.interface = interface;
+    instance->core.stop_time = INFINITY;
+    unit_reset(&instance->core.unit);
+    return instance;
+}
+
+static void instance_free(void *component)
+{
+    Instance *instance = component;
+    if (!instance || instance->mark != MARK) return;
+    instance->mark = 0;
+    free(instance);
+}
+
+/* ---- life cycle ---- */
+
+static Status instance_set_logging(void *component, const char *function, bool on, size_t count, const char *const *categories)
+{
+    Instance *instance = enter(component, SET_LOGGING, function);
+    if (!instance) return ERROR;
+    if (count && !categories) return refuse(instance, "%s: found a null pointer, expected %zu categories", function, count);
+    bool errors = count == 0, events = count == 0;
+    for (size_t i = 0; i < count; i++) {
+        const char *name = categories[i] ? categories[i] : "(null)";
+        const bool is_error = strcmp(name, "logStatusError") == 0, is_event = strcmp(name, "logEvents") == 0;
+        if (!is_error && !is_event)
+            return refuse(instance, "%s: found category \"%s\", expected logStatusError or logEvents", function, name);
+        errors |= is_error;
+        events |= is_event;
+    }
+    if (errors) instance->log_errors = on;
+    if (events) instance->log_events = on;
+    return OK;
+}
+
+static Status instance_setup(Instance *instance, const char *function, bool tolerance_defined, double tolerance, double start,
+                             bool stop_defined, double stop)
+{
+    if (!isfinite(start)) return refuse(instance, "%s: startTime is %g, expected a finite time", function, start);
+    if (stop_defined && !(stop >= start))
+        return refuse(instance, "%s: stopTime is %g, expected at least startTime, %g", function, stop, start);
+    if (tolerance_defined && !(tolerance > 0.0 && isfinite(tolerance)))
+        return refuse(instance, "%s: tolerance is %g, expected a value above 0", function, tolerance);
+    Core *core = &instance->core;
+    core->unit.time = start;
+    core->unit.experiment_tolerance = tolerance_defined ? tolerance : 0.0;
+    core->unit.initialised = false;
+    core->stop_time = stop_defined ? stop : INFINITY;
+    return OK;
+}
+
+static Status initialise(Instance *instance, const char *function)
+{
+    char message[MESSAGE_SIZE];
+    Unit *unit = &instance->core.unit;
+    if (unit->initialised || unit_initialise(unit, message)) return OK;
+    return refuse(instance, "%s: %s", function, message);
+}
+
+static Status instance_exit_initialization(void *component, const char *function)
+{
+    Instance *instance = enter(component, EXIT_INITIALIZATION, function);
+    if (!instance || initialise(instance, function) != OK) return ERROR;
+    instance->core.state = instance->core.interface == CO_SIMULATION ? STEPPING : EVENT;
+    report(instance, "initialised");
+    return OK;
+}
+
+static Status instance_move(void *component, Call call, const char *function, unsigned state)
+{
+    Instance *instance = enter(component, call, function);
+    if (!instance) return ERROR;
+    instance->core.state = state;
+    if (state == TERMINATED) report(instance, "terminated");
+    return OK;
+}
+
+static Status instance_reset(void *component, const char *function)
+{
+    Instance *instance = enter(component, RESET, function);
+    if (!instance) return ERROR;
+    report(instance, "reset");
+    unit_reset(&instance->core.unit);
+    instance->core.state = INSTANTIATED;
+    instance->core.stop_time = INFINITY;
+    return OK;
+}

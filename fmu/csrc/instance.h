@@ -1,0 +1,102 @@
+/* An instance of the unit as FMI sees it, of either version: its life cycle, and calls that are refused with a reason.
+
+   The adapters (fmi2*.c, fmi3*.c) translate types and names; what a call does and when it is allowed stands here.
+   Statuses have the same numbers in FMI 2 and 3. */
+
+#ifndef BARYSCOPE_INSTANCE_H
+#define BARYSCOPE_INSTANCE_H
+
+#include "unit.h"
+
+#include <stdint.h>
+
+#define NAME_SIZE 128
+#define MARK 0x62617279u /* tells an instance from any other pointer, as far as that can be told */
+
+typedef enum { OK = 0, DISCARD = 2, ERROR = 3 } Status;
+typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Interface;
+
+enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, EVENT = 8, CONTINUOUS = 16, TERMINATED = 32 };
+
+typedef struct Instance Instance;
+typedef void Log(const Instance *instance, Status status, const char *category, const char *message);
+
+/* What a saved state keeps. */
+typedef struct {
+    unsigned state;
+    Interface interface;
+    double stop_time; /* infinite when none is given */
+    Unit unit;
+} Core;
+
+struct Instance {
+    unsigned mark;
+    char name[NAME_SIZE];
+    Log *log;
+    void (*logger)(void); /* the importer's, of the version's type */
+    void *environment;
+    bool log_events, log_errors;
+    Core core;
+};
+
+/* Calls that are allowed in the same states. */
+typedef enum {
+    SET_LOGGING, SETUP, ENTER_INITIALIZATION, EXIT_INITIALIZATION, TERMINATE, RESET, GET_VALUES, SET_VALUES, DO_STEP,
+    CANCEL_STEP, GET_STATUS, SAVE_STATE, GET_DERIVATIVES, GET_OUTPUT_DERIVATIVES, ENTER_EVENT, ENTER_CONTINUOUS,
+    DISCRETE_STATES, SET_TIME, SET_STATES, GET_STATES, COMPLETE_STEP, ASK, N_CALLS
+} Call;
+
+/* ---- life cycle (instance.c) ---- */
+
+static Instance *instance_create(const char *name, Interface interface, const char *token, Log *log, void (*logger)(void),
+                                 void *environment, bool log_events);
+static void instance_free(void *component);
+
+/* The instance behind a component, if it is one and may be called so now; else NULL, with a message. */
+static Instance *enter(void *component, Call call, const char *function);
+
+/* Log why a call is refused; the instance stays as it was. Returns ERROR. */
+static Status refuse(const Instance *instance, const char *format, ...);
+
+static Status instance_set_logging(void *component, const char *function, bool on, size_t count, const char *const *categories);
+static Status instance_setup(Instance *instance, const char *function, bool tolerance_defined, double tolerance, double start,
+                             bool stop_defined, double stop);
+static Status instance_exit_initialization(void *component, const char *function);
+static Status instance_move(void *component, Call call, const char *function, unsigned state);
+static Status instance_reset(void *component, const char *function);
+
+/* Make the initial state if the parameters have changed since. */
+static Status initialise(Instance *instance, const char *function);
+
+/* ---- values (values.c); `n_values` is the length of the array of values, which arrays may make longer than `count` ---- */
+
+static Status instance_get(void *component, const char *function, Type type, const uint32_t *references, size_t count,
+                           void *values, size_t n_values);
+static Status instance_set(void *component, const char *function, Type type, const uint32_t *references, size_t count,
+                           const void *values, size_t n_values);
+/* The unit has no variables of other types: only the empty request can be met. */
+static Status instance_none(void *component, Call call, const char *function, const char *type, size_t count);
+static Status instance_derivative(void *component, const char *function, bool reverse, const uint32_t *unknowns,
+                                  size_t n_unknowns, const uint32_t *knowns, size_t n_knowns, const double *seed,
+                                  size_t n_seed, double *image, size_t n_image);
+static Status instance_output_derivatives(void *component, const char *function, const uint32_t *references, size_t count,
+                                          const int32_t *orders, double *values, size_t n_values);
+
+/* ---- stepping, and continuous states for Model Exchange (step.c) ---- */
+
+static Status instance_step(void *component, const char *function, double point, double step);
+static Status instance_set_time(void *component, const char *function, double time);
+static Status instance_set_states(void *component, const char *function, const double *states, size_t count);
+static Status instance_get_states(void *component, const char *function, unsigned kind, double *values, size_t count);
+static Status instance_get_nominals(void *component, const char *function, double *values, size_t count);
+
+/* ---- saved states (saved.c) ---- */
+
+static Status instance_save(void *component, const char *function, void **saved);
+static Status instance_restore(void *component, const char *function, const void *saved);
+static Status instance_forget(void *component, const char *function, void **saved);
+static Status instance_saved_size(void *component, const char *function, const void *saved, size_t *size);
+static Status instance_serialise(void *component, const char *function, const void *saved, unsigned char *bytes, size_t size);
+static Status instance_deserialise(void *component, const char *function, const unsigned char *bytes, size_t size, void **saved);
+
+#endif

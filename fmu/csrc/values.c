@@ -1,0 +1,206 @@
+/* Getting and setting values, and their derivatives, by value references. */
+
+#include "instance.h"
+
+#include <math.h>
+#include <string.h>
+
+static const char *type_name(Type type) { return type == REAL ? "Real" : "Boolean"; }
+
+/* The variable behind a value reference of the wanted type, or NULL, with a message. */
+static const Variable *variable(const Instance *instance, const char *function, uint32_t reference, Type type)
+{
+    if (reference >= N_REFERENCES) {
+        refuse(instance, "%s: found value reference %u, expected one below %d", function, (unsigned)reference, N_REFERENCES);
+        return NULL;
+    }
+    if (VARIABLES[reference].type != type) {
+        refuse(instance, "%s: %s is a %s", function, VARIABLES[reference].name, type_name(VARIABLES[reference].type));
+        return NULL;
+    }
+    return &VARIABLES[reference];
+}
+
+/* Whether the references are of this type and their values number `n_values`; tells the kinds among them. */
+static bool request_fits(const Instance *instance, const char *function, Type type, const uint32_t *references, size_t count,
+                         const void *values, size_t n_values, unsigned *kinds)
+{
+    size_t size = 0;
+    *kinds = 0;
+    if ((count && !references) || (n_values && !values)) {
+        refuse(instance, "%s: found a null pointer, expected arrays for %zu variables", function, count);
+        return false;
+    }
+    for (size_t i = 0; i < count; i++) {
+        const Variable *one = variable(instance, function, references[i], type);
+        if (!one) return false;
+        size += (size_t)one->size;
+        *kinds |= one->kind;
+    }
+    if (size != n_values) refuse(instance, "%s: found room for %zu values, expected %zu", function, n_values, size);
+    return size == n_values;
+}
+
+static Status instance_get(void *component, const char *function, Type type, const uint32_t *references, size_t count,
+                           void *values, size_t n_values)
+{
+    Instance *instance = enter(component, GET_VALUES, function);
+    unsigned kinds;
+    if (!instance) return ERROR;
+    if (!request_fits(instance, function, type, references, count, values, n_values, &kinds)) return ERROR;
+    if (instance->core.state == INITIALIZATION && initialise(instance, function) != OK) return ERROR;
+    Unit *unit = &instance->core.unit;
+    unit_update(unit, kinds);
+    double *real = values;
+    bool *boolean = values;
+    for (size_t i = 0; i < count; i++) {
+        const Variable *one = &VARIABLES[references[i]];
+        if (type == BOOLEAN) *boolean++ = unit->values[one->offset] != 0.0;
+        else
+            for (int k = 0; k < one->size; k++) *real++ = unit->values[one->offset + k];
+    }
+    return OK;
+}
+
+/* ---- setting ---- */
+
+/* Whether a variable of this kind may be set now; if not, says why. */
+static bool settable(const Instance *instance, const char *function, const Variable *one)
+{
+    const unsigned state = instance->core.state;
+    const bool early = state & (INSTANTIATED | INITIALIZATION);
+    if (one->kind & (OUTPUT | DERIVATIVE | TIME))
+        refuse(instance, "%s: %s is calculated and cannot be set", function, one->name);
+    else if (one->kind == PARAMETER && !early)
+        refuse(instance, "%s: %s is fixed after initialization", function, one->name);
+    else if (one->kind == TUNABLE && state == CONTINUOUS)
+        refuse(instance, "%s: %s can be tuned in Event Mode only", function, one->name);
+    else if (one->kind == STATE && !(state & (EVENT | CONTINUOUS)))
+        refuse(instance, "%s: %s is a state, which can be set in Model Exchange after initialization only", function, one->name);
+    else
+        return true;
+    return false;
+}
+
+static bool finite_values(const Instance *instance, const char *function, const Variable *one, const double *values)
+{
+    for (int k = 0; k < one->size; k++) {
+        if (isfinite(values[k])) continue;
+        if (one->size == 1) refuse(instance, "%s: %s is %g, expected a finite value", function, one->name, values[k]);
+        else refuse(instance, "%s: value %d of %s is %g, expected a finite value", function, k + 1, one->name, values[k]);
+        return false;
+    }
+    return true;
+}
+
+/* Take over tuned parameters, or put the former values back. */
+static Status tune(Instance *instance, const char *function, const double former[N_PARAMETERS])
+{
+    char message[MESSAGE_SIZE];
+    Unit *unit = &instance->core.unit;
+    if (unit_tune(unit, message)) return OK;
+    memcpy(unit->values + AT_PARAMETERS, former, N_PARAMETERS * sizeof *former);
+    unit->initialised = true;
+    return refuse(instance, "%s: %s", function, message);
+}
+
+/* All values are checked before the first is set. */
+static Status instance_set(void *component, const char *function, Type type, const uint32_t *references, size_t count,
+                           const void *values, size_t n_values)
+{
+    Instance *instance = enter(component, SET_VALUES, function);
+    unsigned kinds;
+    if (!instance) return ERROR;
+    if (!request_fits(instance, function, type, references, count, values, n_values, &kinds)) return ERROR;
+    const double *real = values;
+    const bool *boolean = values;
+    for (size_t i = 0; i < count; i++) {
+        const Variable *one = &VARIABLES[references[i]];
+        if (!settable(instance, function, one)) return ERROR;
+        if (type == REAL && !finite_values(instance, function, one, real)) return ERROR;
+        if (type == REAL) real += one->size;
+    }
+    Unit *unit = &instance->core.unit;
+    const bool tuning = kinds & TUNABLE && !(instance->core.state & (INSTANTIATED | INITIALIZATION));
+    double former[N_PARAMETERS];
+    if (tuning) memcpy(former, unit->values + AT_PARAMETERS, sizeof former);
+    real = values;
+    for (size_t i = 0; i < count; i++) {
+        const Variable *one = &VARIABLES[references[i]];
+        for (int k = 0; k < one->size; k++) unit_set(unit, one->offset + k, type == REAL ? *real++ : (double)*boolean++);
+    }
+    return tuning ? tune(instance, function, former) : OK;
+}
+
+static Status instance_none(void *component, Call call, const char *function, const char *type, size_t count)
+{
+    Instance *instance = enter(component, call, function);
+    if (!instance) return ERROR;
+    return count ? refuse(instance, "%s: the unit has no %s variables, %zu were asked for", function, type, count) : OK;
+}
+
+/* ---- derivatives ---- */
+
+/* Whether all references are Reals of these kinds; if not, says which is not. */
+static bool of_kinds(const Instance *instance, const char *function, const uint32_t *references, size_t count, unsigned kinds,
+                     const char *expected)
+{
+    for (size_t i = 0; i < count; i++) {
+        const Variable *one = variable(instance, function, references[i], REAL);
+        if (!one) return false;
+        if (one->kind & kinds) continue;
+        refuse(instance, "%s: found %s, expected %s", function, one->name, expected);
+        return false;
+    }
+    return true;
+}
+
+static Status instance_derivative(void *component, const char *function, bool reverse, const uint32_t *unknowns,
+                                  size_t n_unknowns, const uint32_t *knowns, size_t n_knowns, const double *seed,
+                                  size_t n_seed, double *image, size_t n_image)
+{
+    Instance *instance = enter(component, GET_DERIVATIVES, function);
+    if (!instance) return ERROR;
+    const bool at_start = instance->core.state == INITIALIZATION;
+    const uint32_t *from = reverse ? unknowns : knowns, *to = reverse ? knowns : unknowns;
+    const size_t n_from = reverse ? n_unknowns : n_knowns, n_to = reverse ? n_knowns : n_unknowns;
+    unsigned kinds;
+    if (!request_fits(instance, function, REAL, from, n_from, seed, n_seed, &kinds)) return ERROR;
+    if (!request_fits(instance, function, REAL, to, n_to, image, n_image, &kinds)) return ERROR;
+    if (!of_kinds(instance, function, knowns, n_knowns, at_start ? INPUT | PARAMETER | TUNABLE : INPUT | STATE,
+                  at_start ? "an input or a parameter among the knowns" : "an input or a state among the knowns") ||
+        !of_kinds(instance, function, unknowns, n_unknowns, at_start ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE,
+                  at_start ? "an output, state or derivative among the unknowns" : "an output or a derivative among the unknowns"))
+        return ERROR;
+    if (at_start && initialise(instance, function) != OK) return ERROR;
+
+    double seeds[N_VALUES] = {0.0}, images[N_VALUES];
+    for (size_t i = 0; i < n_from; i++)
+        for (int k = 0; k < VARIABLES[from[i]].size; k++) seeds[VARIABLES[from[i]].offset + k] += *seed++;
+    unit_derivative(&instance->core.unit, at_start, reverse, seeds, images);
+    for (size_t i = 0; i < n_to; i++)
+        for (int k = 0; k < VARIABLES[to[i]].size; k++) *image++ = images[VARIABLES[to[i]].offset + k];
+    return OK;
+}
+
+/* Outputs change as the states do, with the inputs held: ẏ = ∂y/∂x ẋ. */
+static Status instance_output_derivatives(void *component, const char *function, const uint32_t *references, size_t count,
+                                          const int32_t *orders, double *values, size_t n_values)
+{
+    Instance *instance = enter(component, GET_OUTPUT_DERIVATIVES, function);
+    unsigned kinds;
+    if (!instance) return ERROR;
+    if (!request_fits(instance, function, REAL, references, count, values, n_values, &kinds)) return ERROR;
+    if (!of_kinds(instance, function, references, count, OUTPUT, "an output")) return ERROR;
+    if (count && !orders) return refuse(instance, "%s: found a null pointer, expected %zu orders", function, count);
+    for (size_t i = 0; i < count; i++)
+        if (orders[i] != 1) return refuse(instance, "%s: found order %d, expected 1", function, (int)orders[i]);
+    Unit *unit = &instance->core.unit;
+    unit_update(unit, DERIVATIVE);
+    double seeds[N_VALUES] = {0.0}, images[N_VALUES];
+    memcpy(seeds + AT_STATES, unit->values + AT_DERIVATIVES, N_STATES * sizeof *seeds);
+    unit_derivative(unit, false, false, seeds, images);
+    for (size_t i = 0; i < count; i++)
+        for (int k = 0; k < VARIABLES[references[i]].size; k++) *values++ = images[VARIABLES[references[i]].offset + k];
+    return OK;
+}

@@ -1,0 +1,45 @@
+"""An importer of FMI 2 units that remembers what the unit said."""
+
+import fmpy
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+
+ERROR, DISCARD = 3, 2
+
+
+class Importer:
+    """An instance in the state Instantiated, with what it logged."""
+
+    kind = FMU2Slave
+
+    def __init__(self, path, folder):
+        description = fmpy.read_model_description(str(path))
+        fmpy.extract(str(path), str(folder))
+        self.messages = []
+        self.callbacks = fmi2CallbackFunctions()
+        self.callbacks.logger = fmi2CallbackLoggerTYPE(lambda *a: self.messages.append(a[4].decode()))
+        self.slave = self.kind(
+            guid=description.guid,
+            modelIdentifier=description.modelName,
+            unzipDirectory=str(folder),
+            instanceName="x",
+        )
+        self.slave.instantiate(callbacks=self.callbacks)
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
+
+    def initialise(self):
+        self.slave.setupExperiment()
+        self.slave.enterInitializationMode()
+        self.slave.exitInitializationMode()
+
+    def refused(self, call, *words, status=ERROR):
+        """Make the call, see it fail with one new message that contains `words`."""
+        before = len(self.messages)
+        with pytest.raises(FMICallException) as raised:
+            call()
+        assert raised.value.status == status
+        if words:
+            assert len(self.messages) == before + 1
+            for word in words:
+                assert word in self.messages[-1]
