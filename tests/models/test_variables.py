@@ -20,9 +20,15 @@ def test_names_are_unique(count):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_number_of_scalars(count):
-    """As in design.md: J, features and normals, q, ω, elements, chaser, two settings; 6n and 24 outputs."""
+    """As in design.md: J, features and normals, q, ω, elements, chaser, two settings; 6n and 24 outputs; 14 states."""
     sizes = {kind: sum(v.size for v in variable_table(count) if v.kind == kind) for kind in Kind}
-    assert sizes == {Kind.INPUT: 6, Kind.PARAMETER: 6 + 6 * count + 4 + 3 + 7 + 6 + 2, Kind.OUTPUT: 6 * count + 24}
+    assert sizes == {
+        Kind.INPUT: 6,
+        Kind.PARAMETER: 6 + 6 * count + 4 + 3 + 7 + 6 + 2,
+        Kind.OUTPUT: 6 * count + 24,
+        Kind.STATE: 14,
+        Kind.DERIVATIVE: 14,
+    }
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -31,10 +37,23 @@ def test_every_variable_is_described(count):
         assert variable.unit in UNITS
         assert variable.description == variable.description.strip() != ""
         assert len(variable.scalar_names) == variable.size
-        assert re.fullmatch(r"[a-z][A-Za-z0-9]*(\.[a-z][A-Za-z0-9]*)*", variable.name)
+        name = variable.name.removeprefix("der(").removesuffix(")")
+        assert re.fullmatch(r"[a-z][A-Za-z0-9]*(\.[a-z][A-Za-z0-9]*)*", name)
         if variable.shape == (4,):
             assert "quaternion" in variable.description
             assert "(w, x, y, z)" in variable.description
+
+
+def test_a_derivative_stands_for_each_state():
+    """Same shape, and the state's unit by the second."""
+    table = {variable.name: variable for variable in variable_table(3)}
+    states = [variable for variable in table.values() if variable.kind == Kind.STATE]
+    for state in states:
+        rate = table[f"der({state.name})"]
+        assert (rate.kind, rate.shape) == (Kind.DERIVATIVE, state.shape)
+        by_the_second = UNITS[state.unit] | {"s": UNITS[state.unit].get("s", 0) - 1}
+        assert UNITS[rate.unit] == by_the_second
+    assert table["der(state.position)"].scalar_names[2] == "der(state.position[3])"
 
 
 def test_scalar_names_go_row_by_row_from_1():
