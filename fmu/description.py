@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.fmu.codegen import reference_table
+from baryscope.fmu.sources import MAIN
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import TumblingTarget
 from baryscope.models.variables import UNITS, Kind
@@ -53,18 +54,20 @@ def model_description(system: TumblingTarget, parameters: NDArray[np.float64], s
         "canSerializeFMUstate": "true",
         "providesDirectionalDerivative": "true",
     }
-    ET.SubElement(root, "ModelExchange", offered, completedIntegratorStepNotNeeded="true")
-    ET.SubElement(
+    exchange = ET.SubElement(root, "ModelExchange", offered, completedIntegratorStepNotNeeded="true")
+    simulation = ET.SubElement(
         root,
         "CoSimulation",
         offered,
         canHandleVariableCommunicationStepSize="true",
         maxOutputDerivativeOrder="1",
     )
+    for interface in (exchange, simulation):
+        ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=MAIN)
     _add_units(root, system)
     categories = ET.SubElement(root, "LogCategories")
-    for name, text in LOG_CATEGORIES.items():
-        ET.SubElement(categories, "Category", name=name, description=text)
+    for name, meaning in LOG_CATEGORIES.items():
+        ET.SubElement(categories, "Category", name=name, description=meaning)
     ET.SubElement(
         root,
         "DefaultExperiment",
