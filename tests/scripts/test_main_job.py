@@ -219,19 +219,28 @@ def study_truth(envisat_fmu):
     return simulate(envisat_fmu, np.arange(gpa_study.DURATION + 1.0))
 
 
-@pytest.mark.parametrize("count", [3, 10])
-@pytest.mark.parametrize("noise", [0.01, 0.05])
-def test_gpa_and_least_squares_agree_and_three_raw_points_do_not(study_truth, count, noise):
+@pytest.mark.parametrize("count", [3, 5, 10])
+@pytest.mark.parametrize("noise", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize("lag", [10.0, 25.0])
+def test_gpa_and_least_squares_agree_and_three_raw_points_do_not(study_truth, count, noise, lag):
     """What docs/gpa_study.md states, against the paper's "total failure" of least squares.
 
-    Three draws, lag 10 s, LVLH axes. Measured over nine: gpa and ls within 2 % of one another, raw five to seventy
-    times worse; the bounds leave a factor of two.
+    Three draws in LVLH axes, where noise and not the bias decides. Measured over nine: gpa and ls within 5 % of one
+    another, raw 8 to 37 times worse at 10 s and 2.5 to 8 times at 25 s; the bounds on raw leave a factor of two.
     """
     labels = load_scenario("envisat").features.labels
     draws = [gpa_study.noisy_tracks(study_truth, labels, count, noise, seed) for seed in range(3)]
     gpa, ls, raw = (
-        np.nanmedian([gpa_study.rms_error(draw, study_truth, method, "lvlh", 10.0) for draw in draws])
+        np.nanmedian([gpa_study.rms_error(draw, study_truth, method, "lvlh", lag) for draw in draws])
         for method in ("screw-gpa", "screw-ls", "screw-raw")
     )
     assert ls == pytest.approx(gpa, rel=0.05)
-    assert raw > 3 * gpa
+    assert raw > {10.0: 4, 25.0: 1.25}[lag] * gpa
+
+
+def test_in_inertial_axes_all_methods_share_the_bias(study_truth):
+    """A V-bar hold at 20 m moves the CoM by 21 mm/s in C: no way of finding the axis takes v⊥/ω away."""
+    labels = load_scenario("envisat").features.labels
+    draw = gpa_study.noisy_tracks(study_truth, labels, 10, 0.01, 0)
+    for method in ("screw-gpa", "screw-ls", "screw-raw"):
+        assert 0.3 < gpa_study.rms_error(draw, study_truth, method, "inertial", 10.0) < 3.0
