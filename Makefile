@@ -34,7 +34,7 @@ $(VENV)/.ready: requirements.lock pyproject.toml
 
 # Renew the pins; needs uv, and only those who change dependencies need it.
 lock:
-	uv pip compile pyproject.toml --universal --all-extras --generate-hashes --python-version 3.11 \
+	uv pip compile pyproject.toml --universal --extra cross --extra report --extra test --generate-hashes --python-version 3.11 \
 	    --no-emit-index-url --custom-compile-command 'make lock' -o requirements.lock
 
 clean:

@@ -2,8 +2,10 @@
 
     make benchmark        or        python scripts/benchmark.py
 
-Peers: scipy's DOP853 on the same equations (CasADi function, same tolerance), fmpy's own `simulate_fmu`, and
-one call of scipy's `Rotation.align_vectors` a frame. Times are the best of several runs.
+Peers: fmpy's own `simulate_fmu`, scipy's DOP853, CasADi's cvodes, one call of scipy's `Rotation.align_vectors` a frame;
+and, where they are installed (pip install -e '.[bench]'), heyoka, Basilisk and a pythonfmu unit of the same model.
+Accuracies are measured against the closed forms of the tests: Jacobi's functions with one quadrature for the
+attitude, the difference of two Kepler orbits for the position. Times are the best of several runs.
 """
 
 import subprocess
@@ -11,14 +13,15 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import fmpy
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
-from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
@@ -29,6 +32,14 @@ from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.models.target import tumbling_target
 from baryscope.models.tracking import observe
 from baryscope.models.variables import Kind
+from baryscope.scripts.benchmark_peers import (
+    Flight,
+    basilisk_step,
+    cvodes_flights,
+    heyoka_flights,
+    pythonfmu_step,
+    scipy_flights,
+)
 from baryscope.scripts.console import VERSION, out, step
 
 STEP = 0.1  # s
@@ -78,27 +89,73 @@ def session_step(unit: Path) -> float:
     return best(run) / STEPS
 
 
-def scipy_orbit(scenario: Scenario) -> float:
-    """Seconds for the same orbit by scipy's DOP853 with CasADi's right-hand side, recorded at 10 Hz."""
-    system = tumbling_target(len(scenario.features.points))
-    p = scenario.flat_parameters()
-    x0 = np.array(system.initial(p)).ravel()
-    u = np.zeros(system.rhs.numel_in(1))
-    times = np.arange(STEPS + 1) * STEP
-    tolerance = scenario.run.tolerance
+class Accuracy:
+    """Errors of a state after one run, against closed forms."""
 
-    def run() -> None:
-        solve_ivp(
-            lambda t, x: np.array(system.rhs(x, u, p)).ravel(),
-            (0, times[-1]),
-            x0,
-            "DOP853",
-            times,
-            rtol=tolerance,
-            atol=tolerance,
-        )
+    def __init__(self, scenario: Scenario, duration: float):
+        sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+        import oracles
 
-    return best(run, 1)
+        J, rate = np.array(scenario.target.inertia), np.deg2rad(scenario.target.angular_rate_deg)
+        turned = oracles.TorqueFree(J, rate).attitude(np.arange(duration + 1.0))[-1]
+        self.attitude = Rotation.from_quat(scenario.target.attitude, scalar_first=True) * turned
+        self.position = oracles.com_in_chaser_frame(scenario, [duration])[0]
+        self.system, self.p = tumbling_target(len(scenario.features.points)), scenario.flat_parameters()
+
+    def __call__(self, state: NDArray[np.float64]) -> tuple[float, float]:
+        """Error of the attitude, rad, and of the CoM in C, m."""
+        outputs = np.asarray(self.system.outputs(state, self.p)).ravel()
+        values = dict(zip(self._names(), outputs, strict=True))
+        q = [values[f"target.attitude[{k}]"] for k in range(1, 5)]
+        position = [values[f"target.position[{k}]"] for k in range(1, 4)]
+        attitude = Rotation.from_quat(q, scalar_first=True)
+        return (attitude.inv() * self.attitude).magnitude(), float(np.linalg.norm(position - self.position))
+
+    def _names(self) -> list[str]:
+        return [name for v in self.system.of_kind(Kind.OUTPUT) for name in v.scalar_names]
+
+
+def unit_flights(unit: Path, duration: float) -> Iterator[Flight]:
+    """The unit, in one communication step."""
+    for tolerance in (1e-12, 1e-13, 1e-14):
+        with Session(unit, {"solver.tolerance": tolerance}) as session:
+            times = []
+            for _ in range(10):
+                session.reset({"solver.tolerance": tolerance})
+                begin = time.perf_counter()
+                session.step(duration)
+                times.append(time.perf_counter() - begin)
+            parts = ("target.attitude", "target.angularRate", "orbit.trueAnomaly", "chaser.position", "chaser.velocity")
+            state = np.concatenate([session[name].ravel() for name in parts])
+        yield Flight("the unit", f"tolerance {tolerance:g}", min(times), state)
+
+
+def orbit_table(scenario: Scenario, unit: Path, duration: float) -> Table:
+    """One orbit in one call: each peer in its fastest variant that is no less accurate than the unit."""
+    accuracy = Accuracy(scenario, duration)
+    peers = [scipy_flights, cvodes_flights] + ([heyoka_flights] if find_spec("heyoka") else [])
+    flights = [flight for peer in peers for flight in peer(scenario, duration)]
+    table = Table(title=f"{duration:.0f} s in one step", title_justify="left")
+    for heading in ("who", "variant", "time", "attitude error", "position error", "its time / the unit's"):
+        table.add_column(heading, justify="left" if heading in ("who", "variant") else "right")
+    ours = next(flight for flight in unit_flights(unit, duration) if flight.variant == "tolerance 1e-13")
+    bound = accuracy(ours.state)[0]
+
+    def row(flight: Flight) -> None:
+        attitude, position = accuracy(flight.state)
+        ratio = f"{flight.seconds / ours.seconds:.2f}"
+        cells = (f"{1e3 * flight.seconds:.3g} ms", f"{attitude:.1e} rad", f"{position:.1e} m", ratio)
+        table.add_row(flight.peer, flight.variant, *cells)
+
+    row(ours)
+    for group in sorted({(f.peer, f.variant.split(",")[0] if "split" in f.variant else "") for f in flights}):
+        members = [f for f in flights if f.peer == group[0] and ("split" in f.variant) == bool(group[1])]
+        good = [f for f in members if accuracy(f.state)[0] <= bound]
+        if good:
+            row(min(good, key=lambda f: f.seconds))
+        else:
+            row(min(members, key=lambda f: accuracy(f.state)[0]))
+    return table
 
 
 def large_tracks(scenario: Scenario, unit: Path) -> FeatureTracks:
@@ -149,11 +206,14 @@ def main() -> int:
                 ),
                 1,
             )
-            by_scipy = scipy_orbit(scenario)
         row("doStep of 0.1 s, from C", plain, 3e-6, "µs")
-        row("doStep and all outputs, from C", reading, 3e-6, "µs")
-        row("Session.step with all outputs", stepped, 20e-6, "µs", "fmpy.simulate_fmu, a step", by_fmpy / STEPS)
-        row("one orbit at 10 Hz, recorded", recorded, 2.0, "s", "scipy DOP853", by_scipy)
+        basilisk = ("Basilisk, a step", basilisk_step(scenario, STEP, 3000)) if find_spec("Basilisk") else ()
+        row("doStep and all outputs, from C", reading, 0.6e-6, "µs", *basilisk)
+        row("Session.step with all outputs", stepped, 8e-6, "µs", "fmpy.simulate_fmu, a step", by_fmpy / STEPS)
+        if find_spec("pythonfmu"):
+            peers = pythonfmu_step(STEP, 2000)
+            row("Session.step with all outputs", stepped, 8e-6, "µs", "a pythonfmu unit, a step", peers)
+        row("one orbit at 10 Hz, recorded", recorded, 2.0, "s", "fmpy.simulate_fmu", by_fmpy)
         with step(f"estimating from {FRAMES} frames × {FEATURES} features"):
             tracks = large_tracks(scenario, unit)
             estimated = best(lambda: estimate(tracks, method="screw-gpa"))
@@ -164,7 +224,9 @@ def main() -> int:
             tracemalloc.stop()
         row(f"screw-gpa, {FRAMES} × {FEATURES}", estimated, 1.5, "s", "scipy align_vectors, frame by frame", peer)
         row("its peak memory", peak, 1e9, "MB")
-    Console(width=max(out.width, 125), highlight=False).print(table)
+        with step("peers over one orbit"):
+            orbits = orbit_table(scenario, unit, STEPS * STEP)
+    Console(width=max(out.width, 125), highlight=False).print(table, orbits)
     return 0
 
 

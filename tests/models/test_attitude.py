@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from scipy.special import ellipj, ellipkinc
 
 import oracles
 from baryscope.models.attitude import (
@@ -37,60 +36,6 @@ CASES = [
 ]
 
 
-class TorqueFree:
-    """The closed solution (Landau, Lifshitz, Mechanics, §37) through a given ω(0), in principal axes I₁ < I₂ < I₃.
-
-    ω is Jacobi's functions; the Euler angles θ and ψ follow from the angular momentum, and φ from one quadrature
-    (twenty-point Gauss–Legendre over a second).
-    """
-
-    def __init__(self, J, rate):
-        self.moments, axes = np.linalg.eigh(J)
-        self.R_B_P = axes * np.linalg.det(axes)
-        w1, w2, w3 = start = self.R_B_P.T @ rate
-        I1, I2, I3 = self.moments
-        twice_energy, self.momentum = start @ (self.moments * start), np.linalg.norm(self.moments * start)
-        high, low = twice_energy * I3 - self.momentum**2, self.momentum**2 - twice_energy * I1
-        self.about_greatest = self.momentum**2 > twice_energy * I2
-        if not self.about_greatest:
-            high, low, I1, I3, w1, w3 = low, high, I3, I1, w3, w1
-        # From here on axis 3 is the one that ω circles, and axis 1 the other extreme.
-        self.amplitudes = np.sqrt(
-            [high / (I1 * (I3 - I1)), high / (I2 * (I3 - I2)), low / (I3 * (I3 - I1))]
-            if self.about_greatest
-            else [high / (I1 * (I1 - I3)), high / (I2 * (I2 - I3)), low / (I3 * (I1 - I3))]
-        )
-        self.speed = np.sqrt(abs(I3 - I2) * low / (I1 * I2 * I3))
-        self.modulus = abs(I2 - I1) * high / (abs(I3 - I2) * low)
-        # The solution has ω₃ > 0; a half turn about axis 2 or axis 1 brings any start there.
-        self.signs = np.array([1.0, np.sign(w3), np.sign(w3)])
-        amplitude = np.arctan2(self.signs[1] * w2 / self.amplitudes[1], w1 / self.amplitudes[0])
-        self.phase = ellipkinc(amplitude, self.modulus)
-
-    def principal_rate(self, time):
-        sn, cn, dn, _ = ellipj(self.phase + self.speed * time, self.modulus)
-        a1, a2, a3 = self.amplitudes[:, None] * self.signs[:, None] * np.array([cn, sn, dn]).reshape(3, -1)
-        return np.array([a1, a2, a3] if self.about_greatest else [a3, a2, a1]).T.reshape(*np.shape(time), 3)
-
-    def rate(self, time):
-        """ω in B, (n, 3)."""
-        return self.principal_rate(time) @ self.R_B_P.T
-
-    def attitude(self, time):
-        """R_I_B at 0, 1, 2 … s, with I such that R_I_B(0) = 1."""
-        nodes, weights = np.polynomial.legendre.leggauss(20)
-        at = time[:-1, None] + (nodes + 1) / 2
-        w = self.principal_rate(at.ravel()).reshape(*at.shape, 3)
-        I1, I2, _ = self.moments
-        M, w1, w2 = self.momentum, w[..., 0], w[..., 1]
-        phi_dot = M * (I1 * w1**2 + I2 * w2**2) / ((I1 * w1) ** 2 + (I2 * w2) ** 2)
-        phi = np.concatenate([[0], np.cumsum(phi_dot @ weights / 2)])
-        m = self.principal_rate(time) * self.moments / M
-        theta, psi = np.arccos(m[:, 2]), np.arctan2(m[:, 0], m[:, 1])
-        R_H_B = Rotation.from_euler("ZXZ", np.column_stack([phi, theta, psi])) * Rotation.from_matrix(self.R_B_P.T)
-        return R_H_B[0].inv() * R_H_B
-
-
 def integrated(J, rate, time):
     """(q, ω) by scipy from the equations of baryscope alone: quaternion (w, x, y, z)."""
     scenario = load_scenario("envisat")
@@ -116,13 +61,13 @@ def flight(request):
 
 def test_rate_is_jacobis(flight):
     J, rate, time, _, found = flight
-    expected = TorqueFree(J, rate).rate(time)
+    expected = oracles.TorqueFree(J, rate).rate(time)
     assert np.abs(found - expected).max() < RATE_TOLERANCE * np.linalg.norm(rate)
 
 
 def test_attitude_is_the_closed_form(flight):
     J, rate, time, q, _ = flight
-    error = (Rotation.from_quat(q, scalar_first=True).inv() * TorqueFree(J, rate).attitude(time)).magnitude()
+    error = (Rotation.from_quat(q, scalar_first=True).inv() * oracles.TorqueFree(J, rate).attitude(time)).magnitude()
     assert error.max() < ATTITUDE_TOLERANCE
 
 

@@ -1,0 +1,249 @@
+"""Peers of the unit for benchmark.py: other ways to fly the same target for the same time.
+
+Each gives the seconds it took, set-up and compilation left out, and the states (q, ω, θ, ρ, ρ̇) it ended with, for
+several tolerances and variants: the fastest that is no less accurate than the unit counts.
+"""
+
+import tempfile
+import textwrap
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from baryscope.models.scenario import Scenario
+from baryscope.models.target import tumbling_target
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One peer's run: who, in which variant, the seconds taken, and the state at the end."""
+
+    peer: str
+    variant: str
+    seconds: float
+    state: FloatArray
+
+
+def best_of(work: Callable[[], FloatArray], repeats: int = 5) -> tuple[float, FloatArray]:
+    """The shortest of several runs, s, and what the last one returned."""
+    times, state = [], np.empty(0)
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        state = work()
+        times.append(time.perf_counter() - begin)
+    return min(times), state
+
+
+def scipy_flights(scenario: Scenario, duration: float) -> Iterator[Flight]:
+    """scipy's DOP853 with CasADi's right-hand side, in one call."""
+    system, p, x0, u = _problem(scenario)
+
+    def rates(_: float, x: FloatArray) -> FloatArray:
+        return np.asarray(system.rhs(x, u, p)).ravel()
+
+    for tolerance in (1e-11, 1e-12, 1e-13):
+
+        def run(tolerance: float = tolerance) -> FloatArray:
+            solution = solve_ivp(rates, (0, duration), x0, "DOP853", rtol=tolerance, atol=tolerance)
+            return np.asarray(solution.y[:, -1])
+
+        yield Flight("scipy DOP853", f"tolerance {tolerance:g}", *best_of(run, 1))
+
+
+def cvodes_flights(scenario: Scenario, duration: float) -> Iterator[Flight]:
+    """CasADi's cvodes, Adams with functional iteration and BDF with Newton's."""
+    system, p, x0, u = _problem(scenario)
+    x = ca.SX.sym("x", 14)
+    dae = {"x": x, "ode": system.rhs(x, u, p)}
+    for scheme, iteration in (("adams", "functional"), ("bdf", "newton")):
+        for tolerance in (1e-11, 1e-12, 1e-13, 1e-14):
+            options = {
+                "abstol": tolerance, "reltol": tolerance, "linear_multistep_method": scheme,
+                "nonlinear_solver_iteration": iteration, "max_num_steps": 10_000_000, "disable_internal_warnings": True,
+            }  # fmt: skip
+            integrator = ca.integrator("peer", "cvodes", dae, 0, duration, options)
+
+            def run(integrator: ca.Function = integrator) -> FloatArray:
+                return np.asarray(integrator(x0=x0)["xf"]).ravel()
+
+            try:
+                yield Flight("CasADi cvodes", f"{scheme}, tolerance {tolerance:g}", *best_of(run, 3))
+            except RuntimeError:  # the tolerance is beyond it
+                continue
+
+
+def heyoka_flights(scenario: Scenario, duration: float) -> Iterator[Flight]:
+    """heyoka's Taylor method after its compilation: coupled, and split in attitude and orbit as the unit is."""
+    import heyoka as hy
+
+    system, p, x0, _ = _problem(scenario)
+    c = np.asarray(system.constants(p)).ravel()
+    attitude, orbit = _heyoka_attitude(hy, c), _heyoka_orbit(hy, c)
+    for tolerance in (1e-10, 1e-11, 1e-12, 1e-13, 1e-14, 1e-15, 0.0):
+        for variant, parts in (("coupled", [slice(0, 14)]), ("split", [slice(0, 7), slice(7, 14)])):
+            integrators = [
+                (part, hy.taylor_adaptive((attitude + orbit)[part], list(x0[part]), tol=tolerance)) for part in parts
+            ]
+
+            def run(integrators: list[tuple[slice, Any]] = integrators) -> FloatArray:
+                end = np.empty(14)
+                for part, integrator in integrators:
+                    integrator.time = 0.0
+                    integrator.state[:] = x0[part]
+                    integrator.propagate_until(duration)
+                    end[part] = integrator.state
+                return end
+
+            run()  # what is compiled late is compiled now
+            label = f"{variant}, tolerance {tolerance:g}" if tolerance else f"{variant}, own tolerance"
+            yield Flight("heyoka", label, *best_of(run, 10))
+
+
+def _heyoka_attitude(hy: Any, c: FloatArray) -> list[Any]:
+    """Euler's equation and the quaternion's, without torque; c as in baryscope.models.target."""
+    qw, qx, qy, qz, wx, wy, wz = hy.make_vars("qw", "qx", "qy", "qz", "wx", "wy", "wz")
+    J, inverse = c[:9].reshape(3, 3), c[9:18].reshape(3, 3)
+    w = [wx, wy, wz]
+    h = [sum(J[i, j] * w[j] for j in range(3)) for i in range(3)]
+    gyroscopic = [w[(i + 1) % 3] * h[(i + 2) % 3] - w[(i + 2) % 3] * h[(i + 1) % 3] for i in range(3)]
+    acceleration = [-sum(inverse[i, j] * gyroscopic[j] for j in range(3)) for i in range(3)]
+    return [
+        (qw, 0.5 * (-qx * wx - qy * wy - qz * wz)),
+        (qx, 0.5 * (qw * wx + qy * wz - qz * wy)),
+        (qy, 0.5 * (qw * wy + qz * wx - qx * wz)),
+        (qz, 0.5 * (qw * wz + qx * wy - qy * wx)),
+        *zip(w, acceleration, strict=True),
+    ]
+
+
+def _heyoka_orbit(hy: Any, c: FloatArray) -> list[Any]:
+    """The true anomaly and the relative motion, in the unit's form of the gravity difference."""
+    theta, x, y, z, vx, vy, vz = hy.make_vars("theta", "x", "y", "z", "vx", "vy", "vz")
+    semi_latus_rectum, e, k = c[27:30]
+    ratio, sine = 1.0 + e * hy.cos(theta), e * hy.sin(theta)
+    r, rate = semi_latus_rectum / ratio, k * ratio**2
+    rate_dot, stiffness = -2.0 * k * sine * ratio * rate, k * rate * ratio
+    q = (2.0 * x + (x * x + y * y + z * z) / r) / r
+    s = (1.0 + q) * hy.sqrt(1.0 + q)
+    f = q * (3.0 + q * (3.0 + q)) / (1.0 + s)
+    return [
+        (theta, rate),
+        (x, vx),
+        (y, vy),
+        (z, vz),
+        (vx, 2.0 * rate * vy + rate_dot * y + rate**2 * x + stiffness / s * (f * r - x)),
+        (vy, -2.0 * rate * vx - rate_dot * x + rate**2 * y - stiffness / s * y),
+        (vz, -stiffness / s * z),
+    ]
+
+
+def basilisk_step(scenario: Scenario, step: float, steps: int) -> float:
+    """Seconds a step of Basilisk with two spacecraft under point-mass gravity, its own RK4."""
+    from Basilisk.simulation import spacecraft
+    from Basilisk.utilities import SimulationBaseClass, macros, simIncludeGravBody
+
+    simulation = SimulationBaseClass.SimBaseClass()
+    process = simulation.CreateNewProcess("process")
+    process.addTask(simulation.CreateNewTask("task", macros.sec2nano(step)))
+    gravity = simIncludeGravBody.gravBodyFactory()
+    earth = gravity.createEarth()
+    earth.isCentralBody = True
+    speed = float(np.sqrt(scenario.orbit.gravitational_parameter / scenario.orbit.semi_major_axis))
+    bodies = []
+    for name, offset in (("target", 0.0), ("chaser", -20.0)):
+        body = spacecraft.Spacecraft()
+        body.ModelTag = name
+        body.hub.IHubPntBc_B = [list(row) for row in scenario.target.inertia]
+        body.hub.mHub = 7828.0
+        body.hub.r_CN_NInit = [[scenario.orbit.semi_major_axis], [offset], [0.0]]
+        body.hub.v_CN_NInit = [[0.0], [speed], [0.0]]
+        body.hub.omega_BN_BInit = [[float(rate)] for rate in np.deg2rad(scenario.target.angular_rate_deg)]
+        body.gravField.gravBodies = spacecraft.GravBodyVector(list(gravity.gravBodies.values()))
+        simulation.AddModelToTask("task", body)
+        bodies.append(body)
+    simulation.InitializeSimulation()
+    simulation.ConfigureStopTime(macros.sec2nano(step * steps))
+    begin = time.perf_counter()
+    simulation.ExecuteSimulation()
+    return (time.perf_counter() - begin) / steps
+
+
+_PYTHON_UNIT = """
+    import numpy as np
+    from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+    from baryscope.models.scenario import load_scenario
+    from baryscope.models.target import tumbling_target
+
+    class Peer(Fmi2Slave):
+        def __init__(self, **kwargs):
+            super().__init__(**kwargs)
+            scenario = load_scenario("envisat")
+            self.system, self.p = tumbling_target(len(scenario.features.points)), scenario.flat_parameters()
+            self.x, self.u = np.array(self.system.initial(self.p)).ravel(), np.zeros(6)
+            self.y = np.array(self.system.outputs(self.x, self.p)).ravel()
+            for k in range(self.y.size):
+                getter = lambda k=k: float(self.y[k])
+                self.register_variable(Real(f"y{k}", causality=Fmi2Causality.output, getter=getter))
+
+        def rates(self, x):
+            return np.array(self.system.rhs(x, self.u, self.p)).ravel()
+
+        def do_step(self, time, step):
+            x, h = self.x, step
+            a = self.rates(x)
+            b = self.rates(x + h / 2 * a)
+            c = self.rates(x + h / 2 * b)
+            d = self.rates(x + h * c)
+            self.x = x + h / 6 * (a + 2 * b + 2 * c + d)
+            self.y = np.array(self.system.outputs(self.x, self.p)).ravel()
+            return True
+"""
+
+
+def pythonfmu_step(step: float, steps: int) -> float:
+    """Seconds a step of a pythonfmu unit of the same model (one RK4 step each), all outputs read."""
+    import shutil
+
+    import fmpy
+    from fmpy.fmi2 import FMU2Slave
+    from pythonfmu.builder import FmuBuilder
+
+    with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
+        folder = Path(name)
+        (folder / "peer.py").write_text(textwrap.dedent(_PYTHON_UNIT), encoding="utf-8")
+        FmuBuilder.build_FMU(folder / "peer.py", dest=folder)
+        unit = next(folder.glob("*.fmu"))
+        description = fmpy.read_model_description(str(unit))
+        unzipped = fmpy.extract(str(unit))
+        slave = FMU2Slave(
+            guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier, unzipDirectory=unzipped
+        )
+        slave.instantiate()
+        slave.setupExperiment()
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        references = [v.valueReference for v in description.modelVariables if v.causality == "output"]
+        begin = time.perf_counter()
+        for index in range(steps):
+            slave.doStep(index * step, step)
+            slave.getReal(references)
+        seconds = (time.perf_counter() - begin) / steps
+        slave.terminate()
+        slave.freeInstance()
+        shutil.rmtree(unzipped, ignore_errors=True)
+    return seconds
+
+
+def _problem(scenario: Scenario) -> tuple[Any, FloatArray, FloatArray, FloatArray]:
+    """The system, its parameters, its initial state and resting inputs."""
+    system, p = tumbling_target(len(scenario.features.points)), scenario.flat_parameters()
+    return system, p, np.asarray(system.initial(p)).ravel(), np.zeros(6)
