@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.fmu.codegen import reference_table
-from baryscope.fmu.sources import MAIN
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import TumblingTarget
 from baryscope.models.variables import UNITS, Kind
@@ -54,16 +53,14 @@ def model_description(system: TumblingTarget, parameters: NDArray[np.float64], s
         "canSerializeFMUstate": "true",
         "providesDirectionalDerivative": "true",
     }
-    exchange = ET.SubElement(root, "ModelExchange", offered, completedIntegratorStepNotNeeded="true")
-    simulation = ET.SubElement(
+    ET.SubElement(root, "ModelExchange", offered, completedIntegratorStepNotNeeded="true")
+    ET.SubElement(
         root,
         "CoSimulation",
         offered,
         canHandleVariableCommunicationStepSize="true",
         maxOutputDerivativeOrder="1",
     )
-    for interface in (exchange, simulation):
-        ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=MAIN)
     _add_units(root, system)
     categories = ET.SubElement(root, "LogCategories")
     for name, meaning in LOG_CATEGORIES.items():
