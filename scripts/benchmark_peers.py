@@ -66,7 +66,7 @@ def cvodes_flights(scenario: Scenario, duration: float) -> Iterator[Flight]:
     dae = {"x": x, "ode": system.rhs(x, u, p)}
     for scheme, iteration in (("adams", "functional"), ("bdf", "newton")):
         for tolerance in (1e-11, 1e-12, 1e-13, 1e-14):
-            options = {
+            options: dict[str, Any] = {
                 "abstol": tolerance, "reltol": tolerance, "linear_multistep_method": scheme,
                 "nonlinear_solver_iteration": iteration, "max_num_steps": 10_000_000, "disable_internal_warnings": True,
             }  # fmt: skip
