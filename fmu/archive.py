@@ -3,12 +3,15 @@
 import shutil
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import fmpy
 
 from baryscope.fmu.description import MODEL_NAME
+from baryscope.fmu.platforms import FmiVersion
+from baryscope.fmu.references import Reference, reference_table
 from baryscope.models.errors import InputError
 from baryscope.models.variables import Kind, Variable, variable_table
 
@@ -20,16 +23,20 @@ class UnitFile:
     Attributes:
         path: the FMU it came from.
         folder: where it was unpacked; whoever opened it removes it.
+        fmi: the version of FMI it is for.
         guid: ties description and library together.
         model_identifier: stem of the library's name.
         variables: the table of variables for its number of features.
+        table: what its value references stand for.
     """
 
     path: Path
     folder: Path
+    fmi: FmiVersion
     guid: str
     model_identifier: str
     variables: tuple[Variable, ...]
+    table: Sequence[Reference]
 
     def of_kind(self, kind: Kind) -> list[Variable]:
         """The variables of one kind, in order."""
@@ -47,14 +54,9 @@ class UnitFile:
         names = ", ".join(variable.name for variable in self.of_kind(kind))
         raise InputError(f"{name}: not a {kind} of the unit, expected one of {names}")
 
-    def references(self, variable: Variable) -> range:
-        """The value references of a variable's scalars."""
-        start = 0
-        for other in self.variables:
-            if other is variable:
-                break
-            start += other.size
-        return range(start, start + variable.size)
+    def references(self, variable: Variable) -> list[int]:
+        """The value references of a variable: one of each scalar, or in FMI 3 with arrays one of the whole."""
+        return [place for place, reference in enumerate(self.table) if reference.variable is variable]
 
 
 def open_unit(path: Path) -> UnitFile:
@@ -93,10 +95,27 @@ def _describe(path: Path, folder: Path) -> UnitFile:
     except Exception as error:  # fmpy raises bare Exceptions
         raise InputError(f"{path}: modelDescription.xml cannot be read ({error})") from error
     kind = f"{description.modelName} of FMI {description.fmiVersion}"
-    if description.modelName != MODEL_NAME or description.fmiVersion != "2.0" or description.coSimulation is None:
-        raise InputError(f"{path}: is {kind}, expected {MODEL_NAME} of FMI 2.0 for Co-Simulation")
-    names = [variable.name for variable in description.modelVariables]
-    table = variable_table(sum(name.startswith("features[") for name in names) // 3)
-    if names != [name for variable in table for name in variable.scalar_names]:
-        raise InputError(f"{path}: its variables are not those of this version of baryscope; build it anew")
-    return UnitFile(path, folder, description.guid, description.coSimulation.modelIdentifier, table)
+    fmi = _VERSIONS.get(description.fmiVersion)
+    if description.modelName != MODEL_NAME or fmi is None or description.coSimulation is None:
+        raise InputError(f"{path}: is {kind}, expected {MODEL_NAME} of FMI 2.0 or 3.0 for Co-Simulation")
+    variables, table = _tables(path, fmi, [(v.name, v.shape or ()) for v in description.modelVariables])
+    identifier = description.coSimulation.modelIdentifier
+    return UnitFile(path, folder, fmi, description.guid, identifier, variables, table)
+
+
+_VERSIONS: dict[str, FmiVersion] = {"2.0": 2, "3.0": 3}
+
+
+def _tables(
+    path: Path, fmi: FmiVersion, described: Sequence[tuple[str, tuple[int, ...]]]
+) -> tuple[tuple[Variable, ...], list[Reference]]:
+    """The tables that belong to the variables of a modelDescription.xml, given by names and shapes."""
+    features = [shape for name, shape in described if name.startswith("features")]
+    count = features[0][0] if features and features[0] else len(features) // 3
+    variables = variable_table(count)
+    for scalar in (False, True):
+        table = reference_table(variables, fmi, scalar)
+        expected = [(r.name, r.shape) for r in table] + ([("time", ())] if fmi == 3 else [])
+        if described == expected:
+            return variables, table
+    raise InputError(f"{path}: its variables are not those of this version of baryscope; build it anew")

@@ -92,7 +92,8 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
     pulled = parameters["gravityGradient"]
     attitude = {on: _attitude_rates(x[ATTITUDE_PART], inputs, constants, on) for on in (0, 1)}
     orbit = _orbit_rates(x[ORBIT_PART], inputs, constants)
-    rates = ca.vertcat(attitude[0][:7] + pulled * (attitude[1][:7] - attitude[0][:7]), orbit)
+    free, turned = attitude[0][4:7], attitude[1][4:7]
+    rates = ca.vertcat(attitude[0][:4], free + pulled * (turned - free), orbit)
     values = _output_values(ca.vertsplit(x, [0, 4, 7, 8, 11, 14]), parameters, constants)
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
 

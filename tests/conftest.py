@@ -10,6 +10,14 @@ settings.register_profile("baryscope", derandomize=True, deadline=None)
 settings.load_profile("baryscope")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """Libraries compiled by the tests are kept for the session and leave the user's cache alone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BARYSCOPE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def envisat():
     return load_scenario("envisat")
@@ -18,3 +26,27 @@ def envisat():
 @pytest.fixture(scope="session")
 def envisat_fmu(envisat, tmp_path_factory):
     return build_fmu(envisat, tmp_path_factory.mktemp("fmu") / "envisat.fmu")
+
+
+@pytest.fixture(scope="session")
+def envisat_fmu3(envisat, tmp_path_factory):
+    """The same unit for FMI 3, with arrays."""
+    return build_fmu(envisat, tmp_path_factory.mktemp("fmu") / "envisat3.fmu", fmi=3)
+
+
+@pytest.fixture(scope="session")
+def envisat_fmu3_scalar(envisat, tmp_path_factory):
+    """The same unit for FMI 3, without arrays."""
+    return build_fmu(envisat, tmp_path_factory.mktemp("fmu") / "envisat3s.fmu", fmi=3, scalar=True)
+
+
+@pytest.fixture(params=["envisat_fmu", "envisat_fmu3", "envisat_fmu3_scalar"], ids=["fmi2", "fmi3", "fmi3-scalar"])
+def any_fmu(request):
+    """The same unit in each of its forms."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(params=["envisat_fmu3", "envisat_fmu3_scalar"], ids=["arrays", "scalar"])
+def any_fmu3(request):
+    """The same unit in both of its forms for FMI 3."""
+    return request.getfixturevalue(request.param)

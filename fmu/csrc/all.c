@@ -13,6 +13,7 @@
 
 #if FMI_VERSION == 3
 #include "fmi3.c"
+#include "fmi3_absent.c"
 #else
 #include "fmi2.c"
 #endif

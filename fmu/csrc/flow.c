@@ -13,7 +13,9 @@
 #define SAFETY 0.9
 #define SMALLEST_FACTOR 0.2
 #define LARGEST_FACTOR 6.0
+#ifndef MOST_STEPS
 #define MOST_STEPS 20000000L
+#endif
 #define ALL_STAGES (DOP853_STAGES + 4) /* the stages, the rates at the end, three more for dense output */
 #define EACH(i) (int i = 0; i < WIDTH; i++)
 #define UNROLL _Pragma("GCC unroll 16")

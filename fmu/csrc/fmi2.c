@@ -66,26 +66,30 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     return (fmi2Status)instance_set(c, "fmi2SetReal", REAL, vr, nvr, value, nvr);
 }
 
-/* FMI 2 has its Booleans in ints: they are passed one at a time. */
+/* FMI 2 has its Booleans in ints. Whether as many as are asked for can be handed on as the core's; if not, says so. */
+static bool booleans_fit(fmi2Component c, Call call, const char *function, size_t count)
+{
+    Instance *instance = enter(c, call, function);
+    if (instance && count > N_REFERENCES)
+        refuse(instance, "%s: found %zu variables, expected at most %d", function, count, N_REFERENCES);
+    return instance && count <= N_REFERENCES;
+}
+
 fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[])
 {
-    bool one;
-    Status status = instance_get(c, "fmi2GetBoolean", BOOLEAN, vr, vr && value ? 0 : nvr, NULL, 0);
-    for (size_t i = 0; i < nvr && status == OK; i++) {
-        status = instance_get(c, "fmi2GetBoolean", BOOLEAN, vr + i, 1, &one, 1);
-        if (status == OK) value[i] = one ? fmi2True : fmi2False;
-    }
+    bool ours[N_REFERENCES];
+    if (!booleans_fit(c, GET_VALUES, "fmi2GetBoolean", nvr)) return fmi2Error;
+    Status status = instance_get(c, "fmi2GetBoolean", BOOLEAN, vr, nvr, value ? ours : NULL, nvr);
+    for (size_t i = 0; i < nvr && status == OK; i++) value[i] = ours[i] ? fmi2True : fmi2False;
     return (fmi2Status)status;
 }
 
 fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[])
 {
-    Status status = instance_set(c, "fmi2SetBoolean", BOOLEAN, vr, vr && value ? 0 : nvr, NULL, 0);
-    for (size_t i = 0; i < nvr && status == OK; i++) {
-        const bool one = value[i] != fmi2False;
-        status = instance_set(c, "fmi2SetBoolean", BOOLEAN, vr + i, 1, &one, 1);
-    }
-    return (fmi2Status)status;
+    bool ours[N_REFERENCES];
+    if (!booleans_fit(c, SET_VALUES, "fmi2SetBoolean", nvr)) return fmi2Error;
+    for (size_t i = 0; i < nvr && value; i++) ours[i] = value[i] != fmi2False;
+    return (fmi2Status)instance_set(c, "fmi2SetBoolean", BOOLEAN, vr, nvr, value ? ours : NULL, nvr);
 }
 
 fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])

@@ -21,6 +21,7 @@ typedef struct {
     Type type;
     int offset;
     int size;
+    int columns; /* of an array: 1 for a vector */
 } Variable;
 
 typedef struct {

@@ -3,9 +3,16 @@
 #include "instance.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
-static const char *type_name(Type type) { return type == REAL ? "Real" : "Boolean"; }
+#if FMI_VERSION == 3
+#define REAL_NAME "Float64"
+#else
+#define REAL_NAME "Real"
+#endif
+
+static const char *type_name(Type type) { return type == REAL ? REAL_NAME : "Boolean"; }
 
 /* The variable behind a value reference of the wanted type, or NULL, with a message. */
 static const Variable *variable(const Instance *instance, const char *function, uint32_t reference, Type type)
@@ -48,6 +55,8 @@ static Status instance_get(void *component, const char *function, Type type, con
     unsigned kinds;
     if (!instance) return ERROR;
     if (!request_fits(instance, function, type, references, count, values, n_values, &kinds)) return ERROR;
+    if (instance->core.state == INSTANTIATED && kinds & ~(unsigned)(INPUT | PARAMETER | TUNABLE))
+        return refuse(instance, "%s: in state Instantiated only inputs and parameters can be read", function);
     if (instance->core.state == INITIALIZATION && initialise(instance, function) != OK) return ERROR;
     Unit *unit = &instance->core.unit;
     unit_update(unit, kinds);
@@ -82,25 +91,32 @@ static bool settable(const Instance *instance, const char *function, const Varia
     return false;
 }
 
+/* Refuse a value of a variable, or of an array's element, which is named as FMI 2 names it. */
+static void refuse_value(const Instance *instance, const char *function, const Variable *one, int k, double value)
+{
+    char element[32] = "";
+    const int row = k / one->columns + 1, column = k % one->columns + 1;
+    if (one->columns > 1) snprintf(element, sizeof element, "[%d,%d]", row, column);
+    else if (one->size > 1) snprintf(element, sizeof element, "[%d]", row);
+    refuse(instance, "%s: %s%s is %g, expected a finite value", function, one->name, element, value);
+}
+
 static bool finite_values(const Instance *instance, const char *function, const Variable *one, const double *values)
 {
     for (int k = 0; k < one->size; k++) {
         if (isfinite(values[k])) continue;
-        if (one->size == 1) refuse(instance, "%s: %s is %g, expected a finite value", function, one->name, values[k]);
-        else refuse(instance, "%s: value %d of %s is %g, expected a finite value", function, k + 1, one->name, values[k]);
+        refuse_value(instance, function, one, k, values[k]);
         return false;
     }
     return true;
 }
 
-/* Take over tuned parameters, or put the former values back. */
-static Status tune(Instance *instance, const char *function, const double former[N_PARAMETERS])
+/* Take over tuned parameters, or put back all that was set in this call. */
+static Status tune(Instance *instance, const char *function, const Unit *former)
 {
     char message[MESSAGE_SIZE];
-    Unit *unit = &instance->core.unit;
-    if (unit_tune(unit, message)) return OK;
-    memcpy(unit->values + AT_PARAMETERS, former, N_PARAMETERS * sizeof *former);
-    unit->initialised = true;
+    if (unit_tune(&instance->core.unit, message)) return OK;
+    memcpy(&instance->core.unit, former, sizeof *former);
     return refuse(instance, "%s: %s", function, message);
 }
 
@@ -122,14 +138,14 @@ static Status instance_set(void *component, const char *function, Type type, con
     }
     Unit *unit = &instance->core.unit;
     const bool tuning = kinds & TUNABLE && !(instance->core.state & (INSTANTIATED | INITIALIZATION));
-    double former[N_PARAMETERS];
-    if (tuning) memcpy(former, unit->values + AT_PARAMETERS, sizeof former);
+    Unit former;
+    if (tuning) memcpy(&former, unit, sizeof former);
     real = values;
     for (size_t i = 0; i < count; i++) {
         const Variable *one = &VARIABLES[references[i]];
         for (int k = 0; k < one->size; k++) unit_set(unit, one->offset + k, type == REAL ? *real++ : (double)*boolean++);
     }
-    return tuning ? tune(instance, function, former) : OK;
+    return tuning ? tune(instance, function, &former) : OK;
 }
 
 static Status instance_none(void *component, Call call, const char *function, const char *type, size_t count)

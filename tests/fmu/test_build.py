@@ -1,21 +1,30 @@
 """The FMU file: valid, complete, reproducible, and buildable with more than one compiler."""
 
+import os
+import re
+import shlex
+import shutil
 import sys
 import warnings
 import xml.etree.ElementTree as ET
 import zipfile
+from pathlib import Path
 
 import casadi as ca
 import fmpy
 import numpy as np
 import pytest
+from fmpy.build import build_platform_binary
+from fmpy.model_description import read_build_description
 from fmpy.validation import validate_fmu
 
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.compiler import find_compiler
+from baryscope.fmu.sources import build_description
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.target import tumbling_target
 from baryscope.models.variables import Kind
+from importer import Importer
 
 
 @pytest.fixture(scope="module")
@@ -110,28 +119,81 @@ def test_derivatives_name_their_states(description):
         assert derivative.get("name") == f"der({state.get('name')})"
 
 
-def test_outputs_do_not_depend_on_inputs_at_the_same_instant(envisat_fmu, description):
+def test_outputs_do_not_depend_on_inputs_at_the_same_instant(envisat_fmu, description, tmp_path):
     assert not {known for _, known in _declared(description, "Outputs")} & set(range(6))
-    with Session(envisat_fmu) as session:
-        before = session.outputs.copy()
-        session.set_inputs(torque=[1e3] * 3, acceleration=[1.0] * 3)
-        session._read()
-        assert np.array_equal(session.outputs, before)
+    importer = Importer(envisat_fmu, tmp_path)
+    importer.initialise()
+    outputs = [
+        reference for name, reference in importer.references.items() if name.startswith(("features", "target.p"))
+    ]
+    before = importer.slave.getReal(outputs)
+    importer.slave.setReal(list(range(6)), [1.0] * 6)
+    assert importer.slave.getReal(outputs) == before
+    importer.slave.freeInstance()
 
 
-def test_the_compiler_has_nothing_to_say(envisat, tmp_path):
+def test_the_compiler_has_nothing_to_say(envisat, tmp_path, monkeypatch):
+    monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "cache"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         build_fmu(envisat, tmp_path / "unit.fmu")
 
 
-def test_two_builds_are_equal_and_another_scenario_is_not(envisat, envisat_fmu, tmp_path):
+def test_two_builds_are_equal_and_another_scenario_is_not(envisat, envisat_fmu, tmp_path, monkeypatch):
+    monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "cache"))  # or nothing would be compiled again
     again = build_fmu(envisat, tmp_path / "deep" / "er" / "unit.fmu")
     assert again.read_bytes() == envisat_fmu.read_bytes()
     run = envisat.run.model_copy(update={"tolerance": 1e-10})
     other = build_fmu(envisat.model_copy(update={"run": run}), tmp_path / "other.fmu")
     tokens = {fmpy.read_model_description(str(path)).guid for path in (again, other)}
     assert len(tokens) == 2
+
+
+@pytest.mark.parametrize("fmi, output", [(2, "target.position[2]"), (3, "target.position")])
+def test_an_importer_can_compile_the_sources(fmi, output, envisat, tmp_path, monkeypatch):
+    """As `fmpy compile` does, by CMake; its numbers are the shipped library's to the last digits of other flags."""
+    here = Path(sys.executable).parent
+    monkeypatch.setenv("PATH", f"{here}{os.pathsep}{os.environ['PATH']}")  # fmpy brings cmake
+    if shutil.which("cc") is None or shutil.which("c++") is None:  # fmpy's project asks for both
+        monkeypatch.setenv("CC", f"{here / 'python-zig'} cc")
+        monkeypatch.setenv("CXX", f"{here / 'python-zig'} c++")
+    shipped, folder = build_fmu(envisat, tmp_path / "unit.fmu", fmi=fmi), tmp_path / "unit"
+    fmpy.extract(str(shipped), str(folder))
+    shutil.rmtree(folder / "binaries")
+    (tmp_path / "cmake").mkdir()
+    build_platform_binary(folder, tmp_path / "cmake", cmake_options={"CMAKE_COMPILE_WARNING_AS_ERROR:BOOL": "ON"})
+    assert [path.stem for path in (folder / "binaries").rglob("*.*")] == ["TumblingTarget"]
+
+    own, theirs = (
+        fmpy.simulate_fmu(str(unit), stop_time=100.0, output_interval=10.0, output=[output])[output]
+        for unit in (shipped, folder)
+    )
+    assert len(own) == 11
+    np.testing.assert_allclose(theirs, own, rtol=1e-10, atol=1e-10)
+
+
+def test_sources_come_with_every_file_they_include_and_with_licences(envisat_fmu):
+    with zipfile.ZipFile(envisat_fmu) as archive:
+        sources = {name.removeprefix("sources/") for name in archive.namelist() if name.startswith("sources/")}
+        text = b"".join(archive.read(f"sources/{name}") for name in sources).decode()
+        own = archive.read("documentation/licenses/license.txt").decode()
+        headers = archive.read("documentation/licenses/fmi2Functions.h.txt").decode()
+    assert {"all.c", "model.c", "tables.h", "dop853.h", "fmi2Functions.h", "fmi2TypesPlatform.h"} <= sources
+    included = {name for name in re.findall(r'^#include "(.*)"', text, re.MULTILINE) if not name.startswith("fmi3")}
+    assert included <= sources
+    assert own == (Path(__file__).parents[2] / "LICENSE").read_text(encoding="utf-8")
+    assert headers.startswith("Copyright")
+    assert "Redistributions in binary form must reproduce" in headers
+
+
+def test_fmpy_reads_the_build_description(tmp_path):
+    """Against the standard's schema, which fmpy holds."""
+    (tmp_path / "sources").mkdir()
+    (tmp_path / "sources" / "buildDescription.xml").write_bytes(build_description("Model"))
+    [configuration] = read_build_description(str(tmp_path), validate=True)
+    assert configuration.modelIdentifier == "Model"
+    [files] = configuration.sourceFileSets
+    assert (files.language, files.sourceFiles) == ("C11", ["all.c"])
 
 
 def test_zig_builds_the_same_unit(envisat, envisat_fmu, tmp_path, monkeypatch):
@@ -155,10 +217,19 @@ def test_a_machine_without_any_compiler_is_told_what_to_do(monkeypatch):
         find_compiler()
 
 
+def test_a_compiler_of_the_readers_own_is_found_from_any_folder(tmp_path, monkeypatch):
+    """Compilers run in a folder of their own, where a relative path would lead nowhere."""
+    (tmp_path / "mine").write_text("#!/bin/sh\n")
+    (tmp_path / "mine").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CC", "./mine -m64")
+    assert find_compiler() == [str(tmp_path / "mine"), "-m64"]
+
+
 def test_a_compiler_that_fails_leaves_the_old_file(envisat, tmp_path, monkeypatch):
     old = tmp_path / "unit.fmu"
     old.write_text("old")
-    monkeypatch.setenv("CC", "false")
+    monkeypatch.setenv("CC", shlex.join([sys.executable, "-c", "raise SystemExit(1)"]))
     with pytest.raises(ComputationError, match="failed"):
         build_fmu(envisat, old)
     assert old.read_text() == "old"

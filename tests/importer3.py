@@ -1,0 +1,72 @@
+"""An importer of FMI 3 units that remembers what the unit said, and asks by the names of the table of variables."""
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Slave
+
+from baryscope.models.variables import variable_table
+
+ERROR = 3
+
+
+class Importer3:
+    """An instance in the state Instantiated, with what it logged, of a unit with 12 features, arrays or not."""
+
+    kind = FMU3Slave
+
+    def __init__(self, path, folder):
+        self.description = fmpy.read_model_description(str(path))
+        fmpy.extract(str(path), str(folder))
+        self.messages = []
+        self.slave = self.kind(
+            guid=self.description.guid,
+            modelIdentifier=self.description.modelName,
+            unzipDirectory=str(folder),
+            instanceName="x",
+        )
+        self.slave.instantiate(logMessage=self.hear)
+        self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.arrays = "features" in self.references
+        self.table = {variable.name: variable for variable in variable_table(12)}
+
+    def hear(self, environment, status, category, message):
+        self.messages.append(message.decode())
+
+    def initialise(self, **experiment):
+        self.slave.enterInitializationMode(**experiment)
+        self.slave.exitInitializationMode()
+
+    def of(self, *names):
+        """The value references of variables of the table, whole."""
+        listed = [[n] if self.arrays else self.table[n].scalar_names for n in names]
+        return [self.references[name] for scalars in listed for name in scalars]
+
+    def of_kinds(self, *kinds):
+        """The names of the variables of some kinds, Booleans left out."""
+        return [v.name for v in self.table.values() if v.kind in kinds and not v.boolean]
+
+    def size(self, *names):
+        return sum(self.table[name].size for name in names)
+
+    def get(self, *names):
+        return np.array(self.slave.getFloat64(self.of(*names), self.size(*names)))
+
+    def set(self, name, values):
+        self.slave.setFloat64(self.of(name), np.ravel(values).tolist())
+
+    def step(self, time, duration):
+        """Whether an event, the end or an early return is asked for, and the time reached."""
+        return self.slave.doStep(time, duration)
+
+    def refused(self, call, *words, status=ERROR):
+        """Make the call, see it fail with one new message that contains `words`."""
+        before = len(self.messages)
+        with pytest.raises(FMICallException) as raised:
+            call()
+        assert raised.value.status == status
+        if words:
+            assert len(self.messages) == before + 1
+            for word in words:
+                assert word in self.messages[-1]
