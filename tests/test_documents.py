@@ -1,0 +1,44 @@
+"""What the documents tell users to run, run."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from baryscope.scripts import app
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = ["README.md", "docs/unit.md"]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_python_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / document).read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert blocks
+    names = {"__name__": "example"}
+    for block in blocks:
+        exec(compile(block, document, "exec"), names)  # noqa: S102  our own documents
+    assert capsys.readouterr().out
+
+
+def test_shell_examples_of_the_readme_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    section = text[text.index("## Five minutes in the shell") : text.index("## Five minutes in Python")]
+    commands = [shlex.split(line, comments=True) for line in re.findall(r"^    (baryscope .*)$", section, re.MULTILINE)]
+    assert len(commands) >= 5
+    for command in commands:
+        assert app.main(command[1:]) == 0, command
+    assert {"slow.csv", "slow.truth.csv", "com.csv", "com.json", "tiangong.fmu", "out"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
+
+
+@pytest.mark.parametrize("document", ["README.md", *(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))])
+def test_links_lead_somewhere(document):
+    path = ROOT / document
+    for link in re.findall(r"\]\(([^)#]+)\)", path.read_text(encoding="utf-8")):
+        assert (path.parent / link).exists(), link
