@@ -128,14 +128,14 @@ class Orbit(FileModel):
         return 2 * pi * sqrt(self.semi_major_axis**3 / self.gravitational_parameter)
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path) -> "Orbit":
         """Read an orbit TOML file: one table, [orbit].
 
         Raises:
             InputError: one line that says where, what was found, what was expected.
         """
         data = read_toml(path, "an orbit in TOML")
-        return OrbitFile.parse(data, str(path)).orbit  # type: ignore[return-value]
+        return OrbitFile.parse(data, str(path)).orbit
 
 
 class OrbitFile(FileModel):
