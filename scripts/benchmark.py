@@ -120,7 +120,7 @@ def unit_flights(unit: Path, duration: float) -> Iterator[Flight]:
     for tolerance in (1e-12, 1e-13, 1e-14):
         with Session(unit, {"solver.tolerance": tolerance}) as session:
             times = []
-            for _ in range(10):
+            for _ in range(40):
                 session.reset({"solver.tolerance": tolerance})
                 begin = time.perf_counter()
                 session.step(duration)
