@@ -10,6 +10,7 @@ from cyclopts import App, CycloptsError
 
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.scripts.build import build
+from baryscope.scripts.check import check
 from baryscope.scripts.compare import compare
 from baryscope.scripts.console import VERSION
 from baryscope.scripts.estimate import estimate_file
@@ -25,9 +26,11 @@ app = App(
     exit_on_error=False,
     print_error=False,
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 app.command(compare)
 app.command(build)
+app.command(check)
 app.command(simulate_scenario, name="simulate")
 app.command(estimate_file, name="estimate")
 app.command(scenarios)

@@ -264,7 +264,7 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t ni)
 {
     (void)indicators;
-    Instance *instance = enter(c, ASK, "fmi2GetEventIndicators");
+    Instance *instance = enter(c, GET_STATES, "fmi2GetEventIndicators");
     if (!instance) return fmi2Error;
     return ni ? (fmi2Status)refuse(instance, "fmi2GetEventIndicators: found %zu values, expected 0", ni) : fmi2OK;
 }

@@ -61,6 +61,28 @@ static fmi3Status call_completed(void *c)
     return fmi3CompletedIntegratorStep(c, true, &event, &terminate);
 }
 
+/* Calls that ask, or for what is not there: whatever they answer, they change nothing. */
+static void call_rest(void *c, unsigned which, bool null)
+{
+    const fmi3ValueReference reference = 0;
+    fmi3Boolean flags[2] = {false, false};
+    fmi3Clock clock = false;
+    size_t number;
+    double value = 0.0;
+    switch (which % 10) {
+    case 0: fmi3GetNumberOfContinuousStates(c, null ? NULL : &number); break;
+    case 1: fmi3GetNumberOfEventIndicators(c, null ? NULL : &number); break;
+    case 2: fmi3GetVersion(); break;
+    case 3: fmi3GetClock(c, &reference, null ? 0 : 1, &clock); break;
+    case 4: fmi3SetClock(c, &reference, null ? 0 : 1, &clock); break;
+    case 5: fmi3GetIntervalDecimal(c, &reference, null ? 0 : 1, &value, NULL); break;
+    case 6: fmi3EnterConfigurationMode(c); break;
+    case 7: fmi3GetNumberOfVariableDependencies(c, reference, null ? NULL : &number); break;
+    case 8: fmi3CompletedIntegratorStep(c, true, flags, NULL); break;
+    default: fmi3DoStep(c, 0.0, 1.0, true, NULL, flags, flags + 1, &value);
+    }
+}
+
 #else
 #define REFERENCE fmi2ValueReference
 
@@ -110,5 +132,31 @@ static fmi2Status call_completed(void *c)
 {
     fmi2Boolean event, terminate;
     return fmi2CompletedIntegratorStep(c, 1, &event, &terminate);
+}
+
+/* Calls that ask, or for what is not there: whatever they answer, they change nothing. */
+static void call_rest(void *c, unsigned which, bool null)
+{
+    static const fmi2Boolean flags[N_REFERENCES + 1];
+    static const fmi2ValueReference many[N_REFERENCES + 1];
+    const fmi2ValueReference reference = 0;
+    const fmi2Integer one = 1;
+    const fmi2StatusKind kind = (fmi2StatusKind)(which / 16 % 5);
+    const double rate = 1.0;
+    fmi2Boolean flag;
+    fmi2Status status;
+    double time;
+    switch (which % 10) {
+    case 0: fmi2GetRealStatus(c, kind, null ? NULL : &time); break;
+    case 1: fmi2GetBooleanStatus(c, kind, null ? NULL : &flag); break;
+    case 2: fmi2GetStatus(c, kind, &status); break;
+    case 3: fmi2GetIntegerStatus(c, kind, NULL); break;
+    case 4: fmi2GetStringStatus(c, kind, NULL); break;
+    case 5: fmi2CancelStep(c); break;
+    case 6: fmi2SetRealInputDerivatives(c, &reference, null ? 0 : 1, &one, &rate); break;
+    case 7: fmi2SetBoolean(c, many, N_REFERENCES + 1, flags); break;
+    case 8: fmi2SetInteger(c, &reference, null ? 0 : 1, &one); break;
+    default: fmi2GetString(c, &reference, null ? 0 : 1, NULL);
+    }
 }
 #endif

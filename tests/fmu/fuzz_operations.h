@@ -232,7 +232,7 @@ static void model_exchange(Slot *slot)
     case 7: TRY(slot, reading, CALL(GetNominalsOfContinuousStates)(c, null ? NULL : values, size)); break;
     case 8: TRY(slot, both(in(slot, CONTINUOUS) ? LEGAL : ILLEGAL, fits && finite),
                 CALL(SetContinuousStates)(c, null ? NULL : values, size)); break;
-    default: TRY(slot, wrong_size && size ? ILLEGAL : size ? ILLEGAL : LEGAL, CALL(GetEventIndicators)(c, values, size));
+    default: TRY(slot, readable && !size ? LEGAL : ILLEGAL, CALL(GetEventIndicators)(c, values, size));
     }
     free(values);
 }
@@ -360,10 +360,18 @@ static void no_instance(Slot *slot)
     calls += 4;
 }
 
+static void ask(Slot *slot)
+{
+    const Core before = slot->instance->core;
+    call_rest(slot->instance, below(160), one_in(3));
+    calls++;
+    if (memcmp(&before, &slot->instance->core, sizeof before) != 0) stop("a question", "it changed the instance");
+}
+
 typedef void Operation(Slot *slot);
 
 static Operation *const OPERATIONS[] = {
     renew, reset, rerun, setup, setup, exit_initialization, exit_initialization, terminate, set_logging, get_reals, get_reals,
     set_reals, set_reals, booleans, other_types, step, step, step, model_exchange, model_exchange, model_exchange, states,
-    states, serialise, derivatives, output_derivatives, no_instance,
+    states, serialise, derivatives, output_derivatives, no_instance, ask,
 };

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from baryscope.models.scenario import preset_names
-from baryscope.scripts import app
+from baryscope.scripts import app, scenarios
 
 
 def complaint(capsys, code, *arguments):
@@ -76,7 +76,7 @@ def test_an_interrupt_is_one_line(capsys, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(app, "app", interrupted)
+    monkeypatch.setattr(scenarios, "preset_names", interrupted)
     assert "interrupted" in complaint(capsys, 130, "scenarios")
 
 
