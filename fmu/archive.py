@@ -67,15 +67,19 @@ def open_unit(path: Path) -> UnitFile:
     """
     folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
     try:
-        _unpack(path, folder)
+        unpack(path, folder, "an FMU made by `baryscope build`")
         return _describe(path, folder)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
 
 
-def _unpack(path: Path, folder: Path) -> None:
-    expected = "an FMU made by `baryscope build`"
+def unpack(path: Path, folder: Path, expected: str) -> None:
+    """Unpack an archive that should be `expected`, which an error then names; no member may lead out of `folder`.
+
+    Raises:
+        InputError: it cannot be read, is damaged, or holds an unsafe path.
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             for name in archive.namelist():

@@ -10,20 +10,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from baryscope.fmu.check_capabilities import PROBES
-from baryscope.fmu.check_dependencies import (
-    flow_findings,
-    run_dependency_findings,
-    start_dependency_findings,
-    vector_findings,
-)
+from baryscope.fmu.check_dependencies import run_dependency_findings, start_dependency_findings
 from baryscope.fmu.check_description import interfaces, read_description
 from baryscope.fmu.check_finding import Finding, error
 from baryscope.fmu.check_instance import RefusedError
 from baryscope.fmu.check_ours import is_ours, model_findings
 
 ALL_PROBES = PROBES | {
-    "vectors of states": vector_findings,
-    "change of states": flow_findings,
     "dependencies at the start": start_dependency_findings,
     "dependencies in a run": run_dependency_findings,
     "agreement with the model": model_findings,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from baryscope.fmu.check_description import continuous_inputs, interfaces, is_float, size_of
+from baryscope.fmu.check_description import continuous_inputs, interfaces, is_float, size_of, states
 from baryscope.fmu.check_finding import Finding, error, warning
 from baryscope.fmu.check_instance import FloatArray, Instance, RefusedError
 
@@ -124,12 +124,15 @@ def _move(instance: Instance, steps: int) -> FloatArray:
 
 
 def duration(description: Any) -> float:
-    """The communication step to try: the default experiment's, else a thousandth of its length."""
+    """The communication step to try: the default experiment's, else a thousandth of its length or 100 of the unit's."""
     experiment = description.defaultExperiment
     if experiment is None:
         return 0.01
+    if experiment.stepSize:
+        return float(experiment.stepSize)
     length = float(experiment.stopTime or 1.0) - float(experiment.startTime or 0.0)
-    return float(experiment.stepSize) if experiment.stepSize else length / 1000
+    fixed = description.coSimulation.fixedInternalStepSize if description.coSimulation is not None else None
+    return min(length / 1000, 100 * float(fixed)) if fixed else length / 1000
 
 
 def step_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
@@ -189,6 +192,52 @@ def _rate_findings(instance: Instance, outputs: list[Any], h: float) -> Iterator
         )
 
 
+def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """The vectors of states and derivatives hold the variables of ModelStructure/Derivatives in their order."""
+    if name != "ModelExchange" or not states(description):
+        return
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        vector = instance.get_states()
+        instance.set_states(vector + 0.01 * np.arange(1.0, vector.size + 1.0))  # all unlike one another
+        for rates, variables in ((False, states(description)), (True, [u.variable for u in description.derivatives])):
+            vector, values = instance.get_states(rates), instance.get(variables)
+            names = [variable.name for variable in variables for _ in range(size_of(variable))]
+            for place in np.flatnonzero(vector != values):
+                what = "derivatives" if rates else "states"
+                yield error(
+                    names[place],
+                    f"found {values[place]:.17g}, expected {vector[place]:.17g} as in the vector of {what}",
+                )
+
+
+def flow_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """In Co-Simulation, states change as their derivatives say: the mean of both ends against the change in between."""
+    if name != "CoSimulation" or not states(description) or description.coSimulation.fixedInternalStepSize:
+        return
+    if not description.coSimulation.canHandleVariableCommunicationStepSize:
+        return
+    variables, rates = states(description), [unknown.variable for unknown in description.derivatives]
+    h = 1e-3 * duration(description)
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        instance.step(duration(description))
+        before, first = instance.get(variables), instance.get(rates)
+        instance.step(h)
+        after, second = instance.get(variables), instance.get(rates)
+    if np.array_equal(after, before):
+        return  # the unit's own steps are longer than this one
+    change, expected = (after - before) / h, (first + second) / 2
+    noise = 1e-4 * (np.abs(expected) + np.abs(second - first)) + 1e-10 * np.abs(before) / h + 1e-9
+    names = [rate.name for rate in rates for _ in range(size_of(rate))]
+    for place in np.flatnonzero(np.abs(change - expected) > noise):
+        yield error(
+            names[place], f"found {expected[place]:.9g}, expected {change[place]:.9g}, by which its state changes"
+        )
+
+
 def instance_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
     """A second instance leaves the first alone, and memory functions are called only where that is declared."""
     flags = interfaces(description)[name]
@@ -222,5 +271,7 @@ PROBES: dict[str, Probe] = {
     "setting values": setting_findings,
     "saved states": state_findings,
     "steps": step_findings,
+    "vectors of states": vector_findings,
+    "change of states": flow_findings,
     "instances": instance_findings,
 }

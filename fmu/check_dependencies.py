@@ -1,8 +1,8 @@
 """Checks of ModelStructure against the binary: what depends on what, and whether derivatives are derivatives.
 
 Dependencies are looked for at a few points near the start values, by directional derivatives where they are declared,
-by differences elsewhere. An influence that is not declared is an error; one that is declared and was not seen, a
-warning.
+by differences elsewhere. An influence that is not declared is an error; one that is declared and was not seen by exact
+derivatives, a warning.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from baryscope.fmu.check_capabilities import duration
 from baryscope.fmu.check_description import continuous_inputs, interfaces, is_float, size_of, states
 from baryscope.fmu.check_finding import Finding, error, listed, warning
 from baryscope.fmu.check_instance import FloatArray, Instance, RefusedError
@@ -57,12 +56,12 @@ class Influences:
                 if self.largest[row, column].any()
             }
             where = f"in ModelStructure/{self.element}"
-            missing, idle = sorted(found - names), sorted(names - (weak if exact else found))
+            missing, idle = sorted(found - names), sorted(names - weak)
             known_names = {known.name for known in self.knowns}
             if missing:
                 yield error(unknown.name, f"depends on {listed(missing)}, expected {where} to say so")
             idle = [name for name in idle if name in known_names]
-            if idle and (exact or strongest[row].any()):
+            if idle and exact:  # differences do not see what is weak
                 yield warning(unknown.name, f"{where} depends on {listed(idle)}, but no influence was seen")
 
 
@@ -130,51 +129,6 @@ def run_dependency_findings(folder: Path, description: Any, name: str) -> Iterat
     for influence, (_, group) in zip(influences, groups, strict=True):
         if _speaks_for_both(description, name):
             yield from influence.findings(_declared(group), exact)
-
-
-def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """The vectors of states and derivatives hold the variables of ModelStructure/Derivatives in their order."""
-    if name != "ModelExchange" or not states(description):
-        return
-    with Instance(folder, description, name) as instance:
-        instance.initialise()
-        instance.run()
-        _scatter(instance, [], np.random.default_rng(2))
-        for rates, variables in ((False, states(description)), (True, [u.variable for u in description.derivatives])):
-            vector, values = instance.get_states(rates), instance.get(variables)
-            names = [variable.name for variable in variables for _ in range(size_of(variable))]
-            for place in np.flatnonzero(vector != values):
-                what = "derivatives" if rates else "states"
-                yield error(
-                    names[place],
-                    f"found {values[place]:.17g}, expected {vector[place]:.17g} as in the vector of {what}",
-                )
-
-
-def flow_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """In Co-Simulation, states change as their derivatives say: the mean of both ends against the change in between."""
-    if name != "CoSimulation" or not states(description) or description.coSimulation.fixedInternalStepSize:
-        return
-    if not description.coSimulation.canHandleVariableCommunicationStepSize:
-        return
-    variables, rates = states(description), [unknown.variable for unknown in description.derivatives]
-    h = 1e-3 * duration(description)
-    with Instance(folder, description, name) as instance:
-        instance.initialise()
-        instance.run()
-        instance.step(duration(description))
-        before, first = instance.get(variables), instance.get(rates)
-        instance.step(h)
-        after, second = instance.get(variables), instance.get(rates)
-    if np.array_equal(after, before):
-        return  # the unit's own steps are longer than this one
-    change, expected = (after - before) / h, (first + second) / 2
-    noise = 1e-4 * (np.abs(expected) + np.abs(second - first)) + 1e-10 * np.abs(before) / h + 1e-9
-    names = [rate.name for rate in rates for _ in range(size_of(rate))]
-    for place in np.flatnonzero(np.abs(change - expected) > noise):
-        yield error(
-            names[place], f"found {expected[place]:.9g}, expected {change[place]:.9g}, by which its state changes"
-        )
 
 
 # ---- points and influences ----

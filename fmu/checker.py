@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from baryscope.fmu.archive import _unpack
+from baryscope.fmu.archive import unpack
 from baryscope.fmu.check_binary import binary_findings
 from baryscope.fmu.check_description import description_findings, read_description
 from baryscope.fmu.check_finding import Finding, Severity, error
@@ -40,7 +40,7 @@ def check_unit(path: str | Path, *, isolated: bool = True) -> list[Finding]:
     with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
         folder = Path(name) / "unit"
         folder.mkdir()
-        _unpack(path, folder)
+        unpack(path, folder, "an FMU")
         _require_description(path, folder)
         try:
             description = read_description(folder)

@@ -5,8 +5,10 @@ What differs between FMI 2.0 and 3.0 stands in two records, so that a session ne
 """
 
 import ctypes
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -141,6 +143,7 @@ class Slave:
         expected = "expected a unit for this machine"
         if library is None:
             raise InputError(f"{unit.path}: has no library for {host_platform().name}, {expected}")
+        here = Path.cwd()
         try:
             return self._version.loader(
                 guid=unit.guid,
@@ -150,6 +153,7 @@ class Slave:
                 libraryPath=str(library),
             )
         except Exception as error:  # as above
+            os.chdir(here)  # fmpy goes to the library's folder, and stays there if it cannot be loaded
             raise InputError(f"{unit.path}: cannot be loaded ({error}), {expected}") from error
 
     def reset(self) -> None:

@@ -1,6 +1,7 @@
 """Files that are no unit of ours are refused before anything of them is loaded."""
 
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -79,3 +80,10 @@ def test_description_and_library_of_different_builds(envisat_fmu, tmp_path):
     path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b'guid="{', b'guid="{0'))
     with pytest.raises(UnitError, match="different builds"):
         Session(path)
+
+
+def test_a_library_that_cannot_be_loaded_leaves_us_where_we_were(envisat_fmu, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: b"no library" if n.startswith("binaries") else c)
+    assert "cannot be loaded" in _refusal(path)
+    assert Path.cwd() == tmp_path

@@ -1,0 +1,294 @@
+"""Units that are wrong in one place each: ways to change modelDescription.xml, and who notices."""
+
+import xml.etree.ElementTree as ET
+import zipfile
+
+
+def rewritten(source, target, change):
+    """A copy of an FMU with `change(name, content)` in the place of each member; None leaves it out."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            content = change(name, old.read(name))
+            if content is not None:
+                new.writestr(name, content)
+    return target
+
+
+def mutated(source, target, mutate):
+    """A copy of an FMU with a changed modelDescription.xml."""
+
+    def change(name, content):
+        if name != "modelDescription.xml":
+            return content
+        root = ET.fromstring(content)  # noqa: S314 - our own
+        mutate(root)
+        return ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+
+    return rewritten(source, target, change)
+
+
+# ---- what can be wrong in FMI 2 ----
+
+
+def variable(root, name):
+    return root.find(f"ModelVariables/ScalarVariable[@name='{name}']")
+
+
+def place(root, name):
+    return str([v.get("name") for v in root.find("ModelVariables")].index(name) + 1)
+
+
+def unknown(root, element, name):
+    return root.find(f"ModelStructure/{element}/Unknown[@index='{place(root, name)}']")
+
+
+def wrong_token(root):
+    root.set("guid", root.get("guid")[:-2] + "0}" if root.get("guid")[-2] != "0" else root.get("guid")[:-2] + "1}")
+
+
+def missing_start(root):
+    del variable(root, "target.inertia.xx").find("Real").attrib["start"]
+
+
+def start_with_another_last_digit(root):
+    real = variable(root, "orbit.semiMajorAxis").find("Real")
+    digits = real.get("start").replace(".0", "") + ".000000001"
+    real.set("start", digits)
+
+
+def wrong_boolean_start(root):
+    variable(root, "gravityGradient").find("Boolean").set("start", "true")
+
+
+def wrong_unit_of_an_output(root):
+    variable(root, "features[2,1]").find("Real").set("unit", "m/s")
+
+
+def wrong_unit_of_a_state(root):
+    variable(root, "state.trueAnomaly").find("Real").set("unit", "m")
+
+
+def wrong_base_units(root):
+    root.find("UnitDefinitions/Unit[@name='m/s2']/BaseUnit").set("s", "-1")
+
+
+def wrong_factor(root):
+    root.find("UnitDefinitions/Unit[@name='rad']/BaseUnit").set("factor", "0.0174532925199433")
+
+
+def undefined_unit(root):
+    definitions = root.find("UnitDefinitions")
+    definitions.remove(definitions.find("Unit[@name='J']"))
+
+
+def drop_dependency(element, of, on):
+    def mutate(root):
+        entry = unknown(root, element, of)
+        left = [index for index in entry.get("dependencies").split() if index != place(root, on)]
+        assert len(left) < len(entry.get("dependencies").split())
+        entry.set("dependencies", " ".join(left))
+
+    return mutate
+
+
+def dependency_on_another(root):
+    """On the velocity where it is the position that counts."""
+    entry = unknown(root, "Outputs", "chaser.position[1]")
+    assert entry.get("dependencies") == place(root, "state.position[1]")
+    entry.set("dependencies", place(root, "state.velocity[1]"))
+
+
+def dependency_on_a_parameter(root):
+    unknown(root, "Outputs", "chaser.position[1]").set("dependencies", place(root, "orbit.raan"))
+
+
+def flag(interface, name, value):
+    def mutate(root):
+        root.find(interface).set(name, value)
+
+    return mutate
+
+
+def removed_unknown(element, name):
+    def mutate(root):
+        root.find(f"ModelStructure/{element}").remove(unknown(root, element, name))
+
+    return mutate
+
+
+def swap_references(one, other):
+    def mutate(root):
+        pair = [variable(root, one), variable(root, other)]
+        numbers = [v.get("valueReference") for v in pair]
+        for v, number in zip(pair, reversed(numbers), strict=True):
+            v.set("valueReference", number)
+
+    return mutate
+
+
+def shared_reference(root):
+    same = variable(root, "orbit.inclination").get("valueReference")
+    variable(root, "orbit.raan").set("valueReference", same)
+
+
+def reference_to_nowhere(root):
+    variable(root, "target.position[1]").set("valueReference", "9999")
+
+
+def renamed(root):
+    variable(root, "target.rotationalEnergy").set("name", "target.kineticEnergy")
+
+
+def parameter_for_input(root):
+    v = variable(root, "chaser.acceleration[2]")
+    v.set("causality", "parameter")
+    v.set("variability", "tunable")
+
+
+def tunable_for_fixed(root):
+    variable(root, "orbit.raan").set("variability", "tunable")
+
+
+def local_for_output(root):
+    variable(root, "orbit.trueAnomaly").set("causality", "local")
+
+
+def derivative_of_another_state(root):
+    variable(root, "der(state.position[1])").find("Real").set("derivative", place(root, "state.position[2]"))
+
+
+def derivative_of_nothing(root):
+    variable(root, "der(state.position[1])").find("Real").set("derivative", "9999")
+
+
+def unknown_log_category(root):
+    ET.SubElement(root.find("LogCategories"), "Category", name="logDynamicStateSelection")
+
+
+# Mutation, what an error of ours must say, whether fmpy's validation alone has something to say.
+MUTATIONS_2 = [
+    (wrong_token, "the token is not this library's", False),
+    (missing_start, "target.inertia.xx.*has no start value", True),
+    (start_with_another_last_digit, "orbit.semiMajorAxis: found start 7", False),
+    (wrong_boolean_start, "gravityGradient: found start 0.0 in the binary, expected 1.0", False),
+    (wrong_unit_of_an_output, r'features\[2,1\]: found unit "m/s", expected "m"', False),
+    (wrong_unit_of_a_state, r'der\(state.trueAnomaly\): found unit "rad/s"', False),
+    (wrong_base_units, 'unit "m/s2": found exponents m=1, s=-1, expected m=1, s=-2', False),
+    (wrong_factor, 'unit "rad": found factor 0.017', False),
+    (undefined_unit, 'The unit "J" .* is not defined', True),
+    (drop_dependency("Outputs", "features[1,1]", "state.position[1]"), r"features\[1,1\]: depends on state", False),
+    (drop_dependency("Derivatives", "der(state.velocity[1])", "chaser.acceleration[1]"), "depends on chaser", False),
+    (drop_dependency("InitialUnknowns", "target.rotationalEnergy", "target.inertia.xy"), "depends on target.i", False),
+    (drop_dependency("InitialUnknowns", "der(state.angularRate[1])", "gravityGradient"), "depends on gravity", False),
+    (dependency_on_another, r"chaser.position\[1\]: depends on state.position\[1\]", False),
+    (dependency_on_a_parameter, r"chaser.position\[1\]: depends on state.position\[1\]", False),
+    (flag("CoSimulation", "canInterpolateInputs", "true"), "canInterpolateInputs: is declared, but", False),
+    (flag("CoSimulation", "maxOutputDerivativeOrder", "3"), "maxOutputDerivativeOrder: .*order 2, expected 1", False),
+    (flag("ModelExchange", "canGetAndSetFMUstate", "false"), "canSerializeFMUstate: is declared without", False),
+    (removed_unknown("InitialUnknowns", "features[1,1]"), "InitialUnknowns does not contain", True),
+    (removed_unknown("Outputs", "target.position[2]"), "Outputs must have exactly one entry", True),
+    (removed_unknown("Derivatives", "der(state.velocity[3])"), r"der\(state.velocity\[3\]\): is the derivative", True),
+    (swap_references("orbit.inclination", "orbit.raan"), "orbit.raan: found start", False),
+    (swap_references("features[1,1]", "features[2,1]"), r"features\[2,1\]: found .* by the equations", False),
+    (swap_references("state.position[1]", "state.position[2]"), "as in the vector of states", False),
+    (shared_reference, "orbit.raan: found value reference .* which orbit.inclination has already", False),
+    (reference_to_nowhere, r"target.position\[1\]: cannot be read .* value reference 9999", False),
+    (renamed, "target.rotationalEnergy: is missing", False),
+    (parameter_for_input, r"chaser.acceleration\[2\]: is a tunable parameter", False),
+    (tunable_for_fixed, "orbit.raan: is declared as a tunable parameter, but in a run", False),
+    (local_for_output, "orbit.trueAnomaly: is a continuous local", True),
+    (derivative_of_another_state, r"found derivative of state.position\[2\], expected of", True),
+    (derivative_of_nothing, "cannot be understood", True),
+    (unknown_log_category, "LogCategories/logDynamicStateSelection: is declared, but", False),
+]
+
+
+# ---- what can be wrong in FMI 3, with arrays ----
+
+
+def variable3(root, name):
+    return next(v for v in root.find("ModelVariables") if v.get("name") == name)
+
+
+def unknown3(root, element, name):
+    reference = variable3(root, name).get("valueReference")
+    return root.find(f"ModelStructure/{element}[@valueReference='{reference}']")
+
+
+def wrong_token3(root):
+    root.set("instantiationToken", "{00000000-0000-0000-0000-000000000000}")
+
+
+def short_array_start(root):
+    start = variable3(root, "target.attitude0").get("start").split()
+    variable3(root, "target.attitude0").set("start", " ".join(start[:-1]))
+
+
+def one_start_for_an_array(root):
+    variable3(root, "target.attitude0").set("start", "0.5")
+
+
+def missing_start3(root):
+    del variable3(root, "target.attitude0").attrib["start"]
+
+
+def changed_element(root):
+    start = variable3(root, "target.features").get("start").split()
+    start[7] = repr(float(start[7]) * (1 + 4e-16))
+    variable3(root, "target.features").set("start", " ".join(start))
+
+
+def wrong_dimension(root):
+    variable3(root, "target.angularRate").find("Dimension").set("start", "4")
+
+
+def wrong_unit3(root):
+    variable3(root, "features").set("unit", "m/s")
+
+
+def dropped_dependency3(root):
+    entry, position = unknown3(root, "Output", "features"), variable3(root, "state.position").get("valueReference")
+    left = [reference for reference in entry.get("dependencies").split() if reference != position]
+    assert len(left) < len(entry.get("dependencies").split())
+    entry.set("dependencies", " ".join(left))
+    entry.attrib.pop("dependenciesKind", None)
+
+
+def removed3(element, name):
+    def mutate(root):
+        root.find("ModelStructure").remove(unknown3(root, element, name))
+
+    return mutate
+
+
+def wrong_derivative3(root):
+    variable3(root, "der(state.position)").set("derivative", variable3(root, "state.velocity").get("valueReference"))
+
+
+def shared_reference3(root):
+    variable3(root, "orbit.raan").set("valueReference", variable3(root, "orbit.inclination").get("valueReference"))
+
+
+def swapped_references3(root):
+    pair = [variable3(root, name) for name in ("target.position", "target.velocity")]
+    numbers = [v.get("valueReference") for v in pair]
+    for v, number in zip(pair, reversed(numbers), strict=True):
+        v.set("valueReference", number)
+
+
+MUTATIONS_3 = [
+    (wrong_token3, "the token is not this library's", False),
+    (short_array_start, "target.attitude0: found 3 start values, expected 4", False),
+    (one_start_for_an_array, "target.attitude0: found start", False),
+    (missing_start3, "target.attitude0.*has no start value", True),
+    (changed_element, "target.features: found start", False),
+    (wrong_dimension, "target.angularRate: found 4 elements, expected 3", False),
+    (wrong_unit3, 'features: found unit "m/s", expected "m"', False),
+    (dropped_dependency3, "features: depends on state.position", False),
+    (removed3("InitialUnknown", "features"), "InitialUnknowns does not contain", True),
+    (removed3("Output", "target.position"), "Outputs must have exactly one entry", True),
+    (wrong_derivative3, "is one of 2 derivatives of state.velocity", True),
+    (shared_reference3, "refers to a variable that is not there", True),
+    (swapped_references3, r"target.position\[1\]: found .* by the equations", False),
+    (flag("CoSimulation", "maxOutputDerivativeOrder", "3"), "maxOutputDerivativeOrder: .*order 2, expected 1", False),
+]
