@@ -15,7 +15,7 @@ WIDEST = np.deg2rad(100.0)  # a longer turn gives little less noise, and more bi
 SAMPLES = 1500  # pairs looked at for each lag that is tried
 STRETCHES = 50  # of the whole time, to tell how much of it intersections cover
 ALIKE = 0.9  # of the stretches that the best lag covers
-CLEAR = 4.0  # times the noise, as a square, that does not count as a turn of the axis
+NOISE_SHARE = 4.0  # times the noise, as a square, that does not count as a turn of the axis
 CUTOFF_RATIO = 8.0  # cut-off frequency over the rate of rotation in turns per second
 
 
@@ -78,7 +78,7 @@ def try_lag(motion: Motion, lag: int) -> Trial:
     edges = np.linspace(motion.time[0], motion.time[-1], STRETCHES + 1)[1:-1]
     covered = len(np.unique(np.searchsorted(edges, middle)))
     noise = pairs.angle_deviation[sample][good] ** 2 / half  # of the angle between two axes, both directions
-    worth = float(np.sum(half * (square - CLEAR * noise)))
+    worth = float(np.sum(half * (square - NOISE_SHARE * noise)))
     return Trial(lag, float(np.median(one.angle[good])), max(0.0, worth) * every, covered)
 
 

@@ -135,7 +135,7 @@ def _step_function(m: int) -> ca.Function:
     r, jacobian = at(ca.SX.zeros(UNKNOWNS), state, p, q, w)
     normal, gradient = jacobian.T @ jacobian, jacobian.T @ r
     damping = state[8]
-    dx = -_solve_positive(normal + damping * ca.diag(ca.diag(normal) + 1e-9), gradient)
+    dx = -ca.ldl_solve(gradient, *ca.ldl(normal + damping * ca.diag(ca.diag(normal) + 1e-9), False))
     r_new, _ = at(dx, state, p, q, w)
     size = ca.norm_2(dx)
     before, after = ca.sumsqr(r), ca.sumsqr(r_new)
@@ -167,21 +167,3 @@ def _screwed(state: ca.SX, point: ca.SX) -> ca.SX:
     arm = point - pole
     across = ca.cross(axis, arm)
     return point + ca.sin(angle) * across + (1 - ca.cos(angle)) * ca.cross(axis, across) + translation * axis
-
-
-def _solve_positive(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """Solve a symmetric positive-definite system by L D Lᵀ, written out in scalars."""
-    n = matrix.shape[0]
-    lower, diagonal = ca.SX.eye(n), ca.SX.zeros(n)
-    for j in range(n):
-        diagonal[j] = matrix[j, j] - sum((lower[j, k] ** 2 * diagonal[k] for k in range(j)), start=ca.SX(0))
-        for i in range(j + 1, n):
-            inner = sum((lower[i, k] * lower[j, k] * diagonal[k] for k in range(j)), start=ca.SX(0))
-            lower[i, j] = (matrix[i, j] - inner) / diagonal[j]
-    y = ca.SX.zeros(n)
-    for i in range(n):
-        y[i] = right[i] - sum((lower[i, k] * y[k] for k in range(i)), start=ca.SX(0))
-    x = ca.SX.zeros(n)
-    for i in reversed(range(n)):
-        x[i] = y[i] / diagonal[i] - sum((lower[k, i] * x[k] for k in range(i + 1, n)), start=ca.SX(0))
-    return x

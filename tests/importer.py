@@ -8,7 +8,22 @@ from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 ERROR, DISCARD = 3, 2
 
 
-class Importer:
+class Listener:
+    """Whoever keeps what the unit says, in `messages`."""
+
+    def refused(self, call, *words, status=ERROR):
+        """Make the call, see it fail with one new message that contains `words`."""
+        before = len(self.messages)
+        with pytest.raises(FMICallException) as raised:
+            call()
+        assert raised.value.status == status
+        if words:
+            assert len(self.messages) == before + 1
+            for word in words:
+                assert word in self.messages[-1]
+
+
+class Importer(Listener):
     """An instance in the state Instantiated, with what it logged."""
 
     kind = FMU2Slave
@@ -32,14 +47,3 @@ class Importer:
         self.slave.setupExperiment()
         self.slave.enterInitializationMode()
         self.slave.exitInitializationMode()
-
-    def refused(self, call, *words, status=ERROR):
-        """Make the call, see it fail with one new message that contains `words`."""
-        before = len(self.messages)
-        with pytest.raises(FMICallException) as raised:
-            call()
-        assert raised.value.status == status
-        if words:
-            assert len(self.messages) == before + 1
-            for word in words:
-                assert word in self.messages[-1]
