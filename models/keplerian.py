@@ -7,7 +7,7 @@ import casadi as ca
 
 from baryscope.models.frames import Symbol
 
-KEPLER_ITERATIONS = 16
+KEPLER_ITERATIONS = 8
 
 
 @dataclass(frozen=True)
@@ -69,25 +69,44 @@ def mean_motion(semi_major_axis: Symbol, mu: Symbol) -> Symbol:
     return ca.sqrt(mu / semi_major_axis**3)
 
 
+def eccentric_anomaly(mean_anomaly: Symbol, eccentricity: Symbol) -> Symbol:
+    """E in rad from Kepler's equation E − e sin E = M, for −π ≤ M ≤ π.
+
+    Start and steps are Danby's (1988): from E = M + 0.85 e sign(sin M), in steps of fourth order, of which a fixed
+    number suffices for every e up to 0.999.
+    """
+    M, e = mean_anomaly, eccentricity
+    E = M + 0.85 * e * ca.sign(ca.sin(M))
+    for _ in range(KEPLER_ITERATIONS):
+        sine, cosine = e * ca.sin(E), e * ca.cos(E)
+        fault, slope = E - sine - M, 1 - cosine
+        second = -fault / slope
+        third = -fault / (slope + second * sine / 2)
+        E = E - fault / (slope + third * sine / 2 + third**2 * cosine / 6)
+    return E
+
+
+def eccentric_anomaly_after(
+    time: Symbol, semi_major_axis: Symbol, eccentricity: Symbol, mu: Symbol, true_anomaly0: Symbol
+) -> tuple[Symbol, Symbol]:
+    """E(t) in rad, from −π to π, and the number of whole turns beside it, from θ(0)."""
+    e = eccentricity
+    theta0, turns0 = whole_turns(true_anomaly0)
+    E0 = 2 * ca.atan2(ca.sqrt((1 - e) / (1 + e)) * ca.sin(theta0 / 2), ca.cos(theta0 / 2))
+    M, turns = whole_turns(E0 - e * ca.sin(E0) + mean_motion(semi_major_axis, mu) * time)
+    return eccentric_anomaly(M, e), turns + turns0
+
+
 def true_anomaly_after(
     time: Symbol, semi_major_axis: Symbol, eccentricity: Symbol, mu: Symbol, true_anomaly0: Symbol
 ) -> Symbol:
-    """θ(t) in rad, unwrapped, from θ(0), by Newton's iteration on Kepler's equation E − e sin E = M.
-
-    The iteration starts at E = M + 0.85 e sign(sin M) (Danby 1988), from where a fixed number of steps
-    suffices for every e below 1.
-    """
+    """θ(t) in rad, unwrapped, from θ(0)."""
     e = eccentricity
-    to_eccentric = ca.sqrt((1 - e) / (1 + e))
+    E, turns = eccentric_anomaly_after(time, semi_major_axis, e, mu, true_anomaly0)
+    return 2 * ca.atan2(ca.sin(E / 2), ca.sqrt((1 - e) / (1 + e)) * ca.cos(E / 2)) + 2 * ca.pi * turns
 
-    turns0 = ca.floor((true_anomaly0 + ca.pi) / (2 * ca.pi))
-    theta0 = true_anomaly0 - 2 * ca.pi * turns0
-    E0 = 2 * ca.atan2(to_eccentric * ca.sin(theta0 / 2), ca.cos(theta0 / 2))
-    M = E0 - e * ca.sin(E0) + mean_motion(semi_major_axis, mu) * time
-    turns = ca.floor((M + ca.pi) / (2 * ca.pi))
-    M = M - 2 * ca.pi * turns
-    E = M + 0.85 * e * ca.sign(ca.sin(M))
-    for _ in range(KEPLER_ITERATIONS):
-        E = E - (E - e * ca.sin(E) - M) / (1 - e * ca.cos(E))
-    theta = 2 * ca.atan2(ca.sin(E / 2), to_eccentric * ca.cos(E / 2))
-    return theta + 2 * ca.pi * (turns + turns0)
+
+def whole_turns(angle: Symbol) -> tuple[Symbol, Symbol]:
+    """An angle in rad as one from −π to π and a number of whole turns."""
+    turns = ca.floor((angle + ca.pi) / (2 * ca.pi))
+    return angle - 2 * ca.pi * turns, turns

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import rotation_I_L, rotation_I_P
 from baryscope.models.keplerian import true_anomaly_after
 from baryscope.models.scenario import Orbit, orbit_parameters
@@ -21,16 +22,14 @@ def lvlh_attitude(orbit: Orbit, time: NDArray[np.float64]) -> NDArray[np.float64
     Returns:
         R_I_L, (n, 3, 3), such that `p_I = R_I_L @ p_L`.
     """
-    elements = np.array(list(orbit_parameters(orbit).values()))
-    rows = np.array(_lvlh_function().map(time.size)(time[None, :], elements))
-    return rows.T.reshape(-1, 3, 3)
+    return _lvlh_function()(time[None, :], list(orbit_parameters(orbit).values()))
 
 
 @cache
-def _lvlh_function() -> ca.Function:
-    """(time, elements) → R_I_L as nine numbers, row by row."""
+def _lvlh_function() -> ColumnFunction:
+    """(time, elements) → R_I_L."""
     time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
     a, e, inclination, raan, periapsis, anomaly0, mu = ca.vertsplit(elements)
     anomaly = true_anomaly_after(time, a, e, mu, anomaly0)
     R_I_L = rotation_I_L(rotation_I_P(raan, inclination, periapsis), anomaly)
-    return ca.Function("lvlh", [time, elements], [ca.vec(R_I_L.T)])
+    return ColumnFunction("lvlh", [time, elements], R_I_L)

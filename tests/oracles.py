@@ -134,3 +134,30 @@ class TorqueFree:
         theta, psi = np.arccos(m[:, 2]), np.arctan2(m[:, 0], m[:, 1])
         R_H_B = Rotation.from_euler("ZXZ", np.column_stack([phi, theta, psi])) * Rotation.from_matrix(self.R_B_P.T)
         return R_H_B[0].inv() * R_H_B
+
+
+def relative_kepler(orbit, state, time, epoch=0.0):
+    """[ρ; ρ̇] in LVLH at each time from that at the epoch: two Kepler orbits subtracted, in extended precision."""
+    mu, a, e = (np.longdouble(x) for x in (orbit.gravitational_parameter, orbit.semi_major_axis, orbit.eccentricity))
+    theta, p = np.longdouble(np.deg2rad(orbit.true_anomaly_deg)), a * (1 - e**2)
+    c, s = np.cos(theta), np.sin(theta)
+    target = propagate_kepler(
+        p / (1 + e * c) * np.array([c, s, 0]), np.sqrt(mu / p) * np.array([-s, e + c, 0]), mu, epoch
+    )
+
+    def lvlh(r, v):
+        """R_L_I and its rate about z."""
+        spin = np.cross(r, v) / (r @ r)
+        rate, radius = np.sqrt(spin @ spin), np.sqrt(r @ r)
+        return np.array([r / radius, np.cross(spin, r) / (rate * radius), spin / rate]), np.array([0, 0, rate])
+
+    state = np.asarray(state, dtype=np.longdouble)
+    R_L_I, rate = lvlh(*target)
+    chaser = (target[0] + R_L_I.T @ state[:3], target[1] + R_L_I.T @ (state[3:] + np.cross(rate, state[:3])))
+    path = []
+    for t in np.asarray(time, dtype=np.longdouble) - epoch:
+        (r, v), (r_chaser, v_chaser) = (propagate_kepler(*start, mu, t) for start in (target, chaser))
+        R_L_I, rate = lvlh(r, v)
+        rho = R_L_I @ (r_chaser - r)
+        path.append(np.concatenate([rho, R_L_I @ (v_chaser - v) - np.cross(rate, rho)]))
+    return np.array(path, dtype=float)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from baryscope.models.keplerian import Ellipse, conic, mean_motion, true_anomaly_after
+from baryscope.models.keplerian import Ellipse, conic, eccentric_anomaly, mean_motion, true_anomaly_after
 
 MU = 3.986004418e14
 AXIS = 9.0e6
@@ -34,6 +34,15 @@ def true_anomaly_by_bisection(time, e, theta0):
 def test_keplers_equation(e, time, theta0):
     theta = float(ca.evalf(true_anomaly_after(*map(ca.DM, (time, AXIS, e, MU, theta0)))))
     assert abs(theta - true_anomaly_by_bisection(time, e, theta0)) < KEPLER_TOLERANCE
+
+
+@pytest.mark.parametrize("e", [0.0, 1e-9, 0.1, 0.5, 0.9, 0.99, 0.999])
+def test_eccentric_anomaly_near_and_far_from_periapsis(e):
+    """What is left of Kepler's equation is rounding, also where its slope 1 − e cos E is small."""
+    M = np.concatenate([np.linspace(-np.pi, np.pi, 401), np.geomspace(1e-9, 1, 181), -np.geomspace(1e-9, 1, 181)])
+    symbol = ca.SX.sym("M")
+    E = np.array(ca.Function("E", [symbol], [eccentric_anomaly(symbol, e)]).map(M.size)(M[None])).ravel()
+    assert np.abs(E - e * np.sin(E) - M).max() < 1e-15
 
 
 @pytest.mark.parametrize("e", [0.0, 0.1, 0.5, 0.8, 0.95])

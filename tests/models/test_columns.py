@@ -1,0 +1,47 @@
+"""Columns of numbers against CasADi's own evaluation, point by point."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from baryscope.models.columns import BLOCK, OPERATIONS, ColumnFunction
+
+A, B = ca.SX.sym("a"), ca.SX.sym("b", 2)
+ONE_OF_EACH = ca.vertcat(
+    A + B[0], A - B[0], A * B[0], A / B[0], -A, 1 / A, A**2, 2 * A, ca.sqrt(A), ca.fabs(B[1]), ca.sign(B[1]),
+    ca.floor(B[1]), ca.sin(A), ca.cos(A), ca.atan2(B[1], A), ca.hypot(A, B[1]),
+)  # fmt: skip
+
+
+def test_every_operation():
+    function = ca.Function("all", [A, B], [ONE_OF_EACH])
+    used = {function.instruction_id(k) for k in range(function.n_instructions())}
+    assert used >= set(OPERATIONS)
+    rng = np.random.default_rng(1)
+    a, b = rng.uniform(0.1, 9, (1, 50)), rng.uniform(-9, 9, (2, 50))
+    found = ColumnFunction("all", [A, B], ONE_OF_EACH)(a, b)
+    assert found.shape == (50, ONE_OF_EACH.numel())
+    np.testing.assert_allclose(found, np.array(function.map(50)(a, b)).T, rtol=1e-14, atol=1e-15)
+
+
+def test_matrices_with_structural_zeros_and_inputs_that_are_the_same_everywhere():
+    matrix = ca.vertcat(ca.horzcat(A, 0, B[0]), ca.horzcat(3, B[1], 0))
+    found = ColumnFunction("matrix", [A, B], matrix)([[1.0, 2.0]], [5.0, 7.0])
+    np.testing.assert_array_equal(found, [[[1, 0, 5], [3, 7, 0]], [[2, 0, 5], [3, 7, 0]]])
+
+
+@pytest.mark.parametrize("count", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 2 * BLOCK + 3])
+def test_any_number_of_points(count):
+    values = np.arange(count, dtype=float)
+    np.testing.assert_array_equal(ColumnFunction("double", [A], 2 * A)(values[None]), 2 * values[:, None])
+
+
+def test_arguments_of_another_shape():
+    function = ColumnFunction("sum", [A, B], A + B[0] + B[1])
+    with pytest.raises(ValueError, match=r"sum: argument 1 has the shape \(3, 4\), expected 2 rows"):
+        function(np.zeros((1, 4)), np.zeros((3, 4)))
+
+
+def test_an_operation_that_is_missing():
+    with pytest.raises(NotImplementedError, match="tangent: operation"):
+        ColumnFunction("tangent", [A], ca.tan(A))
