@@ -180,11 +180,53 @@ class Tracking(FileModel):
     max_incidence_deg: Degrees = Field(default=75.0, gt=0, le=90)
 
 
+class StereoRig(FileModel):
+    """[sensor.stereo]: a rectified pair of cameras at the chaser, which looks at the target's CoM.
+
+    The noise is one standard deviation of each pixel coordinate. The baseline is normal to the boresight, turned about
+    it as `baryscope.models.directions.axes_along` says.
+    """
+
+    focal_length: Annotated[float, Unit("px"), Field(gt=0)]
+    baseline: Annotated[Metres, Field(gt=0)]
+    pixel_noise: Annotated[float, Unit("px"), Field(gt=0)]
+
+
+class Outliers(FileModel):
+    """[sensor.outliers]: sightings that are wrong, not only noisy; none unless asked for.
+
+    A `share` of all sightings is off by a random vector of rms length `size`, each by its own. Another share,
+    `swapped`, stands under the label of another feature that is seen: pairs change places for a `stretch` of time. And
+    some features, `sliding` of them, leave their places at a random time and go along the surface at `sliding_speed`.
+    """
+
+    share: float = Field(default=0.0, ge=0, lt=1)
+    size: Annotated[Metres, Field(gt=0)] = 2.0
+    swapped: float = Field(default=0.0, ge=0, lt=1)
+    stretch: Annotated[Seconds, Field(gt=0)] = 10.0
+    sliding: int = Field(default=0, ge=0)
+    sliding_speed: Annotated[float, Unit("m/s"), Field(gt=0)] = 0.005
+
+
 class Sensor(FileModel):
-    """[sensor]: isotropic Gaussian noise of the positions, and the share of sightings that are lost."""
+    """[sensor]: noise of the positions, the share of sightings that are lost, and those that are wrong.
+
+    The noise is isotropic and Gaussian (one standard deviation per axis), or that of a stereo rig.
+    """
 
     noise: Annotated[Metres, Field(ge=0)] = 0.02
+    stereo: StereoRig | None = None
     dropout: float = Field(default=0.0, ge=0, lt=1)
+    outliers: Outliers = Outliers()
+
+    @model_validator(mode="after")
+    def _one_noise(self) -> Self:
+        if self.stereo is not None and "noise" in self.model_fields_set:
+            raise ValueError(
+                f"sensor.noise: found {self.noise:g} m beside sensor.stereo, expected one of them "
+                "(a rig has its pixel_noise)"
+            )
+        return self
 
 
 class Run(FileModel):
@@ -224,6 +266,9 @@ class Scenario(FileModel):
                         f"tracking.intervals[{index}].features: found {label!r}, "
                         f"expected labels of features.points ({', '.join(known)})"
                     )
+        sliding = self.sensor.outliers.sliding
+        if sliding > len(known):
+            raise ValueError(f"sensor.outliers.sliding: found {sliding}, expected at most the {len(known)} features")
         if not MIN_SAMPLES <= self.duration / self.run.sample_time + 1 < MAX_SAMPLES:
             raise ValueError(
                 f"run.sample_time: found {self.run.sample_time:g} s, "

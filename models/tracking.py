@@ -1,11 +1,17 @@
-"""The sensor: which features of a run are seen when, and the noisy positions that are measured of them."""
+"""The sensor: which features of a run are seen when, and the positions that are measured of them, noisy or wrong."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.models.directions import axes_along
+from baryscope.models.outliers import blunders, slides, swaps
 from baryscope.models.scenario import Scenario
+from baryscope.models.stereo import project, triangulate
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit counts as seen
 
@@ -17,51 +23,113 @@ class Observation:
     Attributes:
         position: (n, m, 3), m in frame C; NaN where a feature is not seen.
         seen: (n, m), where `position` holds numbers.
+        covariance: (n, m, 3, 3), m² in frame C, as the rig states it at the point measured; NaN where a feature is
+            not seen; None for isotropic noise.
+        wrong: (n, m), sightings that are not of the feature under whose label they stand, or not where it belongs.
     """
 
-    position: NDArray[np.float64]
-    seen: NDArray[np.bool_]
+    position: FloatArray
+    seen: BoolArray
+    covariance: FloatArray | None
+    wrong: BoolArray
 
 
 def observe(
     scenario: Scenario,
-    time: NDArray[np.float64],
-    features_C: NDArray[np.float64],
-    normals_C: NDArray[np.float64],
+    time: FloatArray,
+    features_C: FloatArray,
+    normals_C: FloatArray,
+    target_C: FloatArray | None = None,
+    attitude: FloatArray | None = None,
 ) -> Observation:
     """Measure the true positions of the features as the scenario's tracking and sensor do.
 
-    A feature is seen while an interval names it, while it faces the chaser (if the scenario asks for that), and
-    where the sighting is not dropped. Noise and dropout are drawn from separate streams of the scenario's seed,
-    for every feature at every time, so that changing one of them, or the intervals, leaves the rest as it was.
+    A feature is seen while an interval names it, while it faces the chaser (if the scenario asks for that), where the
+    sighting is not dropped, and where a rig finds a positive disparity. Noise, dropout and what goes wrong are drawn
+    from separate streams of the scenario's seed, for every feature at every time, so that changing one of them, or the
+    intervals, leaves the rest as it was; only who is swapped with whom depends on who is seen.
 
     Args:
-        scenario: gives intervals, visibility, noise, dropout and seed.
+        scenario: gives intervals, visibility, sensor and seed.
         time: (n,), s.
         features_C: (n, m, 3), m, in the order of the scenario's features.
         normals_C: (n, m, 3), outward unit normals.
+        target_C: (n, 3), m, the target's CoM, at which a stereo rig looks; only that needs it.
+        attitude: (n, 4), the quaternion (w, x, y, z) of R_I_B; only features that slide need it.
 
     Raises:
-        ValueError: the shapes do not belong together.
+        ValueError: the shapes do not belong together, or something is missing that the sensor needs.
     """
     shape = (time.size, len(scenario.features.points), 3)
     if features_C.shape != shape or normals_C.shape != shape:
         raise ValueError(f"features {features_C.shape} and normals {normals_C.shape}, expected {shape} for both")
 
-    noise_seed, dropout_seed = np.random.SeedSequence(scenario.run.seed).spawn(2)
+    noise_seed, dropout_seed, *outlier_seeds = np.random.SeedSequence(scenario.run.seed).spawn(5)
     noise = np.random.default_rng(noise_seed).standard_normal(shape)
     kept = np.random.default_rng(dropout_seed).random(shape[:2]) >= scenario.sensor.dropout
+    outliers = scenario.sensor.outliers
+    error_C = blunders(outliers, shape[:2], outlier_seeds[0]) + slides(scenario, time, attitude, outlier_seeds[1])
 
-    seen = tracked(scenario, time) & kept
+    measured, covariance = _measured(scenario, features_C + error_C, target_C, noise)
+    seen = visible(scenario, time, features_C, normals_C) & kept & np.isfinite(measured[..., 0])
+    frame, source = np.arange(time.size)[:, None], swaps(outliers, time, seen, outlier_seeds[2])
+    return Observation(
+        position=np.where(seen[..., None], measured[frame, source], np.nan),
+        seen=seen,
+        covariance=None if covariance is None else np.where(seen[..., None, None], covariance[frame, source], np.nan),
+        wrong=seen & (np.any(error_C[frame, source], axis=2) | (source != np.arange(shape[1]))),
+    )
+
+
+def _measured(
+    scenario: Scenario, points_C: FloatArray, target_C: FloatArray | None, noise: FloatArray
+) -> tuple[FloatArray, FloatArray | None]:
+    """Positions (n, m, 3) and, from a rig, their covariances (n, m, 3, 3), from standard normal numbers (n, m, 3)."""
+    rig = scenario.sensor.stereo
+    if rig is None:
+        return points_C + scenario.sensor.noise * noise, None
+    R_C_V = _rig_axes(target_C)
+    return triangulate(rig, R_C_V, project(rig, R_C_V, points_C) + rig.pixel_noise * noise)
+
+
+def _rig_axes(target_C: FloatArray | None) -> FloatArray:
+    """R_C_V of the scenario's rig, (n, 3, 3)."""
+    if target_C is None:
+        raise ValueError("a stereo rig needs the target's position, to look at it")
+    return axes_along(target_C)
+
+
+def sighting_covariance(scenario: Scenario, features_C: FloatArray, target_C: FloatArray | None = None) -> FloatArray:
+    """True covariance of each sighting's noise, to first order, at the true point: what a Cramér–Rao bound needs.
+
+    Args:
+        scenario: gives the sensor.
+        features_C: (n, m, 3), m, where the features are.
+        target_C: (n, 3), m, the target's CoM, at which a stereo rig looks; only that needs it.
+
+    Returns:
+        (n, m, 3, 3), m² in frame C; NaN where a point is not ahead of the rig.
+
+    Raises:
+        ValueError: there is a rig and no `target_C`.
+    """
+    rig = scenario.sensor.stereo
+    if rig is None:
+        return np.broadcast_to(scenario.sensor.noise**2 * np.eye(3), (*features_C.shape, 3))
+    R_C_V = _rig_axes(target_C)
+    return triangulate(rig, R_C_V, project(rig, R_C_V, features_C))[1]
+
+
+def visible(scenario: Scenario, time: FloatArray, features_C: FloatArray, normals_C: FloatArray) -> BoolArray:
+    """Which features an interval names and, if the scenario asks for that, face the chaser at each time, (n, m)."""
+    seen = tracked(scenario, time)
     if scenario.tracking.visibility == "facing":
-        seen &= incidence_cosine(features_C, normals_C) >= (
-            np.cos(np.deg2rad(scenario.tracking.max_incidence_deg)) - FACING_TOLERANCE
-        )
-    measured = features_C + scenario.sensor.noise * noise
-    return Observation(np.where(seen[:, :, None], measured, np.nan), seen)
+        limit = np.cos(np.deg2rad(scenario.tracking.max_incidence_deg)) - FACING_TOLERANCE
+        seen &= incidence_cosine(features_C, normals_C) >= limit
+    return seen
 
 
-def tracked(scenario: Scenario, time: NDArray[np.float64]) -> NDArray[np.bool_]:
+def tracked(scenario: Scenario, time: FloatArray) -> BoolArray:
     """Which features the scenario's intervals name at each time, (n, m); all of them where there are no intervals.
 
     An interval holds its start but not its end, except that of the one that ends last.
@@ -81,7 +149,7 @@ def tracked(scenario: Scenario, time: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray((during[:, :, None] & members).any(axis=1))
 
 
-def incidence_cosine(features_C: NDArray[np.float64], normals_C: NDArray[np.float64]) -> NDArray[np.float64]:
+def incidence_cosine(features_C: FloatArray, normals_C: FloatArray) -> FloatArray:
     """Cosine of the angle between each normal and the direction to the chaser, the origin of C, (n, m)."""
     reach = np.linalg.norm(features_C, axis=2)
     return np.asarray(-np.einsum("nmi,nmi->nm", features_C, normals_C) / np.where(reach > 0, reach, 1.0))

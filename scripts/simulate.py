@@ -35,8 +35,16 @@ def fly(scenario: Scenario, fmu: Path, progress: Report | None = None) -> Flight
         acceleration=scenario.chaser.acceleration,
         progress=progress,
     )
-    observation = observe(scenario, truth.time, truth["features"], truth["normals"])
-    return Flight(truth, FeatureTracks(truth.time, observation.position, scenario.features.labels))
+    observation = observe(
+        scenario,
+        truth.time,
+        truth["features"],
+        truth["normals"],
+        target_C=truth["target.position"],
+        attitude=truth["target.attitude"],
+    )
+    tracks = FeatureTracks(truth.time, observation.position, scenario.features.labels, observation.covariance)
+    return Flight(truth, tracks)
 
 
 def simulate_scenario(

@@ -92,3 +92,5 @@ def test_the_json_schema_states_units():
     assert definitions["Target"]["properties"]["angular_rate_deg"]["unit"] == "deg/s"
     assert definitions["Run"]["properties"]["duration"]["unit"] == "s"
     assert definitions["Sensor"]["properties"]["noise"]["unit"] == "m"
+    assert definitions["StereoRig"]["properties"]["focal_length"]["unit"] == "px"
+    assert definitions["Outliers"]["properties"]["sliding_speed"]["unit"] == "m/s"

@@ -79,3 +79,39 @@ def test_a_byte_order_mark_is_no_fault(write_scenario):
     path = write_scenario()
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     assert load_scenario(str(path)).name == "mine"
+
+
+STEREO = "stereo = { focal_length = 1911.0, baseline = 1.0, pixel_noise = 0.5 }"
+
+
+@pytest.mark.parametrize(
+    "sensor, expected",
+    [
+        (f"noise = 0.02\n{STEREO}", "sensor.noise: found 0.02 m beside sensor.stereo, expected one of them"),
+        ("stereo = { focal_length = 1911.0, pixel_noise = 0.5 }",
+         "sensor.stereo.baseline: missing, expected a number in m"),
+        ("stereo = { focal_length = 0, baseline = 1.0, pixel_noise = 0.5 }",
+         "sensor.stereo.focal_length: found 0, expected a value above 0 in px"),
+        ("stereo = { focal_length = 1911, baseline_cm = 10, pixel_noise = 0.5 }",
+         "sensor.stereo.baseline_cm: unknown field, expected baseline in m"),
+        ("stereo = 1911.0", "sensor.stereo: found 1911.0, expected a table"),
+        ("outliers = { share = 1.0 }", "sensor.outliers.share: found 1.0, expected a value below 1"),
+        ("outliers = { share = 0.1, size = 0 }", "sensor.outliers.size: found 0, expected a value above 0 in m"),
+        ("outliers = { swapped = -0.1 }", "sensor.outliers.swapped: found -0.1, expected a value of at least 0"),
+        ("outliers = { stretch = 0 }", "sensor.outliers.stretch: found 0, expected a value above 0 in s"),
+        ("outliers = { sliding = 0.5 }", "sensor.outliers.sliding: found 0.5, expected a whole number"),
+        ("outliers = { sliding = 5 }", "sensor.outliers.sliding: found 5, expected at most the 4 features"),
+        ("outliers = { sliding_speed = -1 }",
+         "sensor.outliers.sliding_speed: found -1, expected a value above 0 in m/s"),
+        ("outliers = { portion = 0.1 }", "sensor.outliers.portion: unknown field, expected one of share, size"),
+    ],
+)  # fmt: skip
+def test_malformed_sensor(write_scenario, sensor, expected):
+    path = write_scenario(("noise = 0.02", sensor))
+    assert refusal(lambda: load_scenario(str(path))).startswith(f"{path}: {expected}")
+
+
+def test_a_stereo_rig_and_outliers_in_a_file(write_scenario):
+    sensor = load_scenario(str(write_scenario(("noise = 0.02", f"{STEREO}\noutliers = {{ share = 0.1 }}")))).sensor
+    assert (sensor.stereo.focal_length, sensor.stereo.baseline, sensor.stereo.pixel_noise) == (1911.0, 1.0, 0.5)
+    assert (sensor.outliers.share, sensor.outliers.size, sensor.outliers.sliding) == (0.1, 2.0, 0)

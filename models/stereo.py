@@ -1,0 +1,76 @@
+"""A rectified pair of cameras: where it sees a point, and the position and covariance it makes of that.
+
+The rig's frame V has its origin in the left camera, z along the boresight, x along the baseline to the right camera and
+y completing them; pixels are counted from where the boresight meets the image. A sighting is (u_l, v_l, u_r), px.
+"""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.models.columns import ColumnFunction
+from baryscope.models.frames import Symbol
+from baryscope.models.scenario import StereoRig
+
+FloatArray = NDArray[np.float64]
+
+
+def project(rig: StereoRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArray:
+    """Pixels (n, m, 3) of points (n, m, 3), m in C; NaN where a point is not ahead of the rig.
+
+    Args:
+        rig: focal length and baseline.
+        R_C_V: (n, 3, 3), the rig's axes at each time; its left camera is C's origin.
+        points_C: (n, m, 3).
+    """
+    points_V = points_C @ R_C_V
+    return _of_each(_projection(), np.where(points_V[..., 2:] > 0, points_V, np.nan), rig)
+
+
+def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What a rig makes of pixels (n, m, 3): positions (n, m, 3), m, and covariances (n, m, 3, 3), m², in C.
+
+    The covariance is the first-order one, J Jᵀ σ², at the point found. Both are NaN where no disparity is above zero.
+    """
+    usable = np.where((pixels[..., 0] > pixels[..., 2])[..., None], pixels, np.nan)
+    position_V = _of_each(_triangulation(), usable, rig)
+    spread_C = R_C_V[:, None] @ _of_each(_spread(), usable, rig)
+    return position_V @ np.swapaxes(R_C_V, 1, 2), spread_C @ np.swapaxes(spread_C, -1, -2)
+
+
+def _of_each(function: ColumnFunction, values: FloatArray, rig: StereoRig) -> FloatArray:
+    """Evaluate a function of (a point or a sighting, the rig) for (n, m, 3) of them."""
+    results = function(values.reshape(-1, 3).T, [rig.focal_length, rig.baseline, rig.pixel_noise])
+    return results.reshape(*values.shape[:2], *results.shape[1:])
+
+
+@cache
+def _projection() -> ColumnFunction:
+    """(point in V, rig) → u_l, v_l, u_r."""
+    point, rig = ca.SX.sym("point", 3), ca.SX.sym("rig", 3)
+    f, baseline, _ = ca.vertsplit(rig)
+    x, y, z = ca.vertsplit(point)
+    return ColumnFunction("projection", [point, rig], f / z * ca.vertcat(x, y, x - baseline))
+
+
+@cache
+def _triangulation() -> ColumnFunction:
+    """(u_l, v_l, u_r; rig) → point in V."""
+    pixels, rig = ca.SX.sym("pixels", 3), ca.SX.sym("rig", 3)
+    return ColumnFunction("triangulation", [pixels, rig], _point(pixels, rig))
+
+
+@cache
+def _spread() -> ColumnFunction:
+    """(u_l, v_l, u_r; rig) → J σ: how the point in V moves for one standard deviation of each pixel coordinate."""
+    pixels, rig = ca.SX.sym("pixels", 3), ca.SX.sym("rig", 3)
+    return ColumnFunction("spread", [pixels, rig], ca.jacobian(_point(pixels, rig), pixels) * rig[2])
+
+
+def _point(pixels: Symbol, rig: Symbol) -> Symbol:
+    """Z = f B / (u_l − u_r), X = Z u_l / f, Y = Z v_l / f."""
+    f, baseline, _ = ca.vertsplit(rig)
+    u_l, v_l, u_r = ca.vertsplit(pixels)
+    return baseline / (u_l - u_r) * ca.vertcat(u_l, v_l, f)
