@@ -1,11 +1,13 @@
 """From tracks of features to the path of the centre of mass.
 
-tracks → intervals → procrustes (poses) → a method's screws → filtering → intersection → fit → result.
+screws: tracks → intervals → procrustes (poses) → a method's screws → filtering → intersection → fit → result.
+pivot: tracks → robust (screen) → bodies (poses) → drift (linear) → bundle (refined) → assessment → result.
+ml: pivot → tumble (rate, inertia) → likelihood (everything at once) → assessment → result.
 """
 
 from baryscope.estimator.methods import METHODS, estimate
-from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.options import PathOptions, ScrewOptions
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 
-__all__ = ["METHODS", "Estimate", "FeatureTracks", "ScrewOptions", "estimate"]
+__all__ = ["METHODS", "Estimate", "FeatureTracks", "PathOptions", "ScrewOptions", "estimate"]

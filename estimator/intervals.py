@@ -39,10 +39,13 @@ def find_intervals(tracks: FeatureTracks) -> tuple[Interval, ...]:
 
     An interval goes on while at least three, and at least half, of the features of its first frame are seen.
     """
-    seen = tracks.seen
+    return cut_intervals(tracks.seen, np.diff(tracks.time) > GAP * usual_step(tracks.time))
+
+
+def cut_intervals(seen: NDArray[np.bool_], gaps: NDArray[np.bool_]) -> tuple[Interval, ...]:
+    """The intervals of seen (n, m), with gaps (n - 1,) between some of the frames."""
     enough = seen.sum(axis=1) >= 3
-    gap = np.diff(tracks.time) > GAP * usual_step(tracks.time)
-    cut = np.concatenate([[True], gap | (enough[1:] != enough[:-1]), [True]])
+    cut = np.concatenate([[True], gaps | (enough[1:] != enough[:-1]), [True]])
     borders = np.nonzero(cut)[0]
     intervals: list[Interval] = []
     for start, stop in zip(borders[:-1].tolist(), borders[1:].tolist(), strict=True):

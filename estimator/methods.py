@@ -1,9 +1,14 @@
 """The list of all methods, which the command line and the tests read, and the one way to call them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from baryscope.estimator import screw_gpa, screw_ls, screw_raw
-from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.ml import estimate_by_likelihood
+from baryscope.estimator.options import Options, PathOptions, ScrewOptions
+from baryscope.estimator.pivot import estimate_by_pivot
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.screw_pipeline import ScrewFunction, estimate_by_screws
 from baryscope.estimator.tracks import FeatureTracks
@@ -13,25 +18,37 @@ from baryscope.models.scenario import Orbit
 
 @dataclass(frozen=True)
 class Method:
-    """A method: its name on the command line, what it does in a line, and how it finds screws."""
+    """A method: its name on the command line, what it does in a line, the options it takes, and how it runs."""
 
     name: str
     summary: str
-    screws: ScrewFunction
+    options: type[Options]
+    run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]
 
     def __call__(
-        self, tracks: FeatureTracks, *, orbit: Orbit | None = None, options: ScrewOptions | None = None
+        self, tracks: FeatureTracks, *, orbit: Orbit | None = None, options: Options | None = None
     ) -> Estimate:
         """Estimate the path of the centre of mass; see `estimate`."""
-        return estimate_by_screws(self.name, self.screws, tracks, orbit, options or ScrewOptions())
+        chosen = self.options() if options is None else options
+        if not isinstance(chosen, self.options):
+            raise InputError(f"{self.name} takes {self.options.__name__}, found {type(chosen).__name__}")
+        return self.run(tracks, orbit, chosen)
+
+
+def _by_screws(name: str, summary: str, screws: ScrewFunction) -> Method:
+    return Method(name, summary, ScrewOptions, partial(estimate_by_screws, name, screws))
 
 
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
-        Method("screw-raw", "three-point Reuleaux on raw points", screw_raw.screws),
-        Method("screw-ls", "least-squares screws of all features (CasADi)", screw_ls.screws),
-        Method("screw-gpa", "screws of Procrustes-registered poses, as published", screw_gpa.screws),
+        _by_screws("screw-raw", "three-point Reuleaux on raw points", screw_raw.screws),
+        _by_screws("screw-ls", "least-squares screws of all features (CasADi)", screw_ls.screws),
+        _by_screws("screw-gpa", "screws of Procrustes-registered poses, as published", screw_gpa.screws),
+        Method(
+            "pivot", "drifting pivot: least squares of path and points, attitudes free", PathOptions, estimate_by_pivot
+        ),
+        Method("ml", "maximum likelihood: path, points and free tumble at once", PathOptions, estimate_by_likelihood),
     )
 }
 
@@ -39,11 +56,13 @@ METHODS: dict[str, Method] = {
 def estimate(
     tracks: FeatureTracks,
     *,
-    method: str = "screw-gpa",
+    method: str = "pivot",
     orbit: Orbit | None = None,
-    options: ScrewOptions | None = None,
+    options: Options | None = None,
 ) -> Estimate:
     """The path of the centre of mass in C at every time of the tracks, by the method of that name in METHODS.
+
+    options: ScrewOptions for the screw methods, PathOptions for the others.
 
     Raises:
         InputError: no such method, or options that do not go together.

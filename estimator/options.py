@@ -1,4 +1,4 @@
-"""What can be chosen for the screw methods; what is left None is chosen from the data."""
+"""What can be chosen for each family of methods; what is left None is chosen from the data."""
 
 import math
 from dataclasses import dataclass
@@ -9,6 +9,8 @@ from baryscope.estimator.procrustes import Reference
 from baryscope.models.errors import InputError
 
 Axes = Literal["inertial", "lvlh"]
+Noise = Literal["stereo", "fixed"]
+Torque = Literal["none", "gravity-gradient"]
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,38 @@ class ScrewOptions:
             raise InputError(f"cutoff is {self.cutoff}, expected a frequency in Hz > 0")
         if self.degree is not None and not 0 <= self.degree <= HIGHEST_DEGREE:
             raise InputError(f"degree is {self.degree}, expected 0 to {HIGHEST_DEGREE}")
-        for name, value, known in (
-            ("axes", self.axes, ("inertial", "lvlh")),
-            ("reference", self.reference, ("mean", "first")),
-        ):
-            if value not in known:
-                raise InputError(f"{name} is {value!r}, expected one of {', '.join(known)}")
+        _check_one_of("axes", self.axes, ("inertial", "lvlh"))
+        _check_one_of("reference", self.reference, ("mean", "first"))
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """trajectory of the CoM: fixed, polynomial, polynomial:N or relative-orbit; sigma, the known deviation of a
+    coordinate in m (a factor on the deviations where the tracks bring covariances); noise, how given covariances
+    belong to the measured point: stereo, growing with range, or fixed; torque on the target, for `ml`.
+
+    Left None: relative-orbit where an orbit is given, else a polynomial whose degree the data choose; sigma from the
+    residuals; the torque that explains the tracks better.
+
+    Raises:
+        InputError: a value that makes no sense.
+    """
+
+    trajectory: str | None = None
+    sigma: float | None = None
+    noise: Noise = "stereo"
+    torque: Torque | None = None
+
+    def __post_init__(self) -> None:
+        if self.sigma is not None and not (0 < self.sigma < math.inf):
+            raise InputError(f"sigma is {self.sigma}, expected a deviation in m > 0")
+        _check_one_of("noise", self.noise, ("stereo", "fixed"))
+        _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
+
+
+Options = ScrewOptions | PathOptions
+
+
+def _check_one_of(name: str, value: object, known: tuple[object, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{name} is {value!r}, expected one of {', '.join(str(item) for item in known if item)}")

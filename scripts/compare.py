@@ -7,13 +7,14 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
+from baryscope.estimator.bound import Bound, cramer_rao_bound
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import ScrewOptions
 from baryscope.fmu import build_fmu
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.scripts.console import err, out, step
-from baryscope.scripts.pictures import draw_outcome, pictures_possible
+from baryscope.scripts.pictures import draw_comparison, draw_outcome, pictures_possible
 from baryscope.scripts.report import Outcome, outcome_table, write_orbit, write_summary
 from baryscope.scripts.simulate import Flight, fly, write_truth
 
@@ -26,7 +27,7 @@ def compare(
 ) -> None:
     """Build the unit, fly the scenario, estimate with every method, and compare with the truth.
 
-    Writes tracks, truth and estimates as CSV, a picture per method, the unit and a summary.md.
+    Writes tracks, truth and estimates as CSV, a picture of all errors and one per method, the unit and a summary.md.
 
     Parameters
     ----------
@@ -51,15 +52,18 @@ def compare(
         write_truth(flight.truth, folder / "tracks.truth.csv")
         write_orbit(flown.orbit, folder / "orbit.toml")
     outcomes = [_run(name, axes, flown, flight, folder) for name, axes in chosen]
-    out.print(outcome_table(flown, outcomes))
-    write_summary(flown, flight.tracks, outcomes, folder / "summary.md")
+    bound = _bound(flown)
+    if pictures_possible():
+        draw_comparison(flown, flight.tracks, outcomes, bound, folder / "comparison.png")
+    out.print(outcome_table(flown, outcomes, bound))
+    write_summary(flown, flight.tracks, outcomes, bound, folder / "summary.md")
     out.print(f"\nMore in {folder / 'summary.md'}", soft_wrap=True)
     if not any(outcome.estimate for outcome in outcomes):
         raise ComputationError(f"no method could be carried out; the first says: {outcomes[0].failure}")
 
 
 def _chosen(methods: str) -> list[tuple[str, str]]:
-    """Pairs of method and axes to run."""
+    """Pairs of method and axes to run; no axes for methods that have none."""
     names = [name.strip() for name in methods.split(",") if name.strip()]
     unknown = [name for name in names if name not in METHODS]
     if unknown or not names:
@@ -69,22 +73,35 @@ def _chosen(methods: str) -> list[tuple[str, str]]:
 
 
 def _axes_of(method: str) -> Sequence[str]:
+    if METHODS[method].options is not ScrewOptions:
+        return ("",)
     return ("inertial", "lvlh") if method == "screw-gpa" else ("inertial",)
 
 
 def _run(method: str, axes: str, scenario: Scenario, flight: Flight, folder: Path) -> Outcome:
     """Estimate by one method, write its files, and measure its error."""
-    stem = method if axes == "inertial" else f"{method}-{axes}"
-    options = ScrewOptions(axes="lvlh" if axes == "lvlh" else "inertial")
-    with step(f"estimating by {method} in {axes} axes"):
+    stem = f"{method}-lvlh" if axes == "lvlh" else method
+    options = ScrewOptions(axes="lvlh" if axes == "lvlh" else "inertial") if axes else None
+    with step(f"estimating by {method}" + (f" in {axes} axes" if axes else "")):
         try:
             result = estimate(flight.tracks, method=method, orbit=scenario.orbit, options=options)
         except ComputationError as failure:
             err.print(f"{method}: {failure}", soft_wrap=True)
-            return Outcome(method, axes, stem, failure=str(failure))
+            return Outcome(method, axes or "-", stem, failure=str(failure))
     result.write(folder / f"{stem}.csv")
     true_path = flight.truth["target.position"]
-    outcome = Outcome(method, axes, stem, result, np.linalg.norm(result.position - true_path, axis=1))
+    kind = axes or str(result.diagnostics["options"]["trajectory"])
+    outcome = Outcome(method, kind, stem, result, np.linalg.norm(result.position - true_path, axis=1))
     if pictures_possible():
         draw_outcome(scenario, flight.tracks, true_path, outcome, folder / f"{stem}.png")
     return outcome
+
+
+def _bound(scenario: Scenario) -> Bound | None:
+    """The Cramér–Rao bound, where the scenario has one."""
+    try:
+        with step("Cramér–Rao bound"):
+            return cramer_rao_bound(scenario)
+    except (ComputationError, InputError) as reason:
+        err.print(f"no bound: {reason}", soft_wrap=True)
+        return None

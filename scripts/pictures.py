@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.bound import Bound
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.files import replacing
 from baryscope.models.scenario import Scenario
@@ -15,6 +16,7 @@ from baryscope.scripts.console import err
 from baryscope.scripts.report import Outcome
 
 _INK, _ESTIMATE, _SHADE = "#333333", "#d1495b", "#e9e9ee"
+_COLOURS = ("#b9b9c3", "#8d99ae", "#e09f3e", "#9e2a2b", "#2a9d8f", "#264ee4", "#8e5bd0", "#c77dbb")
 
 
 @cache
@@ -52,11 +54,43 @@ def draw_outcome(
         panel.set_xlim(time[0], time[-1])
         panel.grid(alpha=0.25)
     panels[0].legend(loc="upper right", ncols=3)
-    figure.suptitle(
-        f"{scenario.name}: centre of mass by {outcome.method}, {outcome.axes} axes (frame C; blackouts shaded)"
-    )
+    figure.suptitle(f"{scenario.name}: centre of mass by {outcome.title} (frame C; blackouts shaded)")
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", metadata={"Software": None})
+
+
+def draw_comparison(
+    scenario: Scenario, tracks: FeatureTracks, outcomes: list[Outcome], bound: Bound | None, path: Path
+) -> None:
+    """Draw the errors of all methods over time on a logarithmic scale, the bound among them; blackouts are shaded."""
+    from matplotlib.figure import Figure
+
+    time = tracks.time
+    figure = Figure(figsize=(9, 5), dpi=120, layout="constrained")
+    panel = figure.subplots()
+    for outcome, colour in zip(outcomes, _COLOURS, strict=False):
+        if outcome.error is not None:
+            rms = np.sqrt(np.mean(outcome.error**2))
+            panel.semilogy(time, outcome.error, color=colour, lw=1, label=f"{outcome.title}: {_length(rms)} rms")
+    if bound is not None:
+        least = np.sqrt(np.trace(bound.position_covariance, axis1=1, axis2=2))
+        label = f"Cramér–Rao bound: {_length(bound.position_deviation)} rms"
+        panel.semilogy(bound.time, least, color=_INK, lw=2, ls="--", label=label)
+    _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
+    panel.set_xlim(time[0], time[-1])
+    low, high = panel.get_ylim()
+    panel.set_ylim(max(low, 1e-5), high)
+    panel.set_xlabel("time in s")
+    panel.set_ylabel("error of the centre of mass in m")
+    panel.grid(alpha=0.25)
+    panel.legend(loc="center right", fontsize=8)
+    panel.set_title(f"{scenario.name}: {scenario.description}", fontsize=10)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", metadata={"Software": None})
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.2f} m" if metres >= 0.1 else f"{1000 * metres:.2f} mm"
 
 
 def _shade_blackouts(panel: Any, time: NDArray[np.float64], seen: NDArray[np.bool_]) -> None:

@@ -52,7 +52,7 @@ def test_covariance_is_written_where_there_is_one(tmp_path):
 
 def test_diagnostics_say_what_was_done(case_of, at_rest, tmp_path):
     case = case_of(at_rest, noise=0.02, seed=5)
-    estimate(case.tracks).write(tmp_path / "e.csv")
+    estimate(case.tracks, method="screw-gpa").write(tmp_path / "e.csv")
     values = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"), parse_constant=refuse)
     assert values["method"] == "screw-gpa"
     assert values["rejected_features"] == []
@@ -69,7 +69,7 @@ def test_diagnostics_say_what_was_done(case_of, at_rest, tmp_path):
 def test_the_centre_of_mass_in_the_axes_of_each_cluster(case_of, at_rest):
     """By the truth: the shape's axes are C's at the interval's first frame, its origin the features' centroid."""
     case = case_of(at_rest)
-    found = estimate(case.tracks)
+    found = estimate(case.tracks, method="screw-gpa")
     for cluster in found.diagnostics["clusters"]:
         members = [case.tracks.labels.index(name) for name in cluster["features"]]
         k = int(np.searchsorted(case.tracks.time, cluster["start"]))

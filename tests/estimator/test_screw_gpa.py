@@ -52,7 +52,7 @@ def test_figure_5_a_tumbling_and_drifting_body_misses_by_v_over_omega(time, case
 def test_a_short_segment_says_nothing_about_the_error(time, case_of):
     """With a short lag successive axes miss the centre of mass alike: the segment is a small part of the error."""
     case = case_of(np.array([0.0, -20, 0]) + np.outer(time, [0.015, -0.01, 0.01]), clusters=None)
-    found = estimate(case.tracks, options=ScrewOptions(lag=2.0, degree=1))
+    found = estimate(case.tracks, method="screw-gpa", options=ScrewOptions(lag=2.0, degree=1))
     error = np.linalg.norm(found.position - case.com, axis=1)
     assert error.mean() > 0.2
     assert found.diagnostics["segment_length_median"] < 0.2 * error.mean()
@@ -62,7 +62,7 @@ def test_twice_the_drift_is_twice_the_error(time, case_of):
     errors = []
     for factor in (1.0, 2.0):
         case = case_of(np.array([0.0, -20, 0]) + factor * np.outer(time, [0.01, 0.01, 0.0]), clusters=None)
-        found = estimate(case.tracks, options=ScrewOptions(lag=20.0, cutoff=np.inf, degree=1))
+        found = estimate(case.tracks, method="screw-gpa", options=ScrewOptions(lag=20.0, cutoff=np.inf, degree=1))
         errors.append(found.position - case.com)
     np.testing.assert_allclose(errors[1], 2 * errors[0], rtol=0.1, atol=0.02)
 
@@ -74,6 +74,6 @@ def test_a_flat_cluster_with_the_axis_in_its_plane_is_no_obstacle():
     R = attitude(np.diag([1.0, 1.4, 1.6]), np.deg2rad([3.0, 2.0, 1.0]), time)
     flat = np.array([[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     case = make_case(time, R, np.tile([0.0, 5, 0], (600, 1)), flat)
-    found = estimate(case.tracks)
+    found = estimate(case.tracks, method="screw-gpa")
     assert found.diagnostics["screws"] == {"sound": sum(found.diagnostics["screws"].values())}
     np.testing.assert_allclose(found.position, case.com, atol=1e-6)

@@ -10,6 +10,8 @@ import pytest
 from matplotlib.image import imread
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.methods import METHODS
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import simulate
 from baryscope.models.scenario import load_scenario
@@ -73,11 +75,12 @@ def compared(scenario_file, tmp_path_factory):
     return folder
 
 
-STEMS = ("screw-raw", "screw-ls", "screw-gpa", "screw-gpa-lvlh")
+SCREWS = ("screw-raw", "screw-ls", "screw-gpa", "screw-gpa-lvlh")
+STEMS = (*SCREWS, *(method for method in METHODS if method not in SCREWS))
 
 
 def test_compare_writes_what_it_promises_and_nothing_else(compared):
-    expected = {"TumblingTarget.fmu", "tracks.csv", "tracks.truth.csv", "orbit.toml", "summary.md"}
+    expected = {"TumblingTarget.fmu", "tracks.csv", "tracks.truth.csv", "orbit.toml", "summary.md", "comparison.png"}
     expected |= {f"{stem}{suffix}" for stem in STEMS for suffix in (".csv", ".json", ".png")}
     assert {path.name for path in compared.iterdir()} == expected
 
@@ -89,15 +92,28 @@ def test_the_table_holds_the_errors_of_the_files(compared, scenario_file, capsys
     for stem in ("screw-gpa", "screw-gpa-lvlh"):
         error = np.linalg.norm(path_of(rows(compared / f"{stem}.csv")) - truth, axis=1)
         for number in (np.sqrt(np.mean(error**2)), error.max()):
-            assert f"{number:.4f} m" in printed
-            assert f"{number:.4f} m" in (compared / "summary.md").read_text(encoding="utf-8")
+            assert f"{1000 * number:.2f}" in printed
+            assert f" {1000 * number:.2f} " in (compared / "summary.md").read_text(encoding="utf-8")
 
 
 def test_lvlh_axes_take_the_bias_away(compared):
     truth = path_of(rows(compared / "tracks.truth.csv"))
-    error = {stem: np.sqrt(np.mean((path_of(rows(compared / f"{stem}.csv")) - truth) ** 2) * 3) for stem in STEMS}
+    error = {stem: np.sqrt(np.mean((path_of(rows(compared / f"{stem}.csv")) - truth) ** 2) * 3) for stem in SCREWS}
     assert error["screw-gpa"] > 0.2
     assert error["screw-gpa-lvlh"] < error["screw-gpa"] / 20
+
+
+def test_pivot_and_ml_come_near_the_bound_and_say_so(compared, scenario_file):
+    """One draw: six numbers of the path, so that its error is within 2.5 times the bound in all but 1 of 10⁴ draws."""
+    truth = path_of(rows(compared / "tracks.truth.csv"))
+    bound = cramer_rao_bound(load_scenario(str(scenario_file))).position_deviation
+    for stem, worse in (("pivot", 1.5), ("ml", 1.0)):
+        error = np.sqrt(np.mean((path_of(rows(compared / f"{stem}.csv")) - truth) ** 2) * 3)
+        facts = json.loads((compared / f"{stem}.json").read_text(encoding="utf-8"))
+        assert error < 2.5 * worse * bound
+        assert 0.95 * bound < facts["position_deviation"] < 1.1 * worse * bound
+        assert facts["converged"]
+        assert facts["verdict"].startswith("observable")
 
 
 def test_pictures_show_something(compared):
@@ -115,16 +131,18 @@ def test_the_summary_says_what_made_it(compared):
 
 def test_estimate_repeats_what_compare_did_from_its_files(compared, tmp_path, capsys):
     for extra, stem in (
-        ([], "screw-gpa"),
+        (["--method", "screw-gpa"], "screw-gpa"),
         (["--axes", "lvlh", "--orbit", str(compared / "orbit.toml")], "screw-gpa-lvlh"),
+        (["--orbit", str(compared / "orbit.toml")], "pivot"),
+        (["--method", "ml", "--orbit", str(compared / "orbit.toml")], "ml"),
     ):
         output = tmp_path / f"{stem}.csv"
         assert app.main(["estimate", str(compared / "tracks.csv"), *extra, "-o", str(output)]) == 0
         np.testing.assert_allclose(path_of(rows(output)), path_of(rows(compared / f"{stem}.csv")), atol=1e-9)
         facts = json.loads(output.with_suffix(".json").read_text(encoding="utf-8"))
         assert facts["version"] == app.VERSION
-        assert facts["method"] == "screw-gpa"
-    assert "401 positions in 2 intervals" in capsys.readouterr().out
+        assert stem.startswith(facts["method"])
+    assert "401 positions from 2 clusters" in capsys.readouterr().out
 
 
 def test_options_of_estimate_reach_the_method(compared, tmp_path):
@@ -183,7 +201,9 @@ def test_compare_goes_on_when_a_method_cannot(scenario_file, tmp_path, capsys):
     text = SHORT.replace("angular_rate_deg = [3.38, 0.45, 0.77]", "angular_rate_deg = [0.0, 0.0, 0.0]")
     still = tmp_path / "still.toml"
     still.write_text(text)
-    assert app.main(["compare", "--scenario", str(still), "-o", str(tmp_path / "out")]) == 1
+    folder = tmp_path / "out"
+    methods = ["--methods", "screw-raw,screw-gpa"]
+    assert app.main(["compare", "--scenario", str(still), *methods, "-o", str(folder)]) == 1
     captured = capsys.readouterr()
     assert "no method could be carried out" in captured.err.splitlines()[-1]
     assert "Could not be carried out" in (tmp_path / "out" / "summary.md").read_text(encoding="utf-8")

@@ -1,0 +1,193 @@
+"""The Cramér–Rao bound of a scenario: how well anything could do, before anything is flown.
+
+The Fisher information is that of `ml`'s normal equations at the truth, with the true noise of each sighting. Attitude,
+rate and inertia are those of axes that the features themselves hold, since no others can be seen; inertia is up to
+scale (trace 1).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.alignment import matrix_from_quaternion
+from baryscope.estimator.assessment import Cluster, verdict
+from baryscope.estimator.likelihood import Equations, equations
+from baryscope.estimator.paths import Path, trajectory_of
+from baryscope.estimator.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.sightings import Sightings, cross_matrices
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.relative_orbit import relative_path
+from baryscope.models.scenario import Scenario
+from baryscope.models.tracking import sighting_covariance, visible
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """The bound of every unbiased estimate from a scenario's sightings.
+
+    time (n,) in s; position_covariance (n, 3, 3) of the CoM in C, m²; offset_covariance (3, 3) of the CoM in the axes
+    that all features hold, m²; attitude_covariance (n, 3, 3), rad², rate_covariance (3, 3), rad²/s², at the middle of
+    the time, and inertia_covariance (5, 5), of trace 1, in the coefficients of INERTIA_BASIS: all in these axes.
+    sightings: how many there are. verdict: whether the CoM is observable, in a sentence.
+    """
+
+    time: FloatArray
+    position_covariance: FloatArray
+    offset_covariance: FloatArray
+    attitude_covariance: FloatArray
+    rate_covariance: FloatArray
+    inertia_covariance: FloatArray
+    sightings: int
+    verdict: str
+
+    @cached_property
+    def position_deviation(self) -> float:
+        """Root of the mean over time of the squared error of the CoM's path, at least, m."""
+        return _rms(self.position_covariance)
+
+    @cached_property
+    def offset_deviation(self) -> float:
+        """Root mean squared error of the CoM in the features' axes, at least, m."""
+        return _rms(self.offset_covariance[None])
+
+    @cached_property
+    def attitude_deviation(self) -> float:
+        """Root mean squared error of the attitude, at least, rad, over three axes."""
+        return _rms(self.attitude_covariance)
+
+    @cached_property
+    def rate_deviation(self) -> float:
+        """Root mean squared error of the angular rate, at least, rad/s, over three axes."""
+        return _rms(self.rate_covariance[None])
+
+    @cached_property
+    def inertia_deviation(self) -> float:
+        """Root mean squared error of the inertia over its trace, at least (Frobenius norm)."""
+        return _rms(self.inertia_covariance[None])
+
+
+def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bound:
+    """The bound of a scenario, for a path of a kind that is known: relative-orbit unless given, see `PathOptions`.
+
+    A polynomial needs its degree. The bound counts what the sensor is likely to see: of a share of sightings that is
+    dropped or wrong, the information is lost; features that slide or are swapped are not taken into account.
+
+    Raises:
+        InputError: a trajectory that makes no sense here.
+        ComputationError: nothing is seen.
+    """
+    if np.any(scenario.chaser.acceleration):
+        raise InputError("chaser.acceleration: the bound is that of free relative motion, expected [0, 0, 0]")
+    time = scenario.sample_times
+    path = _path(scenario, trajectory, time)
+    sampled = path.at(time)
+    rotation, motion, origin = _truth(scenario, time)
+    points = np.array([point.position for point in scenario.features.points])
+    sightings = _expected(scenario, time, motion.attitude, origin, points)
+    if not sightings.count:
+        raise ComputationError("no feature is seen at any time of the scenario")
+    found = equations(sightings, motion, sampled, origin, points)
+    y = found.covariance()
+    of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
+    seen = np.nonzero(sightings.weight.any(axis=0))[0]
+    offset = found.offset_covariance(y, seen)
+    attitude, rate, inertia = _in_held_axes(rotation, motion, found, y, seen)
+    return Bound(
+        time,
+        sampled.jacobian @ of_path @ np.swapaxes(sampled.jacobian, 1, 2),
+        offset,
+        attitude,
+        rate,
+        inertia,
+        sightings.count,
+        verdict(Cluster(seen, np.arange(len(time)), (), points[seen], offset)),
+    )
+
+
+def _rms(covariance: FloatArray) -> float:
+    return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+
+
+def _path(scenario: Scenario, trajectory: str | None, time: FloatArray) -> Path:
+    kind = trajectory_of(trajectory, scenario.orbit)
+    if kind.kind == "polynomial" and kind.degree is None:
+        raise InputError("trajectory is polynomial, expected its degree for a bound, polynomial:N")
+    return kind.path(scenario.orbit, float(time[0]), float(time[-1]), degree=0)
+
+
+def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, FloatArray]:
+    """The rotation from an epoch in the middle of the time, the motion, and the path of the CoM in C, (n, 3)."""
+    target = scenario.target
+    quaternion = np.array(target.attitude) / np.linalg.norm(target.attitude)
+    start = Rotation(
+        0.0,
+        matrix_from_quaternion(quaternion[None])[0],
+        np.deg2rad(target.angular_rate_deg),
+        np.array(target.inertia),
+        scenario.orbit if target.gravity_gradient else None,
+    )
+    middle = float(time[0] + time[-1]) / 2
+    then = start.at(np.array([middle]))
+    rotation = Rotation(middle, then.attitude[0], then.rate[0], start.inertia, start.orbit)
+    state = np.concatenate([scenario.chaser.position, scenario.chaser.velocity])
+    rho_L = relative_path(scenario.orbit, state, time)[:, :3]
+    origin = -(lvlh_attitude(scenario.orbit, time) @ rho_L[:, :, None])[:, :, 0]
+    return rotation, rotation.at(time), origin
+
+
+def _expected(
+    scenario: Scenario, time: FloatArray, attitude: FloatArray, origin: FloatArray, points: FloatArray
+) -> Sightings:
+    """The features where they are, with the true precision of each sighting that may be expected."""
+    features_C = origin[:, None] + points @ np.swapaxes(attitude, 1, 2)
+    normals = np.array([point.normal for point in scenario.features.points])
+    covariance = sighting_covariance(scenario, features_C, origin)
+    seen = visible(scenario, time, features_C, normals @ np.swapaxes(attitude, 1, 2))
+    seen &= np.isfinite(covariance[..., 0, 0])
+    kept = (1 - scenario.sensor.dropout) * (1 - scenario.sensor.outliers.share) * (1 - scenario.sensor.outliers.swapped)
+    position = np.where(seen[..., None], features_C, 0.0)
+    if scenario.sensor.stereo is None:
+        if scenario.sensor.noise == 0:
+            raise ComputationError("sensor.noise is 0: without noise there is no bound above zero")
+        return Sightings(position, seen * kept / scenario.sensor.noise**2)
+    precision = np.linalg.inv(np.where(seen[..., None, None], covariance, np.eye(3)))
+    return Sightings(position, seen * kept, precision)
+
+
+def _in_held_axes(
+    rotation: Rotation, motion: Attitudes, found: Equations, y: FloatArray, seen: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Covariances of attitude (n, 3, 3), rate (3, 3) and inertia (5, 5) in axes that the features hold.
+
+    The equations' own axes are those of the attitude at the epoch. The features' best turn against them, −κ, is one of
+    the points: κ = (Σ −[a]×²)⁻¹ Σ a × δb, a from the centroid. Turned axes see rate and inertia turned, too.
+    """
+    arms = cross_matrices(found.points[seen] - found.points[seen].mean(axis=0))
+    inverse = np.linalg.pinv(np.einsum("mij,mkj->ik", arms, arms), hermitian=True)
+    by_points = inverse @ arms.transpose(1, 0, 2).reshape(3, -1)
+    q = len(y)
+    followed = found.by_unknowns.reshape(len(found.points), 3, q)[seen].reshape(-1, q)
+    by_y = -by_points @ followed  # of κ
+    blocks = by_points.reshape(3, -1, 3).transpose(1, 0, 2)
+    own = (blocks @ found.point_inverse[seen] @ blocks.transpose(0, 2, 1)).sum(axis=0)
+
+    def covariance(of_y: FloatArray, of_kappa: FloatArray) -> FloatArray:
+        whole = of_y + of_kappa @ by_y
+        return np.asarray(whole @ y @ np.swapaxes(whole, -1, -2) + of_kappa @ own @ np.swapaxes(of_kappa, -1, -2))
+
+    turn = np.concatenate([motion.turn, np.zeros((*motion.turn.shape[:2], q - RATE_AND_INERTIA))], axis=2)
+    of_rate, of_inertia = np.eye(3, q), np.eye(5, q, 3)
+    # Axes turned by κ see a vector v as v − κ × v and a tensor J as J − [κ]× J + J [κ]×.
+    J = rotation.inertia
+    turned = [J @ K - K @ J for K in cross_matrices(np.eye(3))]
+    by_kappa = np.array([[np.sum(basis * change) for change in turned] for basis in INERTIA_BASIS])
+    return (
+        covariance(turn, np.broadcast_to(np.eye(3), (len(turn), 3, 3))),
+        covariance(of_rate, cross_matrices(rotation.rate[None])[0]),
+        covariance(of_inertia, by_kappa),
+    )

@@ -1,0 +1,166 @@
+"""Least squares of rigid bodies whose common centre moves on a path and whose attitudes are free in every frame.
+
+Unknowns are the path's x, each body's points b (axes S of its own, origin at the centre of mass), and one rotation per
+frame. The rotations are eliminated frame by frame and the points body by body, so that a system of the path's few
+unknowns is left: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights that make it efficient.
+A body's axes S can be turned at will: that freedom is fixed by the least change.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.paths import SampledPath
+from baryscope.estimator.rotation import exp_rotation
+from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+CHUNK_SIZE = 200_000  # numbers in a chunk's largest array, about: what the cache holds
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Features that are seen together: one rigid body in axes S of its own.
+
+    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S.
+    """
+
+    features: IntArray
+    frames: IntArray
+    points: FloatArray
+    attitude: FloatArray
+
+    def chunks(self) -> Iterator[slice]:
+        """Slices of its frames whose work fits the cache."""
+        size = max(64, CHUNK_SIZE // (9 * len(self.features)))
+        return (slice(first, first + size) for first in range(0, len(self.frames), size))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Bodies and path where one step led.
+
+    x (p,) and its covariance (p, p) for sightings whose weights are inverse variances; offset_covariance: for each body
+    that of the centroid of its points, (3, 3) in S. cost: the weighted sum of squares before the step; step: its length
+    squared in units of the covariance.
+    """
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    covariance: FloatArray
+    offset_covariance: tuple[FloatArray, ...]
+    offset_path: tuple[FloatArray, ...]
+    squares: FloatArray
+    step: float
+
+
+@dataclass(eq=False)
+class _Sums:
+    """Normal equations of one body after its rotations are eliminated."""
+
+    path: FloatArray
+    path_points: FloatArray
+    points: FloatArray
+    path_side: FloatArray
+    points_side: FloatArray
+
+
+def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x: FloatArray) -> Solution:
+    """One Gauss–Newton step in x and all points, with the rotations at their best before it."""
+    origin = path.position(x)
+    turned, sums, squares = [], [], np.zeros_like(sightings.weight)
+    for body in bodies:
+        own = sightings.features(body.features)
+        attitude = np.concatenate([_best_turned(body, part, own, origin) for part in body.chunks()])
+        turned.append(replace(body, attitude=attitude))
+        sums.append(_sum(turned[-1], own, path, origin, squares))
+    matrix, side = np.zeros((len(x), len(x))), np.zeros(len(x))
+    solved = []
+    for body, own_sums in zip(turned, sums, strict=True):
+        inverse = _points_inverse(body.points, own_sums.points)
+        by_path = inverse @ own_sums.path_points.T
+        matrix += own_sums.path - own_sums.path_points @ by_path
+        side += own_sums.path_side - by_path.T @ own_sums.points_side
+        solved.append((inverse, by_path))
+    covariance = symmetric_pseudo_inverse(matrix)
+    change = covariance @ side
+    moved, offsets, crossed, length = [], [], [], float(change @ matrix @ change)
+    for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
+        points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
+        length += float(points_change @ own_sums.points @ points_change)
+        moved.append(replace(body, points=body.points + points_change.reshape(-1, 3)))
+        held = offset_by_points(body.points)
+        by_x = held @ by_path
+        offsets.append(held @ inverse @ held.T + by_x @ covariance @ by_x.T)
+        crossed.append(-by_x @ covariance)
+    return Solution(tuple(moved), x + change, covariance, tuple(offsets), tuple(crossed), squares, length)
+
+
+def offset_by_points(points: FloatArray) -> FloatArray:
+    """How the centroid of points (m, 3) changes with them in axes that they hold themselves, (3, 3 m).
+
+    A turn of all points about their centroid is a turn of the axes, in which the centroid is then seen turned.
+    """
+    centroid = points.mean(axis=0)
+    arms = cross_matrices(points - centroid)
+    inertia = np.einsum("mij,mkj->ik", arms, arms)
+    turn = np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1)
+    mean = np.tile(np.eye(3), len(points)) / len(points)
+    return np.asarray(mean + cross_matrices(centroid[None])[0] @ turn)
+
+
+def _best_turned(body: Body, part: slice, own: Sightings, origin: FloatArray) -> FloatArray:
+    """The attitudes of a chunk of frames after one Newton step at given points and origin."""
+    frames = body.frames[part]
+    found = pieces(own.frames(frames), body.attitude[part], origin[frames], body.points)
+    turn = (symmetric_inverses(found.turn) @ found.turn_side[:, :, None])[:, :, 0]
+    return np.asarray(body.attitude[part] @ exp_rotation(turn))
+
+
+def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
+    p, q = path.jacobian.shape[2], 3 * len(body.features)
+    total = _Sums(np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q))
+    for part in body.chunks():
+        frames = body.frames[part]
+        attitude = body.attitude[part]
+        found = pieces(own.frames(frames), attitude, origin[frames], body.points)
+        shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[frames]
+        flat = shift.reshape(-1, p)
+        total.path += flat.T @ (found.shift @ shift).reshape(-1, p)
+        total.path_points += found.unknowns_points(None, shift)
+        total.path_side += flat.T @ found.shift_side.ravel()
+        total.points_side += found.point_side.ravel()
+        for index, block in enumerate(found.point):
+            total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
+        # Take out the frames' rotations.
+        coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_side[:, :, None]], axis=2)
+        solved = symmetric_inverses(found.turn) @ coupling
+        outer = coupling.reshape(-1, p + q + 1).T @ solved.reshape(-1, p + q + 1)
+        total.path -= outer[:p, :p]
+        total.path_points -= outer[:p, p:-1]
+        total.points -= outer[p:-1, p:-1]
+        total.path_side -= outer[:p, -1]
+        total.points_side -= outer[p:-1, -1]
+        squares[np.ix_(frames, body.features)] = found.squares
+    return total
+
+
+def _points_inverse(points: FloatArray, matrix: FloatArray) -> FloatArray:
+    """The inverse of the points' matrix, which a turn of S leaves as it is: of all answers, the least turned."""
+    turns = np.swapaxes(cross_matrices(points), 1, 2).reshape(-1, 3)  # δb = φ × b
+    turns, _ = np.linalg.qr(turns)
+    weight = np.trace(matrix) / len(matrix)
+    inverse = symmetric_pseudo_inverse(matrix + weight * turns @ turns.T)
+    return np.asarray(inverse - turns @ turns.T / weight)
+
+
+def symmetric_pseudo_inverse(matrix: FloatArray) -> FloatArray:
+    """The inverse of a symmetric positive semidefinite matrix, scaled to a unit diagonal; null vectors stay null."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    inverse = np.where(values > 1e-14 * values[-1], 1 / np.where(values > 0, values, 1.0), 0.0)
+    return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))

@@ -1,0 +1,186 @@
+"""ml: batch maximum likelihood. Attitude, rate, inertia up to scale, path and points of one tumbling body at once.
+
+It starts from `pivot` and the tumble fitted to its attitudes, and needs no truth. What reaches the bound is that the
+attitudes of all frames are three numbers of rate and five of inertia, and that all features belong to one body.
+"""
+
+import time as clock
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.assessment import Cluster, assessed
+from baryscope.estimator.likelihood import Equations, equations
+from baryscope.estimator.noise import moved_to, sightings_of
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths import SampledPath
+from baryscope.estimator.pivot import Pivot, solve_pivot
+from baryscope.estimator.result import Estimate
+from baryscope.estimator.robust import FAINT, reweighted
+from baryscope.estimator.rotation import RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.sightings import Sightings
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tumble import Tumble, fit_tumble
+from baryscope.models.errors import InputError
+from baryscope.models.scenario import Orbit
+
+FloatArray = NDArray[np.float64]
+
+ROUNDS = 40
+SETTLED = 1e-4  # a step this long, squared, in units of the covariance, is the last
+UNRULY = 1e-2  # share of the cost that the last change of weights may take away
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """The most likely motion, path and points, and the normal equations there.
+
+    sightings with their weights; variance of a sighting of weight 1, over the given covariance or in m².
+    """
+
+    rotation: Rotation
+    motion: Attitudes
+    x: FloatArray
+    sampled: SampledPath
+    found: Equations
+    sightings: Sightings
+    variance: float
+    converged: bool
+    rounds: int
+
+
+def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
+    """The centre of mass by maximum likelihood.
+
+    Raises:
+        InputError: options that do not go together.
+        ComputationError: the tracks do not hold what it takes.
+    """
+    begin = clock.perf_counter()
+    torques = _torques(orbit, options)
+    pivot = solve_pivot(tracks, orbit, options)
+    tumble = fit_tumble(pivot.bodies, pivot.sightings, pivot.variance, tracks.time, torques)
+    best = _maximised(tracks, pivot, tumble, options)
+    y = best.variance * best.found.covariance()
+    of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
+    clusters = [
+        Cluster(
+            features=posed.body.features,
+            frames=posed.body.frames,
+            intervals=posed.intervals,
+            points=best.found.points[posed.body.features],
+            covariance=best.variance * best.found.offset_covariance(y / best.variance, posed.body.features),
+        )
+        for posed in pivot.posed
+    ]
+    jacobian = best.sampled.jacobian
+    return assessed(
+        "ml",
+        tracks,
+        pivot.path.name,
+        best.sampled.position(best.x),
+        jacobian @ of_path @ np.swapaxes(jacobian, 1, 2),
+        clusters,
+        weights=best.sightings.weight,
+        variance=best.variance,
+        options=replace(options, torque="none" if best.rotation.orbit is None else "gravity-gradient"),
+        begin=begin,
+        extra={
+            "converged": best.converged,
+            "rounds": best.rounds,
+            "rotation": _described(best, y),
+        },
+    )
+
+
+def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, ...]:
+    """The gravity gradients to try: that of no orbit, of the orbit, or both."""
+    if options.torque == "gravity-gradient" and orbit is None:
+        raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
+    if orbit is None or options.torque == "none":
+        return (None,)
+    return (orbit,) if options.torque == "gravity-gradient" else (None, orbit)
+
+
+def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions) -> Likelihood:
+    """Damped Gauss–Newton steps from the pivot's path and the tumble; weights and precisions are renewed as it goes."""
+    measured = sightings_of(tracks, tracks.seen)
+    weight = np.where(tracks.seen, FAINT, 0.0)
+    weight = np.where(pivot.sightings.weight > 0, pivot.sightings.weight, weight)
+    sightings = measured.weighted(weight)
+    points = _common_points(pivot, tumble, measured)
+    rotation, x, sampled = tumble.rotation, pivot.solution.x, pivot.sampled
+    motion, origin = rotation.at(tracks.time), sampled.position(x)
+    stereo = measured.precision is not None and options.noise == "stereo"
+    damping, converged, rounds = 1e-6, False, 0
+    found = equations(sightings, motion, sampled, origin, points)
+    while not converged and rounds < ROUNDS:
+        rounds += 1
+        matrix, side = found.matrix, found.side
+        accepted = False
+        while not accepted and damping < 1e10:
+            change = _solved(matrix + damping * np.diag(np.diag(matrix)), side)
+            turned = rotation.changed(np.zeros(3), change[:RATE_AND_INERTIA])
+            if turned.possible:
+                moved = x + change[RATE_AND_INERTIA:]
+                new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
+                trial = equations(sightings, new_motion, sampled, new_origin, found.points)
+                accepted = trial.cost <= found.cost * (1 + 1e-12)
+            damping = damping / 30 if accepted else damping * 10
+        if not accepted:
+            break
+        rotation, x, motion, origin, found = turned, moved, new_motion, new_origin, trial
+        freedom = _freedom(sightings, len(x))
+        variance = found.cost / freedom
+        step = float(change @ matrix @ change)
+        weight = reweighted(found.squares, sightings.weight, freedom)
+        plain = found.squares / np.where(weight > 0, sightings.weight, 1.0)
+        settled = abs(float(np.vdot(plain, weight)) - found.cost) <= UNRULY * found.cost
+        converged = settled and step <= SETTLED * variance and damping < 1e-2
+        if not converged and (stereo or not settled):
+            sightings = sightings.weighted(weight)
+            if stereo:
+                estimated = found.points @ np.swapaxes(motion.attitude, 1, 2) + origin[:, None]
+                sightings = moved_to(sightings, measured, estimated)
+            found = equations(sightings, motion, sampled, origin, found.points)
+    variance = options.sigma**2 if options.sigma is not None else found.cost / _freedom(sightings, len(x))
+    return Likelihood(rotation, motion, x, sampled, found, sightings, variance, converged, rounds)
+
+
+def _solved(matrix: FloatArray, side: FloatArray) -> FloatArray:
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.asarray(scale * np.linalg.lstsq(matrix * np.outer(scale, scale), scale * side, rcond=1e-14)[0])
+
+
+def _freedom(sightings: Sightings, path_size: int) -> float:
+    seen = np.count_nonzero(sightings.weight.max(axis=0, initial=0.0) > FAINT)
+    return max(3 * float(sightings.weight.sum()) - 3 * seen - RATE_AND_INERTIA - path_size, 1.0)
+
+
+def _common_points(pivot: Pivot, tumble: Tumble, measured: Sightings) -> FloatArray:
+    """All features in the axes B of the tumble: those of each body turned there, means where bodies share some."""
+    m = measured.weight.shape[1]
+    total, points = np.zeros(m), np.zeros((m, 3))
+    for body, R_B_S in zip(pivot.bodies, tumble.bodies, strict=True):
+        weight = pivot.sightings.weight[np.ix_(body.frames, body.features)].sum(axis=0)
+        points[body.features] += weight[:, None] * (body.points @ R_B_S.T)
+        total[body.features] += weight
+    return np.asarray(points / np.where(total > 0, total, 1.0)[:, None])
+
+
+def _described(best: Likelihood, y: FloatArray) -> dict[str, Any]:
+    """The motion at the epoch for the diagnostics."""
+    rotation = best.rotation
+    values, axes = np.linalg.eigh(rotation.inertia)
+    return {
+        "epoch": rotation.epoch,
+        "attitude": rotation.attitude.tolist(),
+        "angular_rate": rotation.rate.tolist(),
+        "angular_rate_deviation": np.sqrt(np.diag(y)[:3]).tolist(),
+        "inertia_over_trace": rotation.inertia.tolist(),
+        "inertia_deviation": float(np.sqrt(np.trace(y[3:RATE_AND_INERTIA, 3:RATE_AND_INERTIA]))),
+        "principal_moments_over_trace": values.tolist(),
+        "principal_axes": axes.T.tolist(),
+    }

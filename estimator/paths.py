@@ -1,0 +1,144 @@
+"""Paths that the centre of mass may take in C: a fixed point, a polynomial in time, or relative orbital motion.
+
+Each has a few unknowns x. A path sampled at the times of some frames has a position for every x, and a Jacobian, which
+for the first two is all there is to it. Relative motion is exact in its position (the difference of two Kepler
+orbits); its Jacobian is Yamanaka's and Ankersen's, which is that of the motion with the chaser close by.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from baryscope.models.errors import InputError
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.relative_orbit import relative_path, relative_transition
+from baryscope.models.scenario import Orbit
+
+FloatArray = NDArray[np.float64]
+
+HIGHEST_DEGREE = 20
+TRAJECTORIES = "fixed, polynomial, polynomial:N or relative-orbit"
+
+
+class Path(Protocol):
+    """A kind of path."""
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns x."""
+        ...
+
+    def at(self, time: FloatArray) -> "SampledPath":
+        """The path at times (n,) in s."""
+        ...
+
+
+@dataclass(frozen=True)
+class SampledPath:
+    """A path at n times: jacobian (n, 3, p) of the position in C by the unknowns, and position x (p,) → (n, 3) in m."""
+
+    jacobian: FloatArray
+    position: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """Chebyshev polynomials of time scaled to [-1, 1] over begin … end: x is (degree + 1, 3), flat, in m."""
+
+    degree: int
+    begin: float
+    end: float
+
+    @property
+    def name(self) -> str:
+        """As on the command line."""
+        return f"polynomial:{self.degree}" if self.degree else "fixed"
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return 3 * (self.degree + 1)
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        half = max((self.end - self.begin) / 2, 1e-300)
+        scaled = (time - (self.begin + self.end) / 2) / half
+        terms = np.asarray(chebyshev.chebvander(scaled, self.degree), dtype=np.float64)
+        jacobian = np.einsum("nd,ij->nidj", terms, np.eye(3)).reshape(len(time), 3, self.size)
+        return SampledPath(jacobian, lambda x: np.asarray(terms @ x.reshape(-1, 3)))
+
+
+@dataclass(frozen=True)
+class RelativeOrbit:
+    """Free relative motion on a known orbit: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch, all in m.
+
+    n is the orbit's mean motion; the CoM is seen at −R_I_L ρ.
+    """
+
+    orbit: Orbit
+    epoch: float
+
+    name = "relative-orbit"
+    size = 6
+
+    @property
+    def scale(self) -> FloatArray:
+        """(ρ, ρ̇) is this times x, (6,)."""
+        return np.repeat([1.0, 2 * np.pi / self.orbit.period], 3)
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        R_I_L = lvlh_attitude(self.orbit, time)
+        transition = relative_transition(self.orbit, time, self.epoch)
+        jacobian = -(R_I_L @ transition[:, :3]) * self.scale
+
+        def position(x: FloatArray) -> FloatArray:
+            rho_L = relative_path(self.orbit, self.scale * x, time, self.epoch)[:, :3]
+            return -(R_I_L @ rho_L[:, :, None])[:, :, 0]
+
+        return SampledPath(jacobian, position)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What is known of the path before it is estimated: its kind, and a polynomial's degree, None to be chosen."""
+
+    kind: str
+    degree: int | None = None
+
+    def path(self, orbit: Orbit | None, begin: float, end: float, degree: int) -> Path:
+        """The path over begin … end in s; `degree` is that of a polynomial whose degree is open."""
+        if self.kind == "relative-orbit" and orbit is not None:
+            return RelativeOrbit(orbit, (begin + end) / 2)
+        return Polynomial(degree if self.degree is None else self.degree, begin, end)
+
+
+def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:
+    """Read `fixed`, `polynomial`, `polynomial:N` or `relative-orbit`; None is the last where there is an orbit.
+
+    Raises:
+        InputError: another text, a degree that is none, or relative motion without an orbit.
+    """
+    if text is None:
+        return Trajectory("polynomial" if orbit is None else "relative-orbit")
+    if text == "relative-orbit" and orbit is None:
+        raise InputError("trajectory is relative-orbit, which needs the target's orbit; expected an orbit")
+    if text == "fixed":
+        return Trajectory("polynomial", 0)
+    kind, _, number = text.partition(":")
+    if text in ("polynomial", "relative-orbit"):
+        return Trajectory(kind)
+    if kind != "polynomial" or not number.isdecimal():
+        raise InputError(f"trajectory is {text!r}, expected {TRAJECTORIES}")
+    if int(number) > HIGHEST_DEGREE:
+        raise InputError(f"trajectory is {text!r}, expected a degree of 0 to {HIGHEST_DEGREE}")
+    return Trajectory("polynomial", int(number))

@@ -1,0 +1,257 @@
+"""pivot: the drifting pivot. Bodies from the tracks, one linear least squares, and its refinement with free attitudes.
+
+The attitude of every frame is free, so nothing needs to be known of how the target turns; what is known of the path of
+its centre of mass ties the frames together.
+"""
+
+import time as clock
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.assessment import Cluster, assessed
+from baryscope.estimator.bodies import PosedBody, find_bodies
+from baryscope.estimator.bundle import Body, Solution, improve
+from baryscope.estimator.drift import frame_weights, solve_drift
+from baryscope.estimator.noise import moved_to, sightings_of
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.paths import Path, Polynomial, SampledPath, trajectory_of
+from baryscope.estimator.result import Estimate
+from baryscope.estimator.robust import FAINT, reweighted, screen
+from baryscope.estimator.sightings import Sightings, cross_matrices, symmetric_inverses
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.scenario import Orbit
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+ROUNDS = 30
+SETTLED = 0.02  # a step this long, squared, in units of the covariance, is the last
+# The first step from the linear solution leaves less than this share of its own length, squared: with more frames than
+# unknowns by far there is no need for a second one to see it.
+CONTRACTION = 1e-5
+UNRULY = 1e-2  # share of the cost that the last change of weights may take away
+HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
+PATIENCE = 3  # degrees that may fail to be better before the search ends
+CHOICE_FRAMES = 3000  # frames at most that a degree is chosen by
+
+
+@dataclass(frozen=True, eq=False)
+class Pivot:
+    """What `pivot` finds, for `ml` to start from.
+
+    path and its unknowns x; bodies with points seen from the centre of mass; sightings with their weights, all (n, m);
+    noise: variance of a sighting of weight 1 over the one that is given or, without covariances, in m².
+    """
+
+    path: Path
+    sampled: SampledPath
+    solution: Solution
+    posed: tuple[PosedBody, ...]
+    sightings: Sightings
+    variance: float
+    converged: bool
+    rounds: int
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The bodies, points in m from the centre of mass."""
+        return self.solution.bodies
+
+
+def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
+    """The centre of mass by the drifting pivot.
+
+    Raises:
+        InputError: options that do not go together.
+        ComputationError: the tracks do not hold what it takes.
+    """
+    begin = clock.perf_counter()
+    found = solve_pivot(tracks, orbit, options)
+    covariance, offsets = _with_faint_directions(found)
+    clusters = [
+        Cluster(
+            features=body.features,
+            frames=body.frames,
+            intervals=posed.intervals,
+            points=body.points,
+            covariance=offset,
+        )
+        for body, posed, offset in zip(found.bodies, found.posed, offsets, strict=True)
+    ]
+    return assessed(
+        "pivot",
+        tracks,
+        found.path.name,
+        found.sampled.position(found.solution.x),
+        found.sampled.jacobian @ covariance @ np.swapaxes(found.sampled.jacobian, 1, 2),
+        clusters,
+        weights=found.sightings.weight,
+        variance=found.variance,
+        options=options,
+        begin=begin,
+        extra={"converged": found.converged, "rounds": found.rounds},
+    )
+
+
+def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
+    """Bodies, path and points at their least squares."""
+    trajectory = trajectory_of(options.trajectory, orbit)
+    believed = screen(tracks.position, tracks.seen)
+    posed, _ = find_bodies(tracks.position, believed)
+    measured = sightings_of(tracks, tracks.seen)
+    sightings = _restricted(measured, posed, believed)
+    span = (float(tracks.time[0]), float(tracks.time[-1]))
+    if trajectory.kind == "polynomial" and trajectory.degree is None:
+        degree = _choose_degree(posed, sightings, tracks.time, span)
+        path: Path = Polynomial(degree, *span)
+    else:
+        path = trajectory.path(orbit, *span, degree=0)
+    sampled = path.at(tracks.time)
+    bodies, x = _linear(posed, sightings, sampled)
+    return _refined(path, sampled, bodies, x, posed, measured, sightings, options)
+
+
+def _restricted(measured: Sightings, posed: tuple[PosedBody, ...], believed: BoolArray) -> Sightings:
+    """Only what some body could explain; what is not believed keeps a faint weight, so that its residual is seen."""
+    weight = np.zeros_like(measured.weight)
+    for one in posed:
+        block = np.ix_(one.body.frames, one.body.features)
+        weight[block] = measured.weight[block] * np.where(believed[block], 1.0, FAINT)
+    return measured.weighted(weight)
+
+
+def _linear(
+    posed: tuple[PosedBody, ...], sightings: Sightings, sampled: SampledPath
+) -> tuple[tuple[Body, ...], FloatArray]:
+    """The path and the bodies seen from the centre of mass, by linear least squares, weighted the second time."""
+    first = solve_drift(posed, [np.ones(len(one.body.frames)) for one in posed], sampled)
+    drift = solve_drift(posed, frame_weights(posed, sightings.weight, first.offsets), sampled)
+    moved = zip(posed, drift.offsets, strict=True)
+    return tuple(replace(one.body, points=one.body.points + offset) for one, offset in moved), drift.x
+
+
+def _refined(
+    path: Path,
+    sampled: SampledPath,
+    bodies: tuple[Body, ...],
+    x: FloatArray,
+    posed: tuple[PosedBody, ...],
+    measured: Sightings,
+    sightings: Sightings,
+    options: PathOptions,
+) -> Pivot:
+    converged, rounds, variance = False, 0, np.nan
+    while not converged and rounds < ROUNDS:
+        rounds += 1
+        if measured.precision is not None and options.noise == "stereo":
+            sightings = moved_to(sightings, measured, _points_in_C(bodies, sampled.position(x), measured))
+        solution = improve(bodies, sightings, sampled, x)
+        bodies, x = solution.bodies, solution.x
+        freedom = _freedom(bodies, sightings, len(x))
+        cost = float(solution.squares.sum())
+        variance = cost / freedom
+        weight = reweighted(solution.squares, sightings.weight, freedom)
+        short = solution.step <= SETTLED * variance
+        if rounds == 1 and measured.precision is None:
+            short = CONTRACTION * solution.step <= SETTLED * variance
+        plain = solution.squares / np.where(weight > 0, sightings.weight, 1.0)
+        converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * cost
+        sightings = sightings.weighted(weight)
+    scale = options.sigma**2 if options.sigma is not None else variance
+    return Pivot(path, sampled, solution, posed, sightings, scale, converged, rounds)
+
+
+def _freedom(bodies: tuple[Body, ...], sightings: Sightings, path_size: int) -> float:
+    """Values less unknowns, where a frame's rotation takes three, and a body's points three each but for its turn."""
+    frames = sum(len(body.frames) for body in bodies)
+    points = sum(3 * len(body.features) - 3 for body in bodies)
+    return max(3 * float(sightings.weight.sum()) - 3 * frames - points - path_size, 1.0)
+
+
+def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Sightings) -> FloatArray:
+    """Where the points are estimated to be, (n, m, 3) in C; where they were measured if no body has them."""
+    estimated = measured.position.copy()
+    for body in bodies:
+        image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
+        estimated[np.ix_(body.frames, body.features)] = image
+    return estimated
+
+
+def _choose_degree(
+    posed: tuple[PosedBody, ...], sightings: Sightings, time: FloatArray, span: tuple[float, float]
+) -> int:
+    """The degree of a polynomial by Akaike's criterion, from the lowest up until it fails to improve.
+
+    Each degree is refined with free attitudes: with the attitudes held, their noise alone would favour high degrees,
+    which shrink the offsets that it is multiplied by.
+    """
+    thinned = tuple(_thinned(one, sum(len(other.body.frames) for other in posed)) for one in posed)
+    best, degree_of_best = np.inf, 0
+    for degree in range(HIGHEST_CHOSEN + 1):
+        if degree > degree_of_best + PATIENCE:
+            break
+        sampled = Polynomial(degree, *span).at(time)
+        bodies, x = _linear(thinned, sightings, sampled)
+        for _ in range(3):
+            solution = improve(bodies, sightings, sampled, x)
+            bodies, x = solution.bodies, solution.x
+        freedom = _freedom(bodies, sightings.weighted(np.where(solution.squares > 0, sightings.weight, 0)), len(x))
+        values = freedom + len(x)
+        # Akaike's criterion for Gaussian noise of unknown size.
+        criterion = values * np.log(max(float(solution.squares.sum()), 1e-300) / freedom) + 2 * len(x)
+        if criterion < best:
+            best, degree_of_best = criterion, degree
+    return degree_of_best
+
+
+def _thinned(one: PosedBody, total: int) -> PosedBody:
+    """Every so many frames of a body, to choose a degree by."""
+    every = slice(None, None, max(1, total // CHOICE_FRAMES))
+    body = replace(one.body, frames=one.body.frames[every], attitude=one.body.attitude[every])
+    return replace(one, body=body, translation=one.translation[every])
+
+
+def _with_faint_directions(found: Pivot) -> tuple[FloatArray, list[FloatArray]]:
+    """The covariances of x and of the offsets, with what only the attitudes' noise made visible put back.
+
+    A point on the axis of a pure spin does not move, but with noisy attitudes it seems to: by Σ (tr C − C), C a frame's
+    covariance of attitude. Where a direction is seen hardly better than that, it is not seen.
+    """
+    variance, solution = found.variance, found.solution
+    covariance = variance * solution.covariance
+    offsets = []
+    reach = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
+    for body, offset, crossed in zip(found.bodies, solution.offset_covariance, solution.offset_path, strict=True):
+        seeming = _seeming_information(body, found.sightings, variance)
+        values, vectors = np.linalg.eigh(np.linalg.pinv(offset, hermitian=True))
+        widened = variance * offset
+        for value, axis in zip(values, vectors.T, strict=True):
+            true = value - float(axis @ seeming @ axis)
+            if true > value / 2:
+                continue
+            missing = variance / max(true, 1e-12 * value, variance / reach**2) - variance / value
+            gain = crossed.T @ (np.linalg.pinv(offset, hermitian=True) @ axis)
+            widened = widened + missing * np.outer(axis, axis)
+            covariance = covariance + missing * np.outer(gain, gain)
+        offsets.append(widened)
+    return covariance, offsets
+
+
+def _seeming_information(body: Body, sightings: Sightings, variance: float) -> FloatArray:
+    """What the noise of a body's attitudes seems to tell of its offset, (3, 3) in S, in the weights' units."""
+    every = max(1, len(body.frames) // CHOICE_FRAMES)
+    own = sightings.frames(body.frames[::every]).features(body.features)
+    arms = cross_matrices(body.points)
+    if own.precision is None:
+        turn = np.einsum("km,mij,mlj->kil", own.weight, arms, arms, optimize=True)
+        shift = own.weight.sum(axis=1)
+    else:
+        R = body.attitude[::every, None]
+        P = own.weight[:, :, None, None] * (np.swapaxes(R, 2, 3) @ own.precision @ R)
+        turn = np.einsum("mij,kmjl,mnl->kin", arms, P, arms, optimize=True)
+        shift = np.trace(P.sum(axis=1), axis1=1, axis2=2) / 3
+    C = variance * every * symmetric_inverses(turn)
+    spread = np.trace(C, axis1=1, axis2=2)[:, None, None] * np.eye(3) - C
+    return np.asarray(np.einsum("k,kij->ij", shift, spread))
