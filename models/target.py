@@ -28,11 +28,13 @@ from baryscope.models.attitude import (
 from baryscope.models.checks import CheckSet, parameter_checks
 from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
 from baryscope.models.keplerian import Conic, Ellipse, conic, mean_motion
+from baryscope.models.quadratic import QuadraticForm, quadratic_form
 from baryscope.models.relative_motion import relative_acceleration, target_from_chaser
 from baryscope.models.variables import Kind, Variable, variable_table
 
 STATE_SIZES = (4, 3, 1, 3, 3)  # q_I_B, ω_B, θ, ρ_L, ρ̇_L
 ATTITUDE_PART, ORBIT_PART = slice(0, 8), slice(7, 14)
+RATE_PART = slice(4, 7)  # ω_B in the attitude's part
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,8 @@ class TumblingTarget:
         nominals: p → the size of each state that a relative tolerance refers to.
         constants: p → c.
         free_attitude_rates: (q, ω, θ), u, c → their rates without gravity gradient, where θ is left alone.
-        attitude_rates: the same with gravity gradient, and θ̇.
+        free_attitude_form: the same as weighted products with ω, but for the torque's constant part.
+        attitude_rates: the rates with gravity gradient, and θ̇.
         orbit_rates: (θ, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
         run_forward: x, u, p, c, seed of (u, x) → the seed's image in (y, ẋ).
@@ -64,6 +67,7 @@ class TumblingTarget:
     nominals: ca.Function
     constants: ca.Function
     free_attitude_rates: ca.Function
+    free_attitude_form: QuadraticForm
     attitude_rates: ca.Function
     orbit_rates: ca.Function
     run_outputs: ca.Function
@@ -92,7 +96,7 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
     pulled = parameters["gravityGradient"]
     attitude = {on: _attitude_rates(x[ATTITUDE_PART], inputs, constants, on) for on in (0, 1)}
     orbit = _orbit_rates(x[ORBIT_PART], inputs, constants)
-    free, turned = attitude[0][4:7], attitude[1][4:7]
+    free, turned = attitude[0][RATE_PART], attitude[1][RATE_PART]
     rates = ca.vertcat(attitude[0][:4], free + pulled * (turned - free), orbit)
     values = _output_values(ca.vertsplit(x, [0, 4, 7, 8, 11, 14]), parameters, constants)
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
@@ -113,6 +117,7 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
         nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters)], ["p"], ["scales"]),
         constants=constants_of_p,
         free_attitude_rates=_part("target_free_attitude_rates", x[ATTITUDE_PART], u, c, attitude[0]),
+        free_attitude_form=quadratic_form("target_free_attitude", attitude[0], x[ATTITUDE_PART], c, RATE_PART),
         attitude_rates=_part("target_attitude_rates", x[ATTITUDE_PART], u, c, attitude[1]),
         orbit_rates=_part("target_orbit_rates", x[ORBIT_PART], u, c, orbit),
         run_outputs=ca.Function("target_run_outputs", [x, p, c], [y], ["x", "p", "c"], ["y"]),

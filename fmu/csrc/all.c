@@ -4,6 +4,8 @@
 #include "model.c"
 
 #include "flow.c"
+#include "dop853.c"
+#include "taylor.c"
 #include "unit.c"
 
 #include "instance.c"

@@ -52,15 +52,21 @@ static void orbit_rates(const void *unit, const double *state, double *rates)
     rates[ORBIT_SIZE] = 0.0;
 }
 
-static Rates *attitude_rates_of(const Unit *unit)
+/* The quadratic part of the free attitude's rates. */
+static void free_attitude_products(const void *unit, const double *products, double *rates)
 {
-    return unit->values[AT_GRAVITY_GRADIENT] != 0.0 ? attitude_rates : free_attitude_rates;
+    const double *arguments[] = {products, ((const Unit *)unit)->weights};
+    double *results[] = {rates};
+    target_free_attitude_products(arguments, results, NULL, NULL, 0);
 }
+
+/* Without gravity gradient: the torque, a constant, is all that turns the attitude from outside. */
+static bool attitude_is_free(const Unit *unit) { return unit->values[AT_GRAVITY_GRADIENT] == 0.0; }
 
 static void update_rates(Unit *unit)
 {
     double orbit[WIDTH], *rates = unit->values + AT_DERIVATIVES;
-    attitude_rates_of(unit)(unit, unit->values + AT_STATES, rates);
+    (attitude_is_free(unit) ? free_attitude_rates : attitude_rates)(unit, unit->values + AT_STATES, rates);
     orbit_rates(unit, unit->values + AT_STATES + ORBIT_START, orbit);
     memcpy(rates + ORBIT_START, orbit, ORBIT_SIZE * sizeof *orbit);
     unit->rates_current = true;
@@ -103,9 +109,10 @@ static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
 /* Constants and tolerance from the parameters. */
 static void take_parameters(Unit *unit)
 {
-    const double *arguments[] = {unit->values + AT_PARAMETERS};
-    double *results[] = {unit->constants};
-    target_constants(arguments, results, NULL, NULL, 0);
+    const double *parameters[] = {unit->values + AT_PARAMETERS}, *constants[] = {unit->constants};
+    double *to_constants[] = {unit->constants}, *to_weights[] = {unit->weights};
+    target_constants(parameters, to_constants, NULL, NULL, 0);
+    target_free_attitude_weights(constants, to_weights, NULL, NULL, 0);
     const double tolerance = unit->values[AT_TOLERANCE];
     unit->tolerance = unit->experiment_tolerance > 0.0 ? fmin(tolerance, unit->experiment_tolerance) : tolerance;
     unit->initialised = true;
@@ -148,21 +155,44 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
 
 /* ---- the way ---- */
 
-/* Let one flow reach `elapsed` and put its state there. */
-static const char *run_flow(Unit *unit, Flow *flow, Rates *rates, double elapsed, int part, int size)
+/* Let the attitude reach `elapsed`, without gravity gradient and with it. */
+static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, double elapsed)
+{
+    return taylor_advance(&unit->attitude, free_attitude_rates, free_attitude_products, unit, unit->tolerance, elapsed,
+                          unit->inputs_busy);
+}
+
+static const char *advance_pulled_attitude(Unit *unit, double elapsed)
+{
+    return dop853_advance(&unit->attitude, attitude_rates, unit, unit->tolerance, elapsed, unit->inputs_busy);
+}
+
+/* Let the attitude reach `elapsed` and put its state there. */
+static const char *run_attitude(Unit *unit, double elapsed)
+{
+    const bool is_free = attitude_is_free(unit);
+    const char *trouble = NULL;
+    if (unit->attitude.time < elapsed) trouble = (is_free ? advance_free_attitude : advance_pulled_attitude)(unit, elapsed);
+    if (trouble) return trouble;
+    (is_free ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, unit->values + AT_STATES, ATTITUDE_SIZE);
+    return NULL;
+}
+
+/* The same for the orbit. */
+static const char *run_orbit(Unit *unit, double elapsed)
 {
     const char *trouble = NULL;
-    if (flow->time < elapsed)
-        trouble = flow_advance(flow, rates, unit, unit->tolerance, elapsed, unit->inputs_busy);
-    if (!trouble) flow_interpolate(flow, elapsed, unit->values + AT_STATES + part, size);
+    if (unit->orbit.time < elapsed)
+        trouble = dop853_advance(&unit->orbit, orbit_rates, unit, unit->tolerance, elapsed, unit->inputs_busy);
+    if (!trouble) dop853_interpolate(&unit->orbit, elapsed, unit->values + AT_STATES + ORBIT_START, ORBIT_SIZE);
     return trouble;
 }
 
 static const char *run_flows(Unit *unit, double elapsed)
 {
-    const char *trouble = run_flow(unit, &unit->attitude, attitude_rates_of(unit), elapsed, 0, ATTITUDE_SIZE);
+    const char *trouble = run_attitude(unit, elapsed);
     /* The orbit's true anomaly is the one that counts, so it comes second. */
-    return trouble ? trouble : run_flow(unit, &unit->orbit, orbit_rates, elapsed, ORBIT_START, ORBIT_SIZE);
+    return trouble ? trouble : run_orbit(unit, elapsed);
 }
 
 /* The same where something has to be integrated, and may fail. */

@@ -41,6 +41,7 @@ typedef struct {
 typedef struct {
     double values[N_VALUES];
     double constants[N_CONSTANTS];
+    double weights[N_WEIGHTS];   /* of the products in the free attitude's rates */
     double scale[N_STATES];      /* sizes of the states */
     Flow attitude, orbit;
     double time;                 /* s */
