@@ -1,15 +1,16 @@
 """The noise of sightings: what a given covariance says at the estimated point, and the range's second-order bias.
 
 A rig triangulates: its covariance is evaluated at the noisy point, so a point measured too near claims to be better
-than it is, and a weighted fit believes it. Along the line of sight a variance grows with range⁴, across it with
-range²; and the mean of the measured range is too long by the factor 1 + σ_r²/r². Both are put right here, from the
-measured to the estimated point. For covariances that do not grow with range the change is of the order of σ/r.
+than it is, and one measured aside has its long axis turned aside; a weighted fit believes both and comes out too near.
+Along the line of sight a variance grows with range⁴, across it with range², and its axes turn with the line of sight.
+And the mean of the measured range is too long by the factor 1 + σ_r²/r². All this is put right here, from the measured
+to the estimated point. For covariances that do not grow with range the change is of the order of σ/r.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.sightings import Sightings
+from baryscope.estimator.sightings import Sightings, cross_matrices
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
@@ -41,21 +42,25 @@ def moved_to(sightings: Sightings, measured: Sightings, estimated: FloatArray) -
     """
     if measured.precision is None:
         return sightings
-    distance = np.linalg.norm(measured.position, axis=2)
-    used = distance > 0
-    along = measured.position / np.where(used, distance, 1.0)[..., None]
-    ratio = np.einsum("kmi,kmi->km", along, estimated) / np.where(used, distance, 1.0)
-    ratio = np.where(used, np.clip(ratio, 0.5, 2.0), 1.0)
-    # With D = s (1 + (s − 1) a aᵀ), the covariance at the estimated point is D Σ D.
-    P = measured.precision
-    across = (P @ along[..., None])[..., 0]
-    aPa = np.einsum("kmi,kmi->km", along, across)
-    grow = 1 / ratio - 1
-    mixed = along[..., :, None] * across[..., None, :]
-    precision = P + grow[..., None, None] * (mixed + np.swapaxes(mixed, 2, 3))
-    precision += (grow**2 * aPa)[..., None, None] * along[..., :, None] * along[..., None, :]
-    precision /= (ratio**2)[..., None, None]
-    # aᵀ Σ a from the precision: for a rig whose depth is its worst direction this is 1 / (aᵀ P a) but for its skewness.
-    variance = np.einsum("kmi,kmij,kmj->km", along, np.linalg.inv(precision), along)
-    shrink = 1 - variance / np.where(used, distance * ratio, 1.0) ** 2
-    return Sightings(measured.position * np.where(used, shrink, 1.0)[..., None], sightings.weight, precision)
+    used = measured.weight > 0
+    near, far = np.where(used[..., None], measured.position, 1.0), np.where(used[..., None], estimated, 1.0)
+    r, r_new = np.linalg.norm(near, axis=2), np.linalg.norm(far, axis=2)
+    a, a_new = near / r[..., None], far / np.maximum(r_new, 1e-300)[..., None]
+    ratio = np.clip(r_new / r, 0.5, 2.0)
+    turn = _turning(a, a_new)
+    # With D = s (1 + (s − 1) a aᵀ) the covariance at the new range is D Σ D; then it is turned.
+    D = np.eye(3) + (1 / ratio - 1)[..., None, None] * a[..., :, None] * a[..., None, :]
+    D = turn @ D / ratio[..., None, None]
+    precision = D @ measured.precision @ np.swapaxes(D, 2, 3)
+    covariance_along = np.linalg.solve(precision, a_new[..., None])[..., 0]
+    variance = np.einsum("kmi,kmi->km", a_new, covariance_along)
+    shrink = np.where(used, 1 - variance / (r * ratio) ** 2, 1.0)
+    return Sightings(measured.position * shrink[..., None], sightings.weight, precision)
+
+
+def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Rotations (n, m, 3, 3) that turn unit vectors a (n, m, 3) into b by the shortest way; none for opposite ones."""
+    cosine = np.einsum("kmi,kmi->km", a, b)
+    cross = cross_matrices(np.cross(a, b).reshape(-1, 3)).reshape(*a.shape, 3)
+    turn = np.eye(3) + cross + cross @ cross / np.maximum(1 + cosine, 1e-12)[..., None, None]
+    return np.asarray(np.where((cosine > 0)[..., None, None], turn, np.eye(3)))

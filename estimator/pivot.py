@@ -19,7 +19,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths import Path, Polynomial, SampledPath, trajectory_of
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted, screen
-from baryscope.estimator.sightings import Sightings, cross_matrices, symmetric_inverses
+from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.scenario import Orbit
 
@@ -222,9 +222,10 @@ def _with_faint_directions(found: Pivot) -> tuple[FloatArray, list[FloatArray]]:
     variance, solution = found.variance, found.solution
     covariance = variance * solution.covariance
     offsets = []
-    reach = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
+    origin = found.sampled.position(solution.x)
+    reach = float(np.linalg.norm(origin, axis=1).max())
     for body, offset, crossed in zip(found.bodies, solution.offset_covariance, solution.offset_path, strict=True):
-        seeming = _seeming_information(body, found.sightings, variance)
+        seeming = _seeming_information(body, found.sightings, origin, variance)
         values, vectors = np.linalg.eigh(np.linalg.pinv(offset, hermitian=True))
         widened = variance * offset
         for value, axis in zip(values, vectors.T, strict=True):
@@ -239,19 +240,16 @@ def _with_faint_directions(found: Pivot) -> tuple[FloatArray, list[FloatArray]]:
     return covariance, offsets
 
 
-def _seeming_information(body: Body, sightings: Sightings, variance: float) -> FloatArray:
-    """What the noise of a body's attitudes seems to tell of its offset, (3, 3) in S, in the weights' units."""
+def _seeming_information(body: Body, sightings: Sightings, origin: FloatArray, variance: float) -> FloatArray:
+    """What the noise of a body's attitudes seems to tell of its offset, (3, 3) in S, in the weights' units.
+
+    A frame whose attitude is off by φ sees the offset d moved by φ × d. With C the covariance of φ and Q what the frame
+    says of its position when its attitude is not known, that seems to be the information Σ tr([eᵢ]×ᵀ Q [eⱼ]× C).
+    """
     every = max(1, len(body.frames) // CHOICE_FRAMES)
-    own = sightings.frames(body.frames[::every]).features(body.features)
-    arms = cross_matrices(body.points)
-    if own.precision is None:
-        turn = np.einsum("km,mij,mlj->kil", own.weight, arms, arms, optimize=True)
-        shift = own.weight.sum(axis=1)
-    else:
-        R = body.attitude[::every, None]
-        P = own.weight[:, :, None, None] * (np.swapaxes(R, 2, 3) @ own.precision @ R)
-        turn = np.einsum("mij,kmjl,mnl->kin", arms, P, arms, optimize=True)
-        shift = np.trace(P.sum(axis=1), axis1=1, axis2=2) / 3
-    C = variance * every * symmetric_inverses(turn)
-    spread = np.trace(C, axis1=1, axis2=2)[:, None, None] * np.eye(3) - C
-    return np.asarray(np.einsum("k,kij->ij", shift, spread))
+    frames, attitude = body.frames[::every], body.attitude[::every]
+    found = pieces(sightings.frames(frames).features(body.features), attitude, origin[frames], body.points)
+    inverse = symmetric_inverses(found.turn)
+    known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
+    axes = cross_matrices(np.eye(3))
+    return np.asarray(variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True))
