@@ -16,7 +16,7 @@ from baryscope.estimator.likelihood import Equations, equations
 from baryscope.estimator.noise import moved_to, sightings_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths import SampledPath
-from baryscope.estimator.pivot import Pivot, solve_pivot
+from baryscope.estimator.pivot import MISFIT, Pivot, reach_of, solve_pivot
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted
 from baryscope.estimator.rotation import RATE_AND_INERTIA, Attitudes, Rotation
@@ -37,7 +37,8 @@ UNRULY = 1e-2  # share of the cost that the last change of weights may take away
 class Likelihood:
     """The most likely motion, path and points, and the normal equations there.
 
-    sightings with their weights; variance of a sighting of weight 1, over the given covariance or in m².
+    sightings with their weights; variance of a sighting of weight 1, over the given covariance or in m², as given or
+    as the residuals show it; residual_variance: as they show it.
     """
 
     rotation: Rotation
@@ -47,6 +48,7 @@ class Likelihood:
     found: Equations
     sightings: Sightings
     variance: float
+    residual_variance: float
     converged: bool
     rounds: int
 
@@ -64,6 +66,11 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     tumble = fit_tumble(pivot.bodies, pivot.sightings, pivot.variance, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)
     y = best.variance * best.found.covariance()
+    remarks, converged = pivot.remarks, best.converged
+    ratio = best.residual_variance / max(pivot.residual_variance, 1e-300)
+    if ratio > MISFIT and best.residual_variance > 1e-18 * reach_of(pivot.sightings) ** 2:
+        converged = False
+        remarks += (f"no free tumble fits: residuals are {np.sqrt(ratio):.2g} times those with free attitudes",)
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
     clusters = [
         Cluster(
@@ -88,10 +95,11 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
         options=replace(options, torque="none" if best.rotation.orbit is None else "gravity-gradient"),
         begin=begin,
         extra={
-            "converged": best.converged,
+            "converged": converged,
             "rounds": best.rounds,
             "rotation": _described(best, y),
         },
+        remarks=remarks,
     )
 
 
@@ -145,8 +153,9 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
                 estimated = found.points @ np.swapaxes(motion.attitude, 1, 2) + origin[:, None]
                 sightings = moved_to(sightings, measured, estimated)
             found = equations(sightings, motion, sampled, origin, found.points)
-    variance = options.sigma**2 if options.sigma is not None else found.cost / _freedom(sightings, len(x))
-    return Likelihood(rotation, motion, x, sampled, found, sightings, variance, converged, rounds)
+    residual = found.cost / _freedom(sightings, len(x))
+    variance = residual if options.sigma is None else options.sigma**2
+    return Likelihood(rotation, motion, x, sampled, found, sightings, variance, residual, converged, rounds)
 
 
 def _solved(matrix: FloatArray, side: FloatArray) -> FloatArray:

@@ -31,6 +31,8 @@ SETTLED = 0.02  # a step this long, squared, in units of the covariance, is the 
 # The first step from the linear solution leaves less than this share of its own length, squared: with more frames than
 # unknowns by far there is no need for a second one to see it.
 CONTRACTION = 1e-5
+HASTY = 6  # rounds in which weights may change at will
+MISFIT = 1.5  # variance over that of the registration, from which on the path is said not to fit
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
 HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
 PATIENCE = 3  # degrees that may fail to be better before the search ends
@@ -42,7 +44,8 @@ class Pivot:
     """What `pivot` finds, for `ml` to start from.
 
     path and its unknowns x; bodies with points seen from the centre of mass; sightings with their weights, all (n, m);
-    noise: variance of a sighting of weight 1 over the one that is given or, without covariances, in m².
+    variance of a sighting of weight 1, as given or as the residuals show it, over the given covariance or in m²;
+    residual_variance: as they show it. remarks: what does not fit.
     """
 
     path: Path
@@ -51,8 +54,10 @@ class Pivot:
     posed: tuple[PosedBody, ...]
     sightings: Sightings
     variance: float
+    residual_variance: float
     converged: bool
     rounds: int
+    remarks: tuple[str, ...] = ()
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -92,6 +97,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         options=options,
         begin=begin,
         extra={"converged": found.converged, "rounds": found.rounds},
+        remarks=found.remarks,
     )
 
 
@@ -99,7 +105,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     """Bodies, path and points at their least squares."""
     trajectory = trajectory_of(options.trajectory, orbit)
     believed = screen(tracks.position, tracks.seen)
-    posed, _ = find_bodies(tracks.position, believed)
+    posed, noise = find_bodies(tracks.position, believed)
     measured = sightings_of(tracks, tracks.seen)
     sightings = _restricted(measured, posed, believed)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
@@ -110,7 +116,17 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         path = trajectory.path(orbit, *span, degree=0)
     sampled = path.at(tracks.time)
     bodies, x = _linear(posed, sightings, sampled)
-    return _refined(path, sampled, bodies, x, posed, measured, sightings, options)
+    found = _refined(path, sampled, bodies, x, posed, measured, sightings, options)
+    ratio = found.residual_variance / max(noise, 1e-300) ** 2
+    if measured.precision is None and ratio > MISFIT and found.residual_variance > 1e-18 * reach_of(measured) ** 2:
+        remark = f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
+        return replace(found, remarks=(remark,))
+    return found
+
+
+def reach_of(sightings: Sightings) -> float:
+    """How far away the farthest sighting is, m: the scale of rounding."""
+    return float(np.sqrt((sightings.position**2).sum(axis=2).max(initial=0.0)))
 
 
 def _restricted(measured: Sightings, posed: tuple[PosedBody, ...], believed: BoolArray) -> Sightings:
@@ -153,6 +169,8 @@ def _refined(
         cost = float(solution.squares.sum())
         variance = cost / freedom
         weight = reweighted(solution.squares, sightings.weight, freedom)
+        if rounds > HASTY:  # weights that swing to and fro come to rest in between
+            weight = np.sqrt(weight * sightings.weight)
         short = solution.step <= SETTLED * variance
         if rounds == 1 and measured.precision is None:
             short = CONTRACTION * solution.step <= SETTLED * variance
@@ -160,7 +178,7 @@ def _refined(
         converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * cost
         sightings = sightings.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
-    return Pivot(path, sampled, solution, posed, sightings, scale, converged, rounds)
+    return Pivot(path, sampled, solution, posed, sightings, scale, variance, converged, rounds)
 
 
 def _freedom(bodies: tuple[Body, ...], sightings: Sightings, path_size: int) -> float:

@@ -6,6 +6,7 @@ Gauss–Newton steps, first over the stretch that it foretells to within a radia
 that share too few features to be one get their relative attitude here, through the motion.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,9 @@ IntArray = NDArray[np.intp]
 
 CENTRES = 150  # stretches that rates are taken from
 SWEEP = 0.8  # rad that the body turns in a stretch
+EPOCHS = (0.5, 0.3, 0.7)  # shares of the time at which the motion is started from, until one explains the attitudes
+EXPLAINED = 3.0  # robust cost for each value, below which the attitudes count as explained
+STRAY = 3.0  # times the median that a stretch may miss by
 WIDEST = 40  # frames of a stretch at most, on either side
 MOST = 1500  # attitudes that the motion is fitted to
 FORETOLD = 0.7  # rad within which attitudes count as foretold
@@ -62,12 +66,20 @@ def fit_tumble(
     """
     poses = _poses(bodies, sightings, variance, time)
     main = int(np.argmax(np.bincount(poses.body, minlength=len(bodies))))
-    start = _first_guess(bodies[main], time)
-    grown = _grown(replace(start, orbit=orbits[0]), poses, main, len(bodies))
-    fits = [grown]
+    best: Tumble | None = None
+    for start in _guesses(bodies[main], time):
+        grown = _grown(replace(start, orbit=orbits[0]), poses, main, len(bodies))
+        if best is None or grown.cost < best.cost:
+            best = grown
+        if best.cost < EXPLAINED * 3 * len(poses.time):
+            break
+    if best is None:
+        raise ComputationError(
+            "no stretch of frames shows how fast the target turns: features are not followed for long enough"
+        )
+    fits = [best]
     for orbit in orbits[1:]:
-        again = replace(grown, rotation=replace(grown.rotation, orbit=orbit))
-        fits.append(_fitted(again, poses, FINE))
+        fits.append(_fitted(replace(best, rotation=replace(best.rotation, orbit=orbit)), poses, FINE))
     return min(fits, key=lambda fit: fit.cost)
 
 
@@ -92,20 +104,27 @@ def _poses(bodies: tuple[Body, ...], sightings: Sightings, variance: float, time
     return _Poses(*columns)
 
 
-def _first_guess(body: Body, time: FloatArray) -> Rotation:
-    """Attitude, rate and inertia in the body's axes, at the posed frame nearest the middle of the time."""
+def _guesses(body: Body, time: FloatArray) -> Iterator[Rotation]:
+    """Attitude, rate and inertia in the body's axes at a posed frame: near the middle of the time, then elsewhere.
+
+    The last ones have a sphere's inertia, which is less wrong than one that came out of too little wobble.
+    """
     centres, rates = _local_rates(body, time)
     if not len(centres):
-        raise ComputationError(
-            "no stretch of frames shows how fast the target turns: features are not followed for long enough"
-        )
-    middle = int(np.argmin(np.abs(time[body.frames[centres]] - (time[0] + time[-1]) / 2)))
-    epoch, attitude = float(time[body.frames[centres[middle]]]), body.attitude[centres[middle]]
-    return Rotation(epoch, attitude, rates[middle], _inertia(body.attitude[centres], rates))
+        return
+    at = time[body.frames[centres]]
+    inertia = _inertia(body.attitude[centres], rates)
+    for J in (inertia, np.eye(3) / 3):
+        for share in EPOCHS:
+            k = int(np.argmin(np.abs(at - (time[0] + share * (time[-1] - time[0])))))
+            yield Rotation(float(at[k]), body.attitude[centres[k]], rates[k], J)
 
 
 def _local_rates(body: Body, time: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Rates (k, 3) in S at some of the body's frames (k,), from cubics through the turns of a short stretch around."""
+    """Rates (k, 3) in S at some of the body's frames (k,), from cubics through the turns of a short stretch around.
+
+    Stretches that a cubic fits much worse than most are left out: attitudes that are wrong altogether are in them.
+    """
     n = len(body.frames)
     at = time[body.frames]
     steps = log_rotation(np.swapaxes(body.attitude[:-1], 1, 2) @ body.attitude[1:])
@@ -113,8 +132,7 @@ def _local_rates(body: Body, time: FloatArray) -> tuple[IntArray, FloatArray]:
     usual = float(np.median(np.diff(at))) if n > 1 else 1.0
     half = int(np.clip(round(SWEEP / max(pace * usual, 1e-9) / 2), 2, WIDEST))
     centres = np.unique(np.linspace(half, n - 1 - half, CENTRES).astype(np.intp)) if n > 2 * half else np.empty(0, int)
-    window = np.arange(-half, half + 1)
-    rows = centres[:, None] + window
+    rows = centres[:, None] + np.arange(-half, half + 1)
     span = at[rows] - at[centres][:, None]
     # No stretch across a gap.
     whole = (span[:, -1] - span[:, 0]) < 2 * usual * 2 * half if len(rows) else np.zeros(0, dtype=bool)
@@ -125,8 +143,10 @@ def _local_rates(body: Body, time: FloatArray) -> tuple[IntArray, FloatArray]:
     turns = log_rotation(relative.reshape(-1, 3, 3)).reshape(len(rows), -1, 3)
     scale = np.abs(span).max(axis=1)[:, None]
     powers = (span / scale)[:, :, None] ** np.arange(4 if half > 2 else 3)
-    rates = (np.linalg.pinv(powers) @ turns)[:, 1] / scale
-    return centres, rates
+    fitted = np.linalg.pinv(powers) @ turns
+    missed = np.linalg.norm(turns - powers @ fitted, axis=2).max(axis=1)
+    good = missed <= STRAY * np.median(missed)
+    return centres[good], (fitted[:, 1] / scale)[good]
 
 
 def _inertia(attitude: FloatArray, rates: FloatArray) -> FloatArray:
@@ -142,13 +162,17 @@ def _inertia(attitude: FloatArray, rates: FloatArray) -> FloatArray:
         ],
         axis=1,
     )
-    rows = np.concatenate([attitude @ by_inertia, np.tile(-np.eye(3), (len(x), 1, 1))], axis=2).reshape(-1, 9)
-    xx, yy, zz, xy, xz, yz = np.linalg.svd(rows, full_matrices=False)[2][-1][:6]
+    rows = np.concatenate([attitude @ by_inertia, np.tile(-np.eye(3), (len(x), 1, 1))], axis=2)
+    vector = np.linalg.svd(rows.reshape(-1, 9), full_matrices=False)[2][-1]
+    for _ in range(3):
+        missed = np.linalg.norm(rows @ vector, axis=1)
+        good = missed <= STRAY * np.median(missed)
+        vector = np.linalg.svd(rows[good].reshape(-1, 9), full_matrices=False)[2][-1]
+    xx, yy, zz, xy, xz, yz = vector[:6]
     J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     J *= np.sign(np.trace(J)) or 1.0
     values, vectors = np.linalg.eigh(J)
     if values[0] <= 0.02 * values[-1]:
-        # Too little wobble, or too much noise, to tell: no inertia is less wrong than a sphere's.
         return np.eye(3) / 3
     return np.asarray((vectors * values) @ vectors.T / values.sum())
 
