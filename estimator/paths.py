@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude
@@ -21,6 +22,7 @@ from baryscope.models.scenario import Orbit
 FloatArray = NDArray[np.float64]
 
 HIGHEST_DEGREE = 20
+ARC = 0.01  # rad of true anomaly between nodes: leaves 5/384 ARC⁴ of the distance, 3 nm at 20 m, to the spline
 TRAJECTORIES = "fixed, polynomial, polynomial:N or relative-orbit"
 
 
@@ -96,16 +98,28 @@ class RelativeOrbit:
         return np.repeat([1.0, 2 * np.pi / self.orbit.period], 3)
 
     def at(self, time: FloatArray) -> SampledPath:
-        """The path at times (n,) in s."""
-        R_I_L = lvlh_attitude(self.orbit, time)
-        transition = relative_transition(self.orbit, time, self.epoch)
+        """The path at times (n,) in s; between nodes ARC apart, where there are more times, by a cubic spline."""
+        nodes = self._nodes(time)
+        R_I_L = lvlh_attitude(self.orbit, nodes)
+        transition = relative_transition(self.orbit, nodes, self.epoch)
         jacobian = -(R_I_L @ transition[:, :3]) * self.scale
 
         def position(x: FloatArray) -> FloatArray:
-            rho_L = relative_path(self.orbit, self.scale * x, time, self.epoch)[:, :3]
-            return -(R_I_L @ rho_L[:, :, None])[:, :, 0]
+            rho_L = relative_path(self.orbit, self.scale * x, nodes, self.epoch)[:, :3]
+            return _between(nodes, -(R_I_L @ rho_L[:, :, None])[:, :, 0], time)
 
-        return SampledPath(jacobian, position)
+        return SampledPath(_between(nodes, jacobian, time), position)
+
+    def _nodes(self, time: FloatArray) -> FloatArray:
+        """Evenly spaced times around the given ones, or these themselves where they are few."""
+        e, begin, end = self.orbit.eccentricity, float(time.min()), float(time.max())
+        fastest = 2 * np.pi / self.orbit.period * np.sqrt((1 + e) / (1 - e) ** 3)  # of the true anomaly, at periapsis
+        count = int(np.ceil((end - begin) * fastest / ARC)) + 1
+        return time if len(time) < 4 * count or count < 4 else np.linspace(begin, end, count)
+
+
+def _between(nodes: FloatArray, values: FloatArray, time: FloatArray) -> FloatArray:
+    return values if nodes is time else np.asarray(CubicSpline(nodes, values)(time))
 
 
 @dataclass(frozen=True)

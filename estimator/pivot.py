@@ -74,7 +74,8 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """
     begin = clock.perf_counter()
     found = solve_pivot(tracks, orbit, options)
-    covariance, offsets = _with_faint_directions(found)
+    position = found.sampled.position(found.solution.x)
+    covariance, offsets = _with_faint_directions(found, position)
     clusters = [
         Cluster(
             features=body.features,
@@ -89,7 +90,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         "pivot",
         tracks,
         found.path.name,
-        found.sampled.position(found.solution.x),
+        position,
         found.sampled.jacobian @ covariance @ np.swapaxes(found.sampled.jacobian, 1, 2),
         clusters,
         weights=found.sightings.weight,
@@ -205,17 +206,18 @@ def _choose_degree(
     Each degree is refined with free attitudes: with the attitudes held, their noise alone would favour high degrees,
     which shrink the offsets that it is multiplied by.
     """
-    thinned = tuple(_thinned(one, sum(len(other.body.frames) for other in posed)) for one in posed)
+    rows = np.arange(0, len(time), max(1, len(time) // CHOICE_FRAMES))
+    thinned, few, time = tuple(_thinned(one, rows) for one in posed), sightings.frames(rows), time[rows]
     best, degree_of_best = np.inf, 0
     for degree in range(HIGHEST_CHOSEN + 1):
         if degree > degree_of_best + PATIENCE:
             break
         sampled = Polynomial(degree, *span).at(time)
-        bodies, x = _linear(thinned, sightings, sampled)
+        bodies, x = _linear(thinned, few, sampled)
         for _ in range(3):
-            solution = improve(bodies, sightings, sampled, x)
+            solution = improve(bodies, few, sampled, x)
             bodies, x = solution.bodies, solution.x
-        freedom = _freedom(bodies, sightings.weighted(np.where(solution.squares > 0, sightings.weight, 0)), len(x))
+        freedom = _freedom(bodies, few, len(x))
         values = freedom + len(x)
         # Akaike's criterion for Gaussian noise of unknown size.
         criterion = values * np.log(max(float(solution.squares.sum()), 1e-300) / freedom) + 2 * len(x)
@@ -224,14 +226,14 @@ def _choose_degree(
     return degree_of_best
 
 
-def _thinned(one: PosedBody, total: int) -> PosedBody:
-    """Every so many frames of a body, to choose a degree by."""
-    every = slice(None, None, max(1, total // CHOICE_FRAMES))
-    body = replace(one.body, frames=one.body.frames[every], attitude=one.body.attitude[every])
-    return replace(one, body=body, translation=one.translation[every])
+def _thinned(one: PosedBody, rows: NDArray[np.intp]) -> PosedBody:
+    """A body in some frames only, counted among these."""
+    _, kept, frames = np.intersect1d(one.body.frames, rows, assume_unique=True, return_indices=True)
+    body = replace(one.body, frames=frames, attitude=one.body.attitude[kept])
+    return replace(one, body=body, translation=one.translation[kept])
 
 
-def _with_faint_directions(found: Pivot) -> tuple[FloatArray, list[FloatArray]]:
+def _with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
     """The covariances of x and of the offsets, with what only the attitudes' noise made visible put back.
 
     A point on the axis of a pure spin does not move, but with noisy attitudes it seems to: by Σ (tr C − C), C a frame's
@@ -240,7 +242,6 @@ def _with_faint_directions(found: Pivot) -> tuple[FloatArray, list[FloatArray]]:
     variance, solution = found.variance, found.solution
     covariance = variance * solution.covariance
     offsets = []
-    origin = found.sampled.position(solution.x)
     reach = float(np.linalg.norm(origin, axis=1).max())
     for body, offset, crossed in zip(found.bodies, solution.offset_covariance, solution.offset_path, strict=True):
         seeming = _seeming_information(body, found.sightings, origin, variance)
