@@ -19,6 +19,7 @@ from baryscope.models.errors import ComputationError
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+RESTING = 1e-4  # of the size of a first shape, which is refined later
 SAMPLE = 400  # frames of an interval that its first shape is made from
 AGREEMENT = 6.0  # deviations by which shapes of one body may differ where they share features
 CHUNK = 8192  # frames aligned at once
@@ -61,7 +62,7 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         columns = list(interval.features)
         rows = np.unique(np.linspace(interval.start, interval.stop - 1, min(interval.length, SAMPLE)).astype(int))
         block = np.where(used[np.ix_(rows, columns)][..., None], position[np.ix_(rows, columns)], np.nan)
-        fitted = register(block)
+        fitted = register(block, tolerance=RESTING)
         if not fitted.valid.any():
             continue
         squares, freedom = squares + fitted.rms**2 * interval.length, freedom + interval.length

@@ -59,11 +59,12 @@ class Registration:
         return float(self.rms * np.sqrt(1.5 / count) / self.radius)
 
 
-def register(points: FloatArray, reference: Reference = "mean") -> Registration:
+def register(points: FloatArray, reference: Reference = "mean", tolerance: float = TOLERANCE) -> Registration:
     """Register the frames of one interval; points (n, m, 3) in m with NaN where a feature is not seen.
 
     The first frame must see at least three features, and the other frames three of these, which is what
-    `find_intervals` gives; features that come later are merged into the shape.
+    `find_intervals` gives; features that come later are merged into the shape. The mean shape rests when it changes by
+    no more than the tolerance in a round, relative to its size.
     """
     seen = ~np.isnan(points[..., 0])
     weights = seen.astype(np.float64)
@@ -80,7 +81,7 @@ def register(points: FloatArray, reference: Reference = "mean") -> Registration:
         update, placed = _mean_shape(cloud, weights, rotation, translation)
         change = np.abs(update - shape)[in_shape].max() if (placed == in_shape).all() else np.inf
         shape, in_shape = update, placed
-        converged = reference == "first" or bool(change <= TOLERANCE * size)
+        converged = reference == "first" or bool(change <= tolerance * size)
     if reference == "mean":
         rotation, translation, spread = _poses(cloud, weights, shape, in_shape)
     else:

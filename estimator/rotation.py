@@ -24,7 +24,7 @@ from baryscope.models.scenario import Orbit, orbit_parameters
 
 FloatArray = NDArray[np.float64]
 
-TURN = 0.4  # rad from node to node: leaves 1e-8 rad to the interpolation, less to the steps
+TURN = 0.5  # rad from node to node: leaves some 1e-8 rad to the interpolation, less to the steps
 CHUNK = 64  # steps in one call of the compiled function
 RATE_AND_INERTIA = 8  # the unknowns of a rotation: three of the rate at the epoch, five of the inertia
 
