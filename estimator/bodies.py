@@ -59,7 +59,7 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         )
     shapes, squares, freedom = [], 0.0, 0.0
     for interval in intervals:
-        columns = list(interval.features)
+        columns = np.array(interval.features)
         rows = np.unique(np.linspace(interval.start, interval.stop - 1, min(interval.length, SAMPLE)).astype(int))
         block = np.where(used[np.ix_(rows, columns)][..., None], position[np.ix_(rows, columns)], np.nan)
         fitted = register(block, tolerance=RESTING)
@@ -70,8 +70,8 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         placed = [index for index, point in enumerate(fitted.shape) if np.isfinite(point[0])]
         shapes.append(
             _Shape(
-                {columns[index]: fitted.shape[index] for index in placed},
-                {columns[index]: int(seen[index]) for index in placed},
+                {int(columns[index]): fitted.shape[index] for index in placed},
+                {int(columns[index]): int(seen[index]) for index in placed},
                 [interval],
             )
         )

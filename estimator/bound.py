@@ -150,13 +150,14 @@ def _expected(
     seen = visible(scenario, time, features_C, normals @ np.swapaxes(attitude, 1, 2))
     seen &= np.isfinite(covariance[..., 0, 0])
     kept = (1 - scenario.sensor.dropout) * (1 - scenario.sensor.outliers.share) * (1 - scenario.sensor.outliers.swapped)
+    weight = np.where(seen, kept, 0.0)
     position = np.where(seen[..., None], features_C, 0.0)
     if scenario.sensor.stereo is None:
         if scenario.sensor.noise == 0:
             raise ComputationError("sensor.noise is 0: without noise there is no bound above zero")
-        return Sightings(position, seen * kept / scenario.sensor.noise**2)
+        return Sightings(position, weight / scenario.sensor.noise**2)
     precision = np.linalg.inv(np.where(seen[..., None, None], covariance, np.eye(3)))
-    return Sightings(position, seen * kept, precision)
+    return Sightings(position, weight, precision)
 
 
 def _in_held_axes(

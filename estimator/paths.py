@@ -112,9 +112,8 @@ class RelativeOrbit:
 
     def _nodes(self, time: FloatArray) -> FloatArray:
         """Evenly spaced times around the given ones, or these themselves where they are few."""
-        e, begin, end = self.orbit.eccentricity, float(time.min()), float(time.max())
-        fastest = 2 * np.pi / self.orbit.period * np.sqrt((1 + e) / (1 - e) ** 3)  # of the true anomaly, at periapsis
-        count = int(np.ceil((end - begin) * fastest / ARC)) + 1
+        begin, end = float(time.min()), float(time.max())
+        count = int(np.ceil((end - begin) * self.orbit.highest_rate / ARC)) + 1
         return time if len(time) < 4 * count or count < 4 else np.linspace(begin, end, count)
 
 

@@ -152,7 +152,7 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     h = TURN / fastest if fastest > 0 else np.inf
     before = max(int(np.ceil((start.epoch - begin) / h)), 0)
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
-    h = max((start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9)
+    h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
     constants = _constants(start)
     forth = _march(start, constants, h, after)
     states = forth if not before else np.hstack([_march(start, constants, -h, before)[:, :0:-1], forth])
@@ -161,7 +161,7 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     sensitivity = states[8:].reshape(RATE_AND_INERTIA, 6, k).transpose(2, 1, 0)
     R = matrix_from_quaternion(states[:4].T / np.linalg.norm(states[:4], axis=0)[:, None])
     return _Nodes(
-        start.epoch + h * np.arange(-before, after + 1),
+        start.epoch + h * np.arange(-before, after + 1, dtype=np.float64),
         states[:4].T,
         states[4:7].T,
         rates[4:7].T,
@@ -174,12 +174,8 @@ def _highest_rate(start: Rotation) -> float:
     """A bound in rad/s of how fast anything turns: of ‖ω‖ from the kinetic energy, and of the orbit."""
     J, w = start.inertia, start.rate
     lowest = max(float(np.linalg.eigvalsh(J)[0]), 1e-6)
-    rate = float(np.sqrt(max(w @ J @ w, 0.0) / lowest))
-    if start.orbit is None:
-        return rate
-    orbit = start.orbit
-    turning = 2 * np.pi / orbit.period * (1 + orbit.eccentricity) ** 0.5 / (1 - orbit.eccentricity) ** 1.5
-    return rate + 2 * float(turning)
+    rate = float(np.sqrt(max(float(w @ J @ w), 0.0) / lowest))
+    return rate if start.orbit is None else rate + 2 * start.orbit.highest_rate
 
 
 def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:

@@ -127,6 +127,12 @@ class Orbit(FileModel):
         """Time of one revolution, s."""
         return 2 * pi * sqrt(self.semi_major_axis**3 / self.gravitational_parameter)
 
+    @property
+    def highest_rate(self) -> float:
+        """How fast the true anomaly goes at periapsis, rad/s."""
+        e = self.eccentricity
+        return 2 * pi / self.period * sqrt((1 + e) / (1 - e) ** 3)
+
     @classmethod
     def load(cls, path: Path) -> "Orbit":
         """Read an orbit TOML file: one table, [orbit].

@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -73,8 +73,8 @@ def estimate_file(
         name with .json.
     """
     path = csv_path(output or tracks.with_suffix(".estimate.csv"))
-    for_path = {"trajectory": trajectory, "sigma": sigma, "noise": noise, "torque": torque}
-    for_screws = {"axes": axes, "lag": lag, "cutoff": cutoff, "degree": degree, "reference": reference}
+    for_path: dict[str, Any] = {"trajectory": trajectory, "sigma": sigma, "noise": noise, "torque": torque}
+    for_screws: dict[str, Any] = {"axes": axes, "lag": lag, "cutoff": cutoff, "degree": degree, "reference": reference}
     if method is None:
         method = "pivot" if all(value is None for value in for_screws.values()) else "screw-gpa"
     options = _options(method, for_path | for_screws)
@@ -92,7 +92,7 @@ def estimate_file(
     out.print(f"  more in {path.with_suffix('.json')}", soft_wrap=True)
 
 
-def _options(method: str, given: dict[str, object]) -> Options:
+def _options(method: str, given: dict[str, Any]) -> Options:
     """The method's options, from those that were given on the command line.
 
     Raises:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.scenario import Orbit, Run, Scenario, load_scenario, orbit_parameters
 from baryscope.models.variables import Kind, variable_table
 
@@ -94,3 +95,11 @@ def test_the_json_schema_states_units():
     assert definitions["Sensor"]["properties"]["noise"]["unit"] == "m"
     assert definitions["StereoRig"]["properties"]["focal_length"]["unit"] == "px"
     assert definitions["Outliers"]["properties"]["sliding_speed"]["unit"] == "m/s"
+
+
+def test_the_true_anomaly_goes_fastest_at_periapsis():
+    orbit = Orbit(semi_major_axis=26600e3, eccentricity=0.7, inclination_deg=63.4)
+    time = np.array([-0.05, 0.05])
+    R_P_L = lvlh_attitude(orbit, time)
+    turned = np.arccos(R_P_L[0, :, 0] @ R_P_L[1, :, 0])
+    assert orbit.highest_rate == pytest.approx(turned / 0.1, rel=1e-6)
