@@ -16,7 +16,7 @@ from baryscope.estimator.likelihood import Equations, equations
 from baryscope.estimator.noise import moved_to, sightings_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths import SampledPath
-from baryscope.estimator.pivot import MISFIT, Pivot, reach_of, solve_pivot
+from baryscope.estimator.pivot import MISFIT, Pivot, least_variance, solve_pivot
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted
 from baryscope.estimator.rotation import RATE_AND_INERTIA, Attitudes, Rotation
@@ -30,6 +30,7 @@ FloatArray = NDArray[np.float64]
 
 ROUNDS = 40
 SETTLED = 1e-4  # a step this long, squared, in units of the covariance, is the last
+ROUNDING = 1e-7  # of the distance: about what the interpolation of attitudes leaves over
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
 
 
@@ -63,12 +64,13 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     begin = clock.perf_counter()
     torques = _torques(orbit, options)
     pivot = solve_pivot(tracks, orbit, options)
-    tumble = fit_tumble(pivot.bodies, pivot.sightings, pivot.variance, tracks.time, torques)
+    noise = max(pivot.variance, least_variance(pivot.sightings, ROUNDING))
+    tumble = fit_tumble(pivot.bodies, pivot.sightings, noise, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)
     y = best.variance * best.found.covariance()
     remarks, converged = pivot.remarks, best.converged
     ratio = best.residual_variance / max(pivot.residual_variance, 1e-300)
-    if ratio > MISFIT and best.residual_variance > 1e-18 * reach_of(pivot.sightings) ** 2:
+    if ratio > MISFIT and best.residual_variance > least_variance(pivot.sightings, ROUNDING):
         converged = False
         remarks += (f"no free tumble fits: residuals are {np.sqrt(ratio):.2g} times those with free attitudes",)
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
@@ -122,7 +124,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     rotation, x, sampled = tumble.rotation, pivot.solution.x, pivot.sampled
     motion, origin = rotation.at(tracks.time), sampled.position(x)
     stereo = measured.precision is not None and options.noise == "stereo"
-    damping, converged, rounds = 1e-6, False, 0
+    damping, converged, rounds, floor = 1e-6, False, 0, least_variance(measured, ROUNDING)
     found = equations(sightings, motion, sampled, origin, points)
     while not converged and rounds < ROUNDS:
         rounds += 1
@@ -141,11 +143,11 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
             break
         rotation, x, motion, origin, found = turned, moved, new_motion, new_origin, trial
         freedom = _freedom(sightings, len(x))
-        variance = found.cost / freedom
+        variance = max(found.cost / freedom, floor)
         step = float(change @ matrix @ change)
-        weight = reweighted(found.squares, sightings.weight, freedom)
+        weight = reweighted(found.squares, sightings.weight, freedom, floor)
         plain = found.squares / np.where(weight > 0, sightings.weight, 1.0)
-        settled = abs(float(np.vdot(plain, weight)) - found.cost) <= UNRULY * found.cost
+        settled = abs(float(np.vdot(plain, weight)) - found.cost) <= UNRULY * variance * freedom
         converged = settled and step <= SETTLED * variance and damping < 1e-2
         if not converged and (stereo or not settled):
             sightings = sightings.weighted(weight)

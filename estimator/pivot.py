@@ -31,6 +31,7 @@ SETTLED = 0.02  # a step this long, squared, in units of the covariance, is the 
 # The first step from the linear solution leaves less than this share of its own length, squared: with more frames than
 # unknowns by far there is no need for a second one to see it.
 CONTRACTION = 1e-5
+ROUNDING = 1e-10  # of the distance: residuals smaller than this are none
 HASTY = 6  # rounds in which weights may change at will
 MISFIT = 1.5  # variance over that of the registration, from which on the path is said not to fit
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
@@ -119,15 +120,17 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     bodies, x = _linear(posed, sightings, sampled)
     found = _refined(path, sampled, bodies, x, posed, measured, sightings, options)
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
-    if measured.precision is None and ratio > MISFIT and found.residual_variance > 1e-18 * reach_of(measured) ** 2:
+    if measured.precision is None and ratio > MISFIT and found.residual_variance > least_variance(measured, ROUNDING):
         remark = f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
         return replace(found, remarks=(remark,))
     return found
 
 
-def reach_of(sightings: Sightings) -> float:
-    """How far away the farthest sighting is, m: the scale of rounding."""
-    return float(np.sqrt((sightings.position**2).sum(axis=2).max(initial=0.0)))
+def least_variance(sightings: Sightings, rounding: float) -> float:
+    """Of a sighting of weight 1, that of rounding to this share of the farthest distance."""
+    if sightings.precision is not None:
+        return 1e-9
+    return rounding**2 * float((sightings.position**2).sum(axis=2).max(initial=0.0))
 
 
 def _restricted(measured: Sightings, posed: tuple[PosedBody, ...], believed: BoolArray) -> Sightings:
@@ -159,7 +162,7 @@ def _refined(
     sightings: Sightings,
     options: PathOptions,
 ) -> Pivot:
-    converged, rounds, variance = False, 0, np.nan
+    converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < ROUNDS:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
@@ -169,14 +172,15 @@ def _refined(
         freedom = _freedom(bodies, sightings, len(x))
         cost = float(solution.squares.sum())
         variance = cost / freedom
-        weight = reweighted(solution.squares, sightings.weight, freedom)
+        weight = reweighted(solution.squares, sightings.weight, freedom, floor)
         if rounds > HASTY:  # weights that swing to and fro come to rest in between
             weight = np.sqrt(weight * sightings.weight)
-        short = solution.step <= SETTLED * variance
+        least = max(variance, floor)
+        short = solution.step <= SETTLED * least
         if rounds == 1 and measured.precision is None:
-            short = CONTRACTION * solution.step <= SETTLED * variance
+            short = CONTRACTION * solution.step <= SETTLED * least
         plain = solution.squares / np.where(weight > 0, sightings.weight, 1.0)
-        converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * cost
+        converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * freedom)
         sightings = sightings.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
     return Pivot(path, sampled, solution, posed, sightings, scale, variance, converged, rounds)

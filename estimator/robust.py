@@ -22,16 +22,16 @@ SAMPLE = 1500  # frames that tell whether there is anything to look for
 SUSPECT = 0.01  # share of distances that do not fit from which on all frames are searched
 
 
-def reweighted(squares: FloatArray, weight: FloatArray, freedom: float) -> FloatArray:
+def reweighted(squares: FloatArray, weight: FloatArray, freedom: float, least: float = 0.0) -> FloatArray:
     """New weights (n, m) from weighted squared residuals and weights (n, m), 0 where there is no sighting.
 
     A weight is the probability that the sighting is right, at a noise that the median of all shows, since a mean would
-    believe the outliers. freedom: values less unknowns.
+    believe the outliers. freedom: values less unknowns; least: variance below which residuals are rounding.
     """
     used = weight > 0
     plain = squares / np.where(used, weight, 1.0)
     share = freedom / (3 * float(weight.sum()))
-    noise = float(np.median(plain[used])) / (MEDIAN * share)
+    noise = max(float(np.median(plain[used])) / (MEDIAN * share), least)
     found = used.astype(np.float64)
     if noise > 0:
         far = np.nonzero(plain > (GATE - WIDTH) * noise)
