@@ -3,6 +3,8 @@
 screws: tracks → intervals → procrustes (poses) → a method's screws → filtering → intersection → fit → result.
 pivot: tracks → robust (screen) → bodies (poses) → drift (linear) → bundle (refined) → assessment → result.
 ml: pivot → tumble (rate, inertia) → likelihood (everything at once) → assessment → result.
+ekf: tracks → start → passes of a bank of filters → smoother → assessment → result.
+score: tracks → bodies → least squares of a fixed centre → assessment → result.
 """
 
 from baryscope.estimator.methods import METHODS, estimate

@@ -6,10 +6,12 @@ from functools import partial
 from typing import Any
 
 from baryscope.estimator import screw_gpa, screw_ls, screw_raw
+from baryscope.estimator.ekf import estimate_by_filter
 from baryscope.estimator.ml import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot import estimate_by_pivot
 from baryscope.estimator.result import Estimate
+from baryscope.estimator.score import estimate_by_score
 from baryscope.estimator.screw_pipeline import ScrewFunction, estimate_by_screws
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
@@ -49,6 +51,8 @@ METHODS: dict[str, Method] = {
             "pivot", "drifting pivot: least squares of path and points, attitudes free", PathOptions, estimate_by_pivot
         ),
         Method("ml", "maximum likelihood: path, points and free tumble at once", PathOptions, estimate_by_likelihood),
+        Method("ekf", "iterated extended Kalman filter, tuned and smoothed", PathOptions, estimate_by_filter),
+        Method("score", "symmetrical centre of rotation (SCoRE), at rest in C", PathOptions, estimate_by_score),
     )
 }
 

@@ -164,7 +164,7 @@ def in_short(result: Estimate) -> list[str]:
         + (f", features {', '.join(facts['rejected_features'])}" if facts["rejected_features"] else ""),
         f"centre of mass {facts['verdict']}; path ±{facts['position_deviation']:.2g} m rms",
     ]
-    if not facts["converged"]:
+    if not facts.get("converged", True):
         lines.append("did not converge: take the result for a first guess")
     return lines + [f"note: {remark}" for remark in facts["remarks"]]
 

@@ -1,0 +1,92 @@
+"""score: the symmetrical centre of rotation estimation of Ehrig, Taylor, Duda and Heller (J. Biomech. 39, 2006).
+
+Between two moving bodies, the joint's centre is at rest in both: R_k u + c_k = S_k v + e_k in all frames. Here one of
+the two is the ground: the target's bodies are posed by registration, and v, in C, is one point for all of them,
+    c_k + R_k u = v,
+by unweighted least squares. It holds for a centre of mass at rest in C, and for nothing else: a baseline.
+"""
+
+import time as clock
+
+import numpy as np
+
+from baryscope.estimator.assessment import Cluster, assessed
+from baryscope.estimator.bodies import PosedBody, find_bodies
+from baryscope.estimator.bundle import symmetric_pseudo_inverse
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.result import Estimate
+from baryscope.estimator.robust import FAINT, screen
+from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.models.errors import InputError
+from baryscope.models.scenario import Orbit
+
+
+def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
+    """The centre of mass as the fixed centre of rotation; the orbit is of no use to it.
+
+    The covariance is that of the least squares, whose noise is what is left over: of c_k + R_k u − v, per coordinate,
+    which is also the diagnostics' `residual_rms`, and not the noise of a sighting. Where the centre moves it is wrong.
+
+    Raises:
+        InputError: a trajectory other than `fixed`.
+        ComputationError: the tracks show no attitude.
+    """
+    begin = clock.perf_counter()
+    if options.trajectory not in (None, "fixed"):
+        raise InputError(
+            f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest in C"
+        )
+    believed = screen(tracks.position, tracks.seen)
+    posed, _ = find_bodies(tracks.position, believed)
+    centre, offsets, covariance, variance = solve_score(posed)
+    n = len(tracks.time)
+    weights = np.zeros(tracks.seen.shape)
+    clusters = []
+    for index, (one, offset) in enumerate(zip(posed, offsets, strict=True)):
+        own, body = slice(3 * index, 3 * index + 3), one.body
+        block = np.ix_(body.frames, body.features)
+        weights[block] = np.where(tracks.seen[block], np.where(believed[block], 1.0, FAINT), 0.0)
+        clusters.append(
+            Cluster(body.features, body.frames, one.intervals, body.points + offset, variance * covariance[own, own])
+        )
+    return assessed(
+        "score",
+        tracks,
+        "fixed",
+        np.tile(centre, (n, 1)),
+        np.tile(variance * covariance[-3:, -3:], (n, 1, 1)),
+        clusters,
+        weights=weights,
+        variance=variance,
+        options=options,
+        begin=begin,
+        extra={},
+    )
+
+
+def solve_score(posed: tuple[PosedBody, ...]) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """The least squares of c_k = v + R_k d, d = −u, over all bodies at once.
+
+    Returns:
+        v (3,) in C and d (j, 3), each body's in its axes, m; the inverse (3 j + 3, 3 j + 3) of the normal equations of
+        (d, v), zero where undetermined; and the variance of a coordinate that is left over, m².
+    """
+    j = len(posed)
+    matrix, side = np.zeros((3 * j + 3, 3 * j + 3)), np.zeros(3 * j + 3)
+    for index, one in enumerate(posed):
+        own, R = slice(3 * index, 3 * index + 3), one.body.attitude
+        turned = R.sum(axis=0)
+        matrix[own, own] = len(R) * np.eye(3)
+        matrix[own, -3:], matrix[-3:, own] = turned.T, turned
+        matrix[-3:, -3:] += len(R) * np.eye(3)
+        side[own] = np.einsum("kij,ki->j", R, one.translation)
+        side[-3:] += one.translation.sum(axis=0)
+    inverse = symmetric_pseudo_inverse(matrix)
+    found = inverse @ side
+    centre, offsets = found[-3:], found[:-3].reshape(-1, 3)
+    squares = sum(
+        float(np.sum((one.translation - centre - one.body.attitude @ offset) ** 2))
+        for one, offset in zip(posed, offsets, strict=True)
+    )
+    values = 3 * sum(len(one.body.frames) for one in posed)
+    return centre, offsets, inverse, squares / max(values - len(found), 1)

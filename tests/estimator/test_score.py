@@ -1,0 +1,85 @@
+"""SCoRE: the fixed centre of rotation against a closed form and scipy's least squares."""
+
+import numpy as np
+import pytest
+from scipy.linalg import lstsq
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.bodies import PosedBody, find_bodies
+from baryscope.estimator.bundle import Body
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.score import solve_score
+from baryscope.models.errors import ComputationError, InputError
+
+CENTRE = np.array([4.0, -19.0, 3.0])
+
+
+def normalised(found):
+    error = found.position[0] - CENTRE
+    return float(error @ np.linalg.solve(found.covariance[0], error))
+
+
+def test_exact_without_noise_through_clusters_and_blackouts(case_of, at_rest):
+    found = estimate(case_of(at_rest).tracks, method="score")
+    np.testing.assert_allclose(found.position, at_rest, atol=1e-9)
+    assert found.diagnostics["method"] == "score"
+    assert found.diagnostics["options"]["trajectory"] == "fixed"
+
+
+def test_the_closed_form_of_attitudes_that_add_up_to_nothing():
+    """The twelve turns of a tetrahedron: Σ R = 0, so v is the mean of c, and u that of −Rᵀ c."""
+    R = Rotation.create_group("T").as_matrix()
+    assert np.abs(R.sum(axis=0)).max() < 1e-12
+    c = np.random.default_rng(1).normal(size=(12, 3))
+    body = Body(np.arange(3), np.arange(12), np.eye(3), R)
+    centre, offsets, inverse, variance = solve_score((PosedBody(body, c, ()),))
+    np.testing.assert_allclose(centre, c.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(offsets[0], np.einsum("kij,ki->j", R, c) / 12, atol=1e-12)
+    np.testing.assert_allclose(inverse, np.eye(6) / 12, atol=1e-12)
+    assert variance == pytest.approx(np.sum((c - centre - R @ offsets[0]) ** 2) / 30)
+
+
+def test_against_scipy_for_several_bodies(case_of, at_rest):
+    clusters = [(0.0, 500.0, [0, 1, 2]), (600.0, 1500.0, [3, 4, 5, 6]), (1600.0, 2000.0, [4, 6, 7])]
+    tracks = case_of(at_rest, noise=0.02, seed=3, clusters=clusters).tracks
+    posed, _ = find_bodies(tracks.position, tracks.seen)
+    assert len(posed) == 3
+    rows, side = [], []
+    for index, one in enumerate(posed):
+        row = np.zeros((len(one.translation), 3, 12))
+        row[:, :, 3 * index : 3 * index + 3] = one.body.attitude
+        row[:, :, -3:] = np.eye(3)
+        rows.append(row.reshape(-1, 12))
+        side.append(one.translation.ravel())
+    A, b = np.concatenate(rows), np.concatenate(side)
+    expected = lstsq(A, b)[0]
+    centre, offsets, inverse, variance = solve_score(posed)
+    np.testing.assert_allclose(np.concatenate([offsets.ravel(), centre]), expected, atol=1e-9)
+    np.testing.assert_allclose(inverse, np.linalg.inv(A.T @ A), rtol=1e-6, atol=1e-12)
+    assert variance == pytest.approx(np.sum((A @ expected - b) ** 2) / (len(b) - 12))
+    found = estimate(tracks, method="score")
+    np.testing.assert_allclose(found.position[7], expected[-3:], atol=1e-9)
+    assert len(found.diagnostics["clusters"]) == 3
+
+
+def test_its_error_is_that_of_its_covariance(case_of, at_rest):
+    squares = [normalised(estimate(case_of(at_rest, noise=0.02, seed=s).tracks, method="score")) for s in range(8)]
+    # The mean of eight χ² of three degrees of freedom has the deviation √(6/8).
+    assert np.mean(squares) < 3 + 4 * np.sqrt(6 / 8)
+
+
+def test_a_centre_that_moves_is_missed_by_more_than_it_says(case_of, on_v_bar):
+    case = case_of(on_v_bar, noise=0.02)
+    found = estimate(case.tracks, method="score")
+    error = np.linalg.norm(found.position - case.com, axis=1)
+    assert error.max() > 10 * found.diagnostics["position_deviation"]
+
+
+def test_errors_name_what_is_wrong(case_of, at_rest, orbit):
+    tracks = case_of(at_rest).tracks
+    with pytest.raises(InputError, match="trajectory is 'relative-orbit', expected fixed"):
+        estimate(tracks, method="score", orbit=orbit.model(), options=PathOptions(trajectory="relative-orbit"))
+    estimate(tracks, method="score", orbit=orbit.model(), options=PathOptions(trajectory="fixed"))
+    with pytest.raises(ComputationError, match="at most 2 features"):
+        estimate(case_of(at_rest, clusters=[(0.0, 900.0, [0, 1])]).tracks, method="score")
