@@ -96,6 +96,29 @@ def assessed(
     return Estimate(tracks.time, position, covariance, diagnostics)
 
 
+def doubtful(values: int) -> float:
+    """The factor up to which what noise seems to show may exceed its mean: three deviations of a mean of squares."""
+    return float(1 + 3 * np.sqrt(2 / values))
+
+
+def missing_covariance(
+    offset: FloatArray, crossed: FloatArray, seeming: FloatArray, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """What a covariance lacks whose information is partly seeming, as columns to be squared and added.
+
+    offset (3, 3): an offset's covariance; crossed (3, p): that with other unknowns; seeming (3, 3): information of the
+    offset that there is not; least: what remains at least. Returns the columns of the offset (3, 3) and those of the
+    other unknowns (p, 3): the joint information less `seeming`, inverted again (Woodbury).
+    """
+    information = np.linalg.pinv(offset, hermitian=True)
+    values, axes = np.linalg.eigh(information)
+    seen = values > 0
+    true = np.maximum(values - np.einsum("ik,ij,jk->k", axes, seeming, axes), least)
+    lacking = np.where(seen, 1 / np.maximum(true, 1e-300) - 1 / np.where(seen, values, 1.0), 0.0)
+    columns = axes * np.sqrt(np.maximum(lacking, 0.0))
+    return columns, crossed.T @ information @ columns
+
+
 def verdict(cluster: Cluster) -> str:
     """Whether the centre of mass was observable in the cluster's axes, in a sentence with the worst deviation."""
     values, vectors = np.linalg.eigh(cluster.covariance)

@@ -20,6 +20,8 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 RESTING = 1e-4  # of the size of a first shape, which is refined later
+IN_LINE = 0.03  # of their length, how far points may lie off a line to count as in it
+FLICKER = 4  # frames from one that sees enough to the next, up to which an interval goes on
 SAMPLE = 400  # frames of an interval that its first shape is made from
 AGREEMENT = 6.0  # deviations by which shapes of one body may differ where they share features
 CHUNK = 8192  # frames aligned at once
@@ -51,7 +53,8 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
     Raises:
         ComputationError: in no frame three features are seen, or they always lie in a line.
     """
-    intervals = cut_intervals(used, np.zeros(len(used) - 1, dtype=bool))
+    enough = np.nonzero(used.sum(axis=1) >= 3)[0]
+    intervals = _tied_intervals(position[enough], used[enough], np.diff(enough) > FLICKER) if len(enough) else []
     if not intervals:
         most = int(used.sum(axis=1).max(initial=0))
         raise ComputationError(
@@ -60,12 +63,15 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
     shapes, squares, freedom = [], 0.0, 0.0
     for interval in intervals:
         columns = np.array(interval.features)
-        rows = np.unique(np.linspace(interval.start, interval.stop - 1, min(interval.length, SAMPLE)).astype(int))
+        rows = enough[interval.start : interval.stop]
+        interval = Interval(int(rows[0]), int(rows[-1]) + 1, interval.features)
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), SAMPLE)).astype(int))]
         block = np.where(used[np.ix_(rows, columns)][..., None], position[np.ix_(rows, columns)], np.nan)
         fitted = register(block, tolerance=RESTING)
         if not fitted.valid.any():
             continue
-        squares, freedom = squares + fitted.rms**2 * interval.length, freedom + interval.length
+        values = max(3 * int(np.isfinite(block[..., 0]).sum()) - 6 * len(rows) - 3 * len(columns) + 6, 0)
+        squares, freedom = squares + fitted.rms**2 * values, freedom + values
         seen = used[interval.frames][:, columns].sum(axis=0)
         placed = [index for index, point in enumerate(fitted.shape) if np.isfinite(point[0])]
         shapes.append(
@@ -77,12 +83,40 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         )
     if not shapes:
         raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
-    noise = float(np.sqrt(squares / freedom))
+    noise = float(np.sqrt(squares / max(freedom, 1)))
     bodies = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
     found = tuple(body for body in bodies if len(body.body.frames))
     if not found:
         raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
     return found, noise
+
+
+def _tied_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> list[Interval]:
+    """The intervals, cut where what a frame shares with the first lies in a line, which does not tie them."""
+    waiting, done = list(reversed(cut_intervals(used, gaps))), []
+    while waiting:
+        interval = waiting.pop()
+        first, seen = position[interval.start], used[interval.frames]
+        shared = seen & seen[0]
+        patterns, which = np.unique(np.packbits(shared, axis=1), axis=0, return_inverse=True)
+        members = np.unpackbits(patterns, axis=1, count=shared.shape[1]).astype(bool)
+        loose = np.array([_in_line(first[pattern]) for pattern in members])[which.ravel()]
+        if not loose.any() or loose[0]:
+            done.append(interval)
+            continue
+        stop = int(np.argmax(loose))
+        features = np.nonzero(seen[:stop].any(axis=0))[0]
+        done.append(Interval(interval.start, interval.start + stop, tuple(features.tolist())))
+        rest = cut_intervals(seen[stop:], gaps[interval.start + stop : interval.stop - 1])
+        shift = interval.start + stop
+        waiting += [Interval(one.start + shift, one.stop + shift, one.features) for one in reversed(rest)]
+    return done
+
+
+def _in_line(points: FloatArray) -> bool:
+    """Whether points (m, 3) lie so near a line that a turn about it hardly moves them."""
+    lengths = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(lengths[1] <= IN_LINE * lengths[0])
 
 
 def _merged(shapes: Sequence[_Shape], noise: float) -> list[_Shape]:

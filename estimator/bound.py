@@ -92,14 +92,14 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
     if not sightings.count:
         raise ComputationError("no feature is seen at any time of the scenario")
     found = equations(sightings, motion, sampled, origin, points)
-    y = found.covariance()
+    y = found.covariance(sampled, float(np.linalg.norm(origin, axis=1).max()))
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
     seen = np.nonzero(sightings.weight.any(axis=0))[0]
-    offset = found.offset_covariance(y, seen)
+    offset, _ = found.offset_covariance(y, seen)
     attitude, rate, inertia = _in_held_axes(rotation, motion, found, y, seen)
     return Bound(
         time,
-        sampled.jacobian @ of_path @ np.swapaxes(sampled.jacobian, 1, 2),
+        sampled.covariance(of_path),
         offset,
         attitude,
         rate,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.algebra import blind_directions, symmetric_pseudo_inverse
 from baryscope.estimator.paths import SampledPath
 from baryscope.estimator.rotation import exp_rotation
 from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
@@ -54,6 +55,8 @@ class Solution:
     covariance: FloatArray
     offset_covariance: tuple[FloatArray, ...]
     offset_path: tuple[FloatArray, ...]
+    blind: FloatArray
+    offset_blind: tuple[FloatArray, ...]
     squares: FloatArray
     step: float
 
@@ -65,6 +68,8 @@ class _Sums:
     path: FloatArray
     path_points: FloatArray
     points: FloatArray
+    path_sizes: FloatArray  # diagonals before
+    points_sizes: FloatArray
     path_side: FloatArray
     points_side: FloatArray
 
@@ -78,26 +83,39 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
         attitude = np.concatenate([_best_turned(body, part, own, origin) for part in body.chunks()])
         turned.append(replace(body, attitude=attitude))
         sums.append(_sum(turned[-1], own, path, origin, squares))
-    matrix, side = np.zeros((len(x), len(x))), np.zeros(len(x))
+    matrix, side, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     solved = []
     for body, own_sums in zip(turned, sums, strict=True):
-        inverse = _points_inverse(body.points, own_sums.points)
+        inverse = _points_inverse(body.points, own_sums.points, own_sums.points_sizes)
+        sizes += own_sums.path_sizes
         by_path = inverse @ own_sums.path_points.T
         matrix += own_sums.path - own_sums.path_points @ by_path
         side += own_sums.path_side - by_path.T @ own_sums.points_side
         solved.append((inverse, by_path))
-    covariance = symmetric_pseudo_inverse(matrix)
+    covariance = symmetric_pseudo_inverse(matrix, sizes)
     change = covariance @ side
-    moved, offsets, crossed, length = [], [], [], float(change @ matrix @ change)
+    blind = blind_directions(matrix, sizes)
+    moved, offsets, crossed, unseen, length = [], [], [], [], float(change @ side)
     for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
         points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
-        length += float(points_change @ own_sums.points @ points_change)
+        length += float(own_sums.points_side @ inverse @ own_sums.points_side)
         moved.append(replace(body, points=body.points + points_change.reshape(-1, 3)))
         held = offset_by_points(body.points)
         by_x = held @ by_path
         offsets.append(held @ inverse @ held.T + by_x @ covariance @ by_x.T)
         crossed.append(-by_x @ covariance)
-    return Solution(tuple(moved), x + change, covariance, tuple(offsets), tuple(crossed), squares, length)
+        unseen.append(-by_x @ blind)
+    return Solution(
+        bodies=tuple(moved),
+        x=x + change,
+        covariance=covariance,
+        offset_covariance=tuple(offsets),
+        offset_path=tuple(crossed),
+        blind=blind,
+        offset_blind=tuple(unseen),
+        squares=squares,
+        step=length,
+    )
 
 
 def offset_by_points(points: FloatArray) -> FloatArray:
@@ -123,14 +141,19 @@ def _best_turned(body: Body, part: slice, own: Sightings, origin: FloatArray) ->
 
 def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
     p, q = path.jacobian.shape[2], 3 * len(body.features)
-    total = _Sums(np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q))
+    total = _Sums(
+        np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
+    )
     for part in body.chunks():
         frames = body.frames[part]
         attitude = body.attitude[part]
         found = pieces(own.frames(frames), attitude, origin[frames], body.points)
         shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[frames]
         flat = shift.reshape(-1, p)
-        total.path += flat.T @ (found.shift @ shift).reshape(-1, p)
+        path_part = flat.T @ (found.shift @ shift).reshape(-1, p)
+        total.path += path_part
+        total.path_sizes += np.diag(path_part)
+        total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.path_points += found.unknowns_points(None, shift)
         total.path_side += flat.T @ found.shift_side.ravel()
         total.points_side += found.point_side.ravel()
@@ -149,18 +172,10 @@ def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squa
     return total
 
 
-def _points_inverse(points: FloatArray, matrix: FloatArray) -> FloatArray:
+def _points_inverse(points: FloatArray, matrix: FloatArray, sizes: FloatArray) -> FloatArray:
     """The inverse of the points' matrix, which a turn of S leaves as it is: of all answers, the least turned."""
     turns = np.swapaxes(cross_matrices(points), 1, 2).reshape(-1, 3)  # δb = φ × b
     turns, _ = np.linalg.qr(turns)
-    weight = np.trace(matrix) / len(matrix)
-    inverse = symmetric_pseudo_inverse(matrix + weight * turns @ turns.T)
+    weight = float(sizes.mean())
+    inverse = symmetric_pseudo_inverse(matrix + weight * turns @ turns.T, sizes)
     return np.asarray(inverse - turns @ turns.T / weight)
-
-
-def symmetric_pseudo_inverse(matrix: FloatArray) -> FloatArray:
-    """The inverse of a symmetric positive semidefinite matrix, scaled to a unit diagonal; null vectors stay null."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    inverse = np.where(values > 1e-14 * values[-1], 1 / np.where(values > 0, values, 1.0), 0.0)
-    return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))

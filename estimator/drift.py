@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.bodies import PosedBody
-from baryscope.estimator.bundle import symmetric_pseudo_inverse
 from baryscope.estimator.paths import SampledPath
 from baryscope.estimator.sightings import cross_matrices, symmetric_inverses
 

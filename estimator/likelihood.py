@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.bundle import CHUNK_SIZE, offset_by_points, symmetric_pseudo_inverse
+from baryscope.estimator.algebra import blind_directions, symmetric_pseudo_inverse
+from baryscope.estimator.bundle import CHUNK_SIZE, offset_by_points
 from baryscope.estimator.paths import SampledPath
 from baryscope.estimator.rotation import RATE_AND_INERTIA, Attitudes
 from baryscope.estimator.sightings import Pieces, Sightings, pieces
@@ -23,12 +24,14 @@ IntArray = NDArray[np.intp]
 class Equations:
     """The normal equations after the points are eliminated, for sightings whose weights are inverse variances.
 
-    matrix (q, q) and side (q,) of y = (rate and inertia, x); points (m, 3): the best ones for this motion and path;
-    squares (n, m): weighted squared residuals with these points; point_inverse (m, 3, 3) and by_unknowns (3 m, q): how
-    the points follow, b = b̂ − by_unknowns δy, with the covariance point_inverse when y is known.
+    matrix (q, q) and side (q,) of y = (rate and inertia, x), sizes (q,): the matrix's diagonal before; points (m, 3):
+    the best ones for this motion and path; squares (n, m): weighted squared residuals with these points;
+    point_inverse (m, 3, 3) and by_unknowns (3 m, q): how the points follow, b = b̂ − by_unknowns δy, with the covariance
+    point_inverse when y is known.
     """
 
     matrix: FloatArray
+    sizes: FloatArray
     side: FloatArray
     points: FloatArray
     squares: FloatArray
@@ -40,18 +43,25 @@ class Equations:
         """The weighted sum of squared residuals."""
         return float(self.squares.sum())
 
-    def covariance(self) -> FloatArray:
-        """Of y, (q, q): the pseudo-inverse, large where hardly anything is seen."""
-        return symmetric_pseudo_inverse(self.matrix)
+    def covariance(self, path: SampledPath, reach: float) -> FloatArray:
+        """Of y, (q, q), large where hardly anything is seen; what is not seen at all moves the path by reach."""
+        blind = blind_directions(self.matrix, self.sizes)
+        lengths = path.lengths(blind[RATE_AND_INERTIA:])
+        usual = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
+        moving = lengths > 1e-6 * usual  # the others are of rate and inertia alone
+        spread = np.where(moving, reach / np.where(moving, lengths, 1.0), 0.0)
+        return np.asarray(symmetric_pseudo_inverse(self.matrix, self.sizes) + (blind * spread**2) @ blind.T)
 
-    def offset_covariance(self, covariance: FloatArray, features: IntArray) -> FloatArray:
-        """Of the centroid of some features, seen from the centre of mass in axes that they hold, (3, 3) in m²."""
+    def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Of the centroid of some features from the centre of mass, in axes that they hold: (3, 3), and with y (3, q).
+
+        covariance (q, q) is that of y.
+        """
         held = offset_by_points(self.points[features])
         by_y = held @ self.by_unknowns.reshape(len(self.points), 3, -1)[features].reshape(3 * len(features), -1)
         own = held.reshape(3, -1, 3).transpose(1, 0, 2)
-        return np.asarray(
-            (own @ self.point_inverse[features] @ own.transpose(0, 2, 1)).sum(axis=0) + by_y @ covariance @ by_y.T
-        )
+        alone = (own @ self.point_inverse[features] @ own.transpose(0, 2, 1)).sum(axis=0)
+        return np.asarray(alone + by_y @ covariance @ by_y.T), np.asarray(-by_y @ covariance)
 
 
 def equations(
@@ -84,6 +94,7 @@ def equations(
     by_unknowns = np.einsum("mij,qmj->miq", inverse, coupling.reshape(q, m, 3)).reshape(3 * m, q)
     change = np.einsum("mij,mj->mi", inverse, point_side)
     best = points + change
+    sizes = np.diag(matrix).copy()
     matrix -= coupling @ by_unknowns
     side -= coupling @ change.ravel()
     squares = np.empty((n, m))
@@ -91,7 +102,7 @@ def equations(
         attitude = motion.attitude[part]
         residual = sightings.position[part] - origin[part][:, None] - best @ np.swapaxes(attitude, 1, 2)
         squares[part] = sightings.weight[part] * sightings.frames(part).squares(residual)
-    return Equations(matrix, side, best, squares, inverse, by_unknowns)
+    return Equations(matrix, sizes, side, best, squares, inverse, by_unknowns)
 
 
 def _pieces_of(

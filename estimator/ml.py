@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.assessment import Cluster, assessed
+from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
 from baryscope.estimator.likelihood import Equations, equations
 from baryscope.estimator.noise import moved_to, sightings_of
 from baryscope.estimator.options import PathOptions
@@ -20,7 +20,7 @@ from baryscope.estimator.pivot import MISFIT, Pivot, least_variance, solve_pivot
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted
 from baryscope.estimator.rotation import RATE_AND_INERTIA, Attitudes, Rotation
-from baryscope.estimator.sightings import Sightings
+from baryscope.estimator.sightings import Sightings, cross_matrices
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.estimator.tumble import Tumble, fit_tumble
 from baryscope.models.errors import InputError
@@ -67,7 +67,9 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     noise = max(pivot.variance, least_variance(pivot.sightings, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.sightings, noise, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)
-    y = best.variance * best.found.covariance()
+    position = best.sampled.position(best.x)
+    reach = float(np.linalg.norm(position, axis=1).max())
+    y, offsets = _covariances(best, [posed.body.features for posed in pivot.posed], reach)
     remarks, converged = pivot.remarks, best.converged
     ratio = best.residual_variance / max(pivot.residual_variance, 1e-300)
     if ratio > MISFIT and best.residual_variance > least_variance(pivot.sightings, ROUNDING):
@@ -80,17 +82,16 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
             frames=posed.body.frames,
             intervals=posed.intervals,
             points=best.found.points[posed.body.features],
-            covariance=best.variance * best.found.offset_covariance(y / best.variance, posed.body.features),
+            covariance=offset,
         )
-        for posed in pivot.posed
+        for posed, offset in zip(pivot.posed, offsets, strict=True)
     ]
-    jacobian = best.sampled.jacobian
     return assessed(
         "ml",
         tracks,
         pivot.path.name,
-        best.sampled.position(best.x),
-        jacobian @ of_path @ np.swapaxes(jacobian, 1, 2),
+        position,
+        best.sampled.covariance(of_path),
         clusters,
         weights=best.sightings.weight,
         variance=best.variance,
@@ -103,6 +104,39 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
         },
         remarks=remarks,
     )
+
+
+def _covariances(
+    best: Likelihood, clusters: list[NDArray[np.intp]], reach: float
+) -> tuple[FloatArray, list[FloatArray]]:
+    """The covariance of y, and those of the clusters' offsets, without what the estimated motion only seems to show.
+
+    A pure spin is estimated with a little wobble, by which a point on its axis seems to be seen: see `pivot`. The turn
+    of a frame that rate and inertia leave open is φ; its mean over all frames would turn the axes and show nothing.
+    """
+    variance = max(best.variance, 1e-300)
+    y = best.found.covariance(best.sampled, reach / np.sqrt(variance))
+    turn = best.motion.turn - best.motion.turn.mean(axis=0)
+    spread = variance * turn @ y[:RATE_AND_INERTIA, :RATE_AND_INERTIA] @ np.swapaxes(turn, 1, 2)
+    known = _known_shifts(best)
+    axes = cross_matrices(np.eye(3))
+    seeming = doubtful(RATE_AND_INERTIA) * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, spread, optimize=True)
+    wider, offsets = y, []
+    for features in clusters:
+        offset, crossed = best.found.offset_covariance(y, features)
+        missing, gain = missing_covariance(offset, crossed, seeming, variance / reach**2)
+        offsets.append(variance * (offset + missing @ missing.T))
+        wider = wider + gain @ gain.T
+    return variance * wider, offsets
+
+
+def _known_shifts(best: Likelihood) -> FloatArray:
+    """What each frame says of its position when its attitude is known, (n, 3, 3) in B, in the weights' units."""
+    sightings = best.sightings
+    if sightings.precision is None:
+        return np.asarray(sightings.weight.sum(axis=1)[:, None, None] * np.eye(3))
+    total = np.einsum("km,kmij->kij", sightings.weight, sightings.precision)
+    return np.asarray(np.swapaxes(best.motion.attitude, 1, 2) @ total @ best.motion.attitude)
 
 
 def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, ...]:

@@ -51,6 +51,14 @@ class SampledPath:
     jacobian: FloatArray
     position: Callable[[FloatArray], FloatArray]
 
+    def covariance(self, of_x: FloatArray) -> FloatArray:
+        """Of the positions, (n, 3, 3), from that of x, (p, p)."""
+        return np.asarray(self.jacobian @ of_x @ np.swapaxes(self.jacobian, 1, 2))
+
+    def lengths(self, directions: FloatArray) -> FloatArray:
+        """How far the path moves, rms, along directions of x (p, k), (k,) in m."""
+        return np.asarray(np.sqrt(np.mean(np.sum((self.jacobian @ directions) ** 2, axis=1), axis=0)))
+
 
 @dataclass(frozen=True)
 class Polynomial:

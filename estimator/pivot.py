@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
-from baryscope.estimator.assessment import Cluster, assessed
+from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
 from baryscope.estimator.bodies import PosedBody, find_bodies
 from baryscope.estimator.bundle import Body, Solution, improve
 from baryscope.estimator.drift import frame_weights, solve_drift
@@ -21,6 +22,7 @@ from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted, screen
 from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import ComputationError
 from baryscope.models.scenario import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -33,6 +35,8 @@ SETTLED = 0.02  # a step this long, squared, in units of the covariance, is the 
 CONTRACTION = 1e-5
 ROUNDING = 1e-10  # of the distance: residuals smaller than this are none
 HASTY = 6  # rounds in which weights may change at will
+FOREIGN = 0.01  # of a cubic's size that a path must be unable to follow, to be a departure from it
+CHANCE = 1e-7  # of a departure that is none
 MISFIT = 1.5  # variance over that of the registration, from which on the path is said not to fit
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
 HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
@@ -92,7 +96,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         tracks,
         found.path.name,
         position,
-        found.sampled.jacobian @ covariance @ np.swapaxes(found.sampled.jacobian, 1, 2),
+        found.sampled.covariance(covariance),
         clusters,
         weights=found.sightings.weight,
         variance=found.variance,
@@ -116,14 +120,58 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         path: Path = Polynomial(degree, *span)
     else:
         path = trajectory.path(orbit, *span, degree=0)
+    frames = sum(len(one.body.frames) for one in posed)
+    if 3 * frames <= path.size + 3 * len(posed):
+        raise ComputationError(
+            f"{frames} frames show an attitude, too few for {path.name}: more than {path.size // 3 + len(posed)} needed"
+        )
     sampled = path.at(tracks.time)
     bodies, x = _linear(posed, sightings, sampled)
     found = _refined(path, sampled, bodies, x, posed, measured, sightings, options)
+    if found.residual_variance <= least_variance(measured, ROUNDING):
+        return found
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
-    if measured.precision is None and ratio > MISFIT and found.residual_variance > least_variance(measured, ROUNDING):
+    if measured.precision is None and ratio > MISFIT:
         remark = f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
         return replace(found, remarks=(remark,))
-    return found
+    departure = _departure(found, tracks.time)
+    return found if departure is None else replace(found, remarks=(departure,))
+
+
+def _departure(found: Pivot, time: FloatArray) -> str | None:
+    """A remark if the CoM departs from its kind of path by more than noise explains: by a cubic in time, added to it.
+
+    Only what the path itself cannot do is added. Where there is no departure, the gain in cost of these k unknowns is
+    χ² distributed with k degrees of freedom; where a direction is hardly seen noise may gain more: nothing is said.
+    """
+    rows = np.arange(0, len(time), max(1, len(time) // CHOICE_FRAMES))
+    own = found.sampled.jacobian[rows]
+    cubic = Polynomial(3, float(time[0]), float(time[-1])).at(time[rows]).jacobian
+    added = cubic.reshape(-1, cubic.shape[2])
+    added = added - own.reshape(len(added), -1) @ np.linalg.lstsq(own.reshape(len(added), -1), added, rcond=None)[0]
+    left, lengths, _ = np.linalg.svd(added, full_matrices=False)
+    new = left[:, lengths > FOREIGN * np.linalg.norm(cubic, axis=(0, 1)).max()]
+    if not new.shape[1] or _is_faint(found):
+        return None
+    posed = (replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
+    bodies = tuple(_thinned(one, rows).body for one in posed)
+    few, x = found.sightings.frames(rows), found.solution.x
+    position, new = found.sampled.position(x)[rows], np.sqrt(len(rows)) * new.reshape(len(rows), 3, -1)
+    wider = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
+    start = np.concatenate([x, np.zeros(new.shape[2])])
+    freed, held = improve(bodies, few, wider, start), improve(bodies, few, SampledPath(own, lambda _: position), x)
+    gain = (freed.step - held.step) / found.variance
+    if chi2.sf(gain, new.shape[2]) > CHANCE:
+        return None
+    metres = float(wider.lengths((freed.x - start)[:, None])[0])
+    return f"the path departs from {found.path.name} by {metres:.2g} m or so (χ² {gain:.0f}, expected {new.shape[2]})"
+
+
+def _is_faint(found: Pivot) -> bool:
+    """Whether the CoM is hardly seen in some direction in which a body's offset lies."""
+    widened = _with_faint_directions(found, found.sampled.position(found.solution.x))[1]
+    before = found.solution.offset_covariance
+    return any(np.trace(a) > 1.5 * found.variance * np.trace(b) for a, b in zip(widened, before, strict=True))
 
 
 def least_variance(sightings: Sightings, rounding: float) -> float:
@@ -190,7 +238,13 @@ def _freedom(bodies: tuple[Body, ...], sightings: Sightings, path_size: int) -> 
     """Values less unknowns, where a frame's rotation takes three, and a body's points three each but for its turn."""
     frames = sum(len(body.frames) for body in bodies)
     points = sum(3 * len(body.features) - 3 for body in bodies)
-    return max(3 * float(sightings.weight.sum()) - 3 * frames - points - path_size, 1.0)
+    freedom = 3 * float(sightings.weight.sum()) - 3 * frames - points - path_size
+    if freedom <= 0:
+        raise ComputationError(
+            f"{frames} frames that show an attitude, with {sightings.count} sightings, are too few for a path of "
+            f"{path_size} unknowns"
+        )
+    return freedom
 
 
 def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Sightings) -> FloatArray:
@@ -248,19 +302,17 @@ def _with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray
     offsets = []
     reach = float(np.linalg.norm(origin, axis=1).max())
     for body, offset, crossed in zip(found.bodies, solution.offset_covariance, solution.offset_path, strict=True):
-        seeming = _seeming_information(body, found.sightings, origin, variance)
-        values, vectors = np.linalg.eigh(np.linalg.pinv(offset, hermitian=True))
-        widened = variance * offset
-        for value, axis in zip(values, vectors.T, strict=True):
-            true = value - float(axis @ seeming @ axis)
-            if true > value / 2:
-                continue
-            missing = variance / max(true, 1e-12 * value, variance / reach**2) - variance / value
-            gain = crossed.T @ (np.linalg.pinv(offset, hermitian=True) @ axis)
-            widened = widened + missing * np.outer(axis, axis)
-            covariance = covariance + missing * np.outer(gain, gain)
-        offsets.append(widened)
-    return covariance, offsets
+        seeming = doubtful(len(body.frames)) * _seeming_information(body, found.sightings, origin, variance)
+        missing, gain = missing_covariance(offset, crossed, seeming, variance / reach**2)
+        offsets.append(variance * (offset + missing @ missing.T))
+        covariance = covariance + variance * gain @ gain.T
+    # What is not seen at all may be anywhere within reach.
+    spread = reach / np.maximum(found.sampled.lengths(solution.blind), 1e-300)
+    covariance = covariance + (solution.blind * spread**2) @ solution.blind.T
+    unseen = [
+        offset + (blind * spread**2) @ blind.T for offset, blind in zip(offsets, solution.offset_blind, strict=True)
+    ]
+    return covariance, unseen
 
 
 def _seeming_information(body: Body, sightings: Sightings, origin: FloatArray, variance: float) -> FloatArray:

@@ -25,7 +25,7 @@ from baryscope.models.scenario import Orbit, orbit_parameters
 FloatArray = NDArray[np.float64]
 
 TURN = 0.5  # rad from node to node: leaves some 1e-8 rad to the interpolation, less to the steps
-CHUNK = 64  # steps in one call of the compiled function
+CHUNKS = (8, 64)  # steps in one call of the compiled function, for short and for long ways
 RATE_AND_INERTIA = 8  # the unknowns of a rotation: three of the rate at the epoch, five of the inertia
 
 _HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
@@ -157,7 +157,7 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     forth = _march(start, constants, h, after)
     states = forth if not before else np.hstack([_march(start, constants, -h, before)[:, :0:-1], forth])
     k = states.shape[1]
-    rates = np.asarray(_functions(start.orbit is not None)[1].map(k)(states[:8], constants))
+    rates = np.asarray(_rate_function(start.orbit is not None).map(k)(states[:8], constants))
     sensitivity = states[8:].reshape(RATE_AND_INERTIA, 6, k).transpose(2, 1, 0)
     R = matrix_from_quaternion(states[:4].T / np.linalg.norm(states[:4], axis=0)[:, None])
     return _Nodes(
@@ -180,7 +180,8 @@ def _highest_rate(start: Rotation) -> float:
 
 def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:
     """States and sensitivities (8 + 48, steps + 1), the epoch first."""
-    advance = _functions(start.orbit is not None)[0]
+    chunk = CHUNKS[0] if steps < CHUNKS[1] else CHUNKS[1]
+    advance = _advance(start.orbit is not None, chunk)
     state = np.concatenate(
         [
             quaternion_from_matrix(start.attitude[None])[0],
@@ -191,12 +192,12 @@ def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> Floa
     )
     columns = np.empty((len(state), steps + 1))
     columns[:, 0] = state
-    for first in range(0, steps, CHUNK):
-        length = min(CHUNK, steps - first)
-        sizes = np.zeros(CHUNK)
+    for first in range(0, steps, chunk):
+        length = min(chunk, steps - first)
+        sizes = np.zeros(chunk)
         sizes[:length] = h
-        chunk = np.asarray(advance(columns[:, first], sizes[None, :], constants))
-        columns[:, first + 1 : first + 1 + length] = chunk[:, :length]
+        states = np.asarray(advance(columns[:, first], sizes[None, :], constants))
+        columns[:, first + 1 : first + 1 + length] = states[:, :length]
     return columns
 
 
@@ -219,10 +220,23 @@ def _anomaly_function() -> ca.Function:
 
 
 @cache
-def _functions(pulled: bool) -> tuple[ca.Function, ca.Function]:
-    """CHUNK steps of state and sensitivity, (state, sizes, constants) → states; and the rates, (x, constants) → ẋ."""
+def _rate_function(pulled: bool) -> ca.Function:
+    """(x, constants) → ẋ."""
     x, c = ca.SX.sym("x", 8), ca.SX.sym("c", 16 if pulled else 9)
-    rates = ca.Function("rates", [x, c], [_rates(x, c, pulled)])
+    return ca.Function("rates", [x, c], [_rates(x, c, pulled)])
+
+
+@cache
+def _advance(pulled: bool, steps: int) -> ca.Function:
+    """Some steps of state and sensitivity, (state, sizes, constants) → states."""
+    return _one_step(pulled).mapaccum("advance", steps)
+
+
+@cache
+def _one_step(pulled: bool) -> ca.Function:
+    """One step of state and sensitivity, (state, size, constants) → state."""
+    rates = _rate_function(pulled)
+    x, c = ca.SX.sym("x", 8), ca.SX.sym("c", rates.numel_in(1))
     h, S, phi = ca.SX.sym("h"), ca.SX.sym("S", 6, RATE_AND_INERTIA), ca.SX.sym("phi", 3)
     turned = ca.vertcat(_product(x[:4], ca.vertcat(1, phi / 2)), x[4:])
     after = _step(rates, turned, h, c)
@@ -235,10 +249,8 @@ def _functions(pulled: bool) -> tuple[ca.Function, ca.Function]:
     conjugate = ca.vertcat(unturned[0], -unturned[1:4])
     turns = [2 * _product(conjugate, change[:4, column])[1:] for column in range(RATE_AND_INERTIA)]
     sensitivity = ca.vertcat(ca.horzcat(*turns), change[4:7, :])
-    one = ca.Function(
-        "advance", [ca.vertcat(x, ca.vec(S)), h, c], [ca.cse(ca.vertcat(unturned, ca.vec(ca.densify(sensitivity))))]
-    )
-    return one.mapaccum("advance", CHUNK), rates
+    state, after_step = ca.vertcat(x, ca.vec(S)), ca.vertcat(unturned, ca.vec(ca.densify(sensitivity)))
+    return ca.Function("advance", [state, h, c], [ca.cse(after_step)])
 
 
 def _rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:

@@ -10,9 +10,9 @@ import time as clock
 
 import numpy as np
 
+from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.assessment import Cluster, assessed
 from baryscope.estimator.bodies import PosedBody, find_bodies
-from baryscope.estimator.bundle import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, screen

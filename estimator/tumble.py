@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.bundle import Body, symmetric_pseudo_inverse
+from baryscope.estimator.algebra import symmetric_pseudo_inverse
+from baryscope.estimator.bundle import Body
+from baryscope.estimator.robust import MEDIAN
 from baryscope.estimator.rotation import RATE_AND_INERTIA, Rotation, exp_rotation, log_rotation
 from baryscope.estimator.sightings import Sightings, cross_matrices
 from baryscope.models.errors import ComputationError
@@ -24,7 +26,7 @@ IntArray = NDArray[np.intp]
 CENTRES = 150  # stretches that rates are taken from
 SWEEP = 0.8  # rad that the body turns in a stretch
 EPOCHS = (0.5, 0.3, 0.7)  # shares of the time at which the motion is started from, until one explains the attitudes
-EXPLAINED = 3.0  # robust cost for each value, below which the attitudes count as explained
+EXPLAINED = 4.0  # median of the squares over that of noise alone, below which the attitudes count as explained
 STRAY = 3.0  # times the median that a stretch may miss by
 WIDEST = 40  # frames of a stretch at most, on either side
 MOST = 1500  # attitudes that the motion is fitted to
@@ -36,11 +38,15 @@ ROUGH, FINE = 0.1, 1e-3  # share of the cost that a step must promise, while the
 
 @dataclass(frozen=True, eq=False)
 class Tumble:
-    """The motion of axes B, and each body's axes in them: R_B_S (3, 3). cost: of the attitudes, in variances."""
+    """The motion of axes B, and each body's axes in them: R_B_S (3, 3).
+
+    cost: the robust cost of the attitudes, in variances; usual: the median of their squares, over what noise makes it.
+    """
 
     rotation: Rotation
     bodies: tuple[FloatArray, ...]
     cost: float
+    usual: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +77,7 @@ def fit_tumble(
         grown = _grown(replace(start, orbit=orbits[0]), poses, main, len(bodies))
         if best is None or grown.cost < best.cost:
             best = grown
-        if best.cost < EXPLAINED * 3 * len(poses.time):
+        if best.usual < EXPLAINED:
             break
     if best is None:
         raise ComputationError(
@@ -179,7 +185,7 @@ def _inertia(attitude: FloatArray, rates: FloatArray) -> FloatArray:
 
 def _grown(start: Rotation, poses: _Poses, main: int, count: int) -> Tumble:
     """The fit over all poses, from a guess that may hold for a short stretch around its epoch only."""
-    tumble = Tumble(start, tuple(np.eye(3) for _ in range(count)), np.inf)
+    tumble = Tumble(start, tuple(np.eye(3) for _ in range(count)), np.inf, np.inf)
     known = {main}
     distance = np.abs(poses.time - start.epoch)
     longest = float(distance.max())
@@ -239,7 +245,7 @@ def _fitted(tumble: Tumble, poses: _Poses, promise: float) -> Tumble:
         while damping < 1e8:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ side
             if change @ side <= promise * cost:
-                return replace(tumble, cost=cost)
+                return replace(tumble, cost=cost, usual=_usual(missed, poses))
             trial = _changed(tumble, change, present)
             if trial.rotation.possible:
                 trial_missed, trial_turn = _misses(trial, poses)
@@ -249,7 +255,7 @@ def _fitted(tumble: Tumble, poses: _Poses, promise: float) -> Tumble:
                     damping /= 30
                     break
             damping *= 10
-    return replace(tumble, cost=cost)
+    return replace(tumble, cost=cost, usual=_usual(missed, poses))
 
 
 def _changed(tumble: Tumble, change: FloatArray, present: IntArray) -> Tumble:
@@ -263,6 +269,10 @@ def _changed(tumble: Tumble, change: FloatArray, present: IntArray) -> Tumble:
 
 def _squares(missed: FloatArray, poses: _Poses) -> FloatArray:
     return np.asarray(np.einsum("ni,nij,nj->n", missed, poses.information, missed))
+
+
+def _usual(missed: FloatArray, poses: _Poses) -> float:
+    return float(np.median(_squares(missed, poses))) / MEDIAN
 
 
 def _robust_cost(missed: FloatArray, poses: _Poses) -> float:

@@ -1,0 +1,33 @@
+"""Symmetric systems that may be singular: what is seen is solved for, and what is not is named.
+
+Where unknowns have been eliminated, what is left of the diagonal may be rounding alone. So `sizes` is the diagonal that
+the matrix had before; without it, the matrix's own.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+SEEN = 1e-13  # an eigenvalue below which a direction is not seen, the matrix scaled by its sizes
+
+
+def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
+    """The inverse of a symmetric positive semidefinite matrix (p, p), zero in directions that are not seen."""
+    scale, values, vectors = _scaled(matrix, sizes)
+    inverse = np.where(values > SEEN, 1 / np.where(values > SEEN, values, 1.0), 0.0)
+    return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))
+
+
+def blind_directions(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
+    """The directions (p, k) that are not seen: those in which `symmetric_pseudo_inverse` is zero, of any length."""
+    scale, values, vectors = _scaled(matrix, sizes)
+    return np.asarray(scale[:, None] * vectors[:, values <= SEEN])
+
+
+def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """1/√sizes, and eigenvalues, rising, and eigenvectors of the matrix scaled by it."""
+    diagonal = np.diag(matrix) if sizes is None else sizes
+    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    return scale, values, vectors
