@@ -9,7 +9,9 @@ from typing import TextIO
 from cyclopts import App, CycloptsError
 
 from baryscope.models.errors import ComputationError, InputError
+from baryscope.scripts.bound import bound
 from baryscope.scripts.build import build
+from baryscope.scripts.campaign import campaign
 from baryscope.scripts.check import check
 from baryscope.scripts.compare import compare
 from baryscope.scripts.console import VERSION
@@ -33,6 +35,8 @@ app.command(build)
 app.command(check)
 app.command(simulate_scenario, name="simulate")
 app.command(estimate_file, name="estimate")
+app.command(campaign)
+app.command(bound)
 app.command(scenarios)
 
 
@@ -49,8 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(error, BAD_INPUT)
     except ComputationError as error:
         return _complain(error, FAILED)
-    except KeyboardInterrupt:
-        return _complain("interrupted; files that were not finished are not there", INTERRUPTED)
+    except KeyboardInterrupt as interrupt:
+        usual = "interrupted; files that were not finished are not there"
+        return _complain(interrupt if interrupt.args else usual, INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone; it has seen what it wanted
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
