@@ -48,13 +48,15 @@ CHOICE_FRAMES = 3000  # frames at most that a degree is chosen by
 class Pivot:
     """What `pivot` finds, for `ml` to start from.
 
-    path and its unknowns x; bodies with points seen from the centre of mass; sightings with their weights, all (n, m);
-    variance of a sighting of weight 1, as given or as the residuals show it, over the given covariance or in m²;
-    residual_variance: as they show it. remarks: what does not fit.
+    path and its unknowns x; believed (n, m): which sightings were believed at first; bodies with points seen from the
+    centre of mass; sightings with their weights, all (n, m); variance of a sighting of weight 1, as given or as the
+    residuals show it, over the given covariance or in m²; residual_variance: as they show it. remarks: what does not
+    fit.
     """
 
     path: Path
     sampled: SampledPath
+    believed: BoolArray
     solution: Solution
     posed: tuple[PosedBody, ...]
     sightings: Sightings
@@ -98,7 +100,9 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         position,
         found.sampled.covariance(covariance),
         clusters,
-        weights=found.sightings.weight,
+        weights=np.where(
+            tracks.seen & ~found.believed, np.maximum(found.sightings.weight, FAINT), found.sightings.weight
+        ),
         variance=found.variance,
         options=options,
         begin=begin,
@@ -127,7 +131,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         )
     sampled = path.at(tracks.time)
     bodies, x = _linear(posed, sightings, sampled)
-    found = _refined(path, sampled, bodies, x, posed, measured, sightings, options)
+    found = _refined(path, sampled, bodies, x, posed, measured, sightings, believed, options)
     if found.residual_variance <= least_variance(measured, ROUNDING):
         return found
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
@@ -208,6 +212,7 @@ def _refined(
     posed: tuple[PosedBody, ...],
     measured: Sightings,
     sightings: Sightings,
+    believed: BoolArray,
     options: PathOptions,
 ) -> Pivot:
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
@@ -231,7 +236,7 @@ def _refined(
         converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * freedom)
         sightings = sightings.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
-    return Pivot(path, sampled, solution, posed, sightings, scale, variance, converged, rounds)
+    return Pivot(path, sampled, believed, solution, posed, sightings, scale, variance, converged, rounds)
 
 
 def _freedom(bodies: tuple[Body, ...], sightings: Sightings, path_size: int) -> float:

@@ -49,6 +49,7 @@ def screen(position: FloatArray, seen: BoolArray) -> BoolArray:
     rows = np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
     usual, spread = _usual(position[rows], seen[rows], pairs)
     known = np.isfinite(usual)
+    seen = seen & ~_erratic(usual, spread, pairs, m)
     fits, both = _fits(position[rows], seen[rows], pairs, usual, spread)
     if not both[:, known].any() or 1 - fits[:, known].sum() / max(both[:, known].sum(), 1) < SUSPECT:
         return seen.copy()
@@ -58,6 +59,14 @@ def screen(position: FloatArray, seen: BoolArray) -> BoolArray:
         fits, both = _fits(position[part], seen[part], pairs, usual, spread)
         believed[part] = seen[part] & _agreeing(fits, both, pairs, m)
     return believed
+
+
+def _erratic(usual: FloatArray, spread: FloatArray, pairs: NDArray[np.intp], m: int) -> BoolArray:
+    """Features (m,) that keep no usual distance to any other, while others do: they are not of this body at all."""
+    tried, kept = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
+    tried[pairs[np.isfinite(spread)].ravel()] = True
+    kept[pairs[np.isfinite(usual)].ravel()] = True
+    return tried & ~kept if kept.sum() >= 3 else np.zeros(m, dtype=bool)
 
 
 def _pairs(m: int) -> NDArray[np.intp]:
