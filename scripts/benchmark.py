@@ -159,12 +159,25 @@ def orbit_table(scenario: Scenario, unit: Path, duration: float) -> Table:
     return table
 
 
-def large_tracks(scenario: Scenario, unit: Path) -> FeatureTracks:
-    """One orbit at 10 Hz with eight features in view throughout."""
+def tracks_of(scenario: Scenario, unit: Path, time: NDArray[np.float64], count: int) -> FeatureTracks:
+    """The first `count` features of a scenario, in view throughout."""
     always = scenario.model_copy(update={"tracking": type(scenario.tracking)()})
-    truth = simulate(unit, np.arange(FRAMES) * STEP, scenario.parameters())
+    truth = simulate(unit, time, scenario.parameters())
     seen = observe(always, truth.time, truth["features"], truth["normals"])
-    return FeatureTracks(truth.time, seen.position[:, :FEATURES], scenario.features.labels[:FEATURES])
+    return FeatureTracks(truth.time, seen.position[:, :count], scenario.features.labels[:count])
+
+
+def cost_of(method: str, tracks: FeatureTracks, scenario: Scenario) -> tuple[float, float]:
+    """Seconds, with all functions compiled, and the peak of traced memory in bytes."""
+
+    def run() -> None:
+        estimate(tracks, method=method, orbit=scenario.orbit)
+
+    tracemalloc.start()
+    run()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return best(run), float(peak)
 
 
 def alignment_peer(tracks: FeatureTracks) -> float:
@@ -216,15 +229,18 @@ def main() -> int:
             row("Session.step with all outputs", stepped, 8e-6, "µs", "a pythonfmu unit, a step", peers)
         row("one orbit at 10 Hz, recorded", recorded, 2.0, "s", "fmpy.simulate_fmu", by_fmpy)
         with step(f"estimating from {FRAMES} frames × {FEATURES} features"):
-            tracks = large_tracks(scenario, unit)
-            estimated = best(lambda: estimate(tracks, method="screw-gpa"))
+            tracks = tracks_of(scenario, unit, np.arange(FRAMES) * STEP, FEATURES)
             peer = alignment_peer(tracks)
-            tracemalloc.start()
-            estimate(tracks, method="screw-gpa")
-            peak = tracemalloc.get_traced_memory()[1]
-            tracemalloc.stop()
-        row(f"screw-gpa, {FRAMES} × {FEATURES}", estimated, 1.5, "s", "scipy align_vectors, frame by frame", peer)
-        row("its peak memory", peak, 1e9, "MB")
+            for method, seconds, memory in (("screw-gpa", 1.5, 1e9), ("pivot", 0.3, 1e9), ("ml", 20.0, 2e9)):
+                taken, peak = cost_of(method, tracks, scenario)
+                aligning = ("scipy align_vectors, frame by frame", peer)
+                row(f"{method}, {FRAMES} × {FEATURES}", taken, seconds, "s", *aligning)
+                row("its peak memory", peak, memory, "MB")
+        with step("estimating from 600 frames × 10 features"):
+            few = tracks_of(scenario, unit, np.arange(600.0), 10)
+            filtered = cost_of("ekf", few, scenario)[0]
+            row("pivot, 600 × 10", cost_of("pivot", few, scenario)[0], 0.1, "s", "ekf", filtered)
+            row("ml, 600 × 10", cost_of("ml", few, scenario)[0], 0.5, "s", "ekf", filtered)
         with step("peers over one orbit"):
             orbits = orbit_table(scenario, unit, STEPS * STEP)
     Console(width=max(out.width, 125), highlight=False).print(table, orbits)
