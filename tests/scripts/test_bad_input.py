@@ -53,3 +53,29 @@ def test_lvlh_axes_without_an_orbit(capsys, tmp_path):
     path = tmp_path / "tracks.csv"
     path.write_text("time,feature,x,y,z\n0,a,1,2,3\n")
     assert "needs the target's orbit" in refusal(capsys, tmp_path, "estimate", path, "--axes", "lvlh")
+
+
+CHOICES = [
+    (["--method", "magic"], "--method: found 'magic', expected one of screw-raw"),
+    (["--method", "ml", "--lag", "3"], "--lag: found with --method ml, expected one of screw-raw, screw-ls, screw-gpa"),
+    (["--axes", "inertial", "--sigma", "0.1"], "--sigma: found with --method screw-gpa, expected one of pivot, ml"),
+    (["--trajectory", "relative-orbit"], "--trajectory relative-orbit: needs the target's orbit"),
+    (["--trajectory", "spline"], "trajectory is 'spline', expected fixed, polynomial, polynomial:N or relative-orbit"),
+    (["--trajectory", "polynomial:99"], "expected a degree of 0 to 20"),
+    (["--sigma", "0"], "sigma is 0.0, expected a deviation in m > 0"),
+    (["--method", "ml", "--torque", "gravity-gradient"], "needs the target's orbit"),
+    (["--method", "score", "--trajectory", "polynomial:2"], "expected fixed"),
+]
+
+
+@pytest.mark.parametrize("choice, expected", CHOICES)
+def test_choices_that_do_not_go_together(capsys, tmp_path, choice, expected):
+    path = tmp_path / "tracks.csv"
+    path.write_text("time,feature,x,y,z\n0,a,1,2,3\n")
+    before = sorted(tmp_path.iterdir())
+    assert app.main(["estimate", str(path), *choice]) == 2
+    # What only the method can tell comes after the steps that it took to get there.
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith("baryscope: ")
+    assert expected in line
+    assert sorted(tmp_path.iterdir()) == before
