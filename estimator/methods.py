@@ -52,7 +52,7 @@ METHODS: dict[str, Method] = {
         ),
         Method("ml", "maximum likelihood: path, points and free tumble at once", PathOptions, estimate_by_likelihood),
         Method("ekf", "iterated extended Kalman filter, tuned and smoothed", PathOptions, estimate_by_filter),
-        Method("score", "symmetrical centre of rotation (SCoRE), at rest in C", PathOptions, estimate_by_score),
+        Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, estimate_by_score),
     )
 }
 

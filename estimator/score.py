@@ -1,9 +1,10 @@
 """score: the symmetrical centre of rotation estimation of Ehrig, Taylor, Duda and Heller (J. Biomech. 39, 2006).
 
 Between two moving bodies, the joint's centre is at rest in both: R_k u + c_k = S_k v + e_k in all frames. Here one of
-the two is the ground: the target's bodies are posed by registration, and v, in C, is one point for all of them,
+the two is the ground: the target's bodies are posed by registration, and v is one point for all of them,
     c_k + R_k u = v,
-by unweighted least squares. It holds for a centre of mass at rest in C, and for nothing else: a baseline.
+by unweighted least squares. It holds for a centre of mass at rest, and for nothing else: a baseline. With an orbit the
+ground is the target's LVLH frame, in which a chaser on V-bar is at rest, and without one frame C.
 """
 
 import time as clock
@@ -18,11 +19,12 @@ from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, screen
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
+from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.scenario import Orbit
 
 
 def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
-    """The centre of mass as the fixed centre of rotation; the orbit is of no use to it.
+    """The centre of mass as the fixed centre of rotation, in LVLH where an orbit is given and `fixed` is not asked for.
 
     The covariance is that of the least squares, whose noise is what is left over: of c_k + R_k u − v, per coordinate,
     which is also the diagnostics' `residual_rms`, and not the noise of a sighting. Where the centre moves it is wrong.
@@ -33,13 +35,14 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """
     begin = clock.perf_counter()
     if options.trajectory not in (None, "fixed"):
-        raise InputError(
-            f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest in C"
-        )
-    believed = screen(tracks.position, tracks.seen)
-    posed, _ = find_bodies(tracks.position, believed)
+        raise InputError(f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest")
+    in_orbit = orbit is not None and options.trajectory is None
+    R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
+    position = tracks.position @ R_C_W
+    believed = screen(position, tracks.seen)
+    posed, _ = find_bodies(position, believed)
     centre, offsets, covariance, variance = solve_score(posed)
-    n = len(tracks.time)
+    each = np.ones((len(tracks.time), 1))
     weights = np.zeros(tracks.seen.shape)
     clusters = []
     for index, (one, offset) in enumerate(zip(posed, offsets, strict=True)):
@@ -52,9 +55,9 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     return assessed(
         "score",
         tracks,
-        "fixed",
-        np.tile(centre, (n, 1)),
-        np.tile(variance * covariance[-3:, -3:], (n, 1, 1)),
+        "fixed in LVLH" if in_orbit else "fixed",
+        each * (R_C_W @ centre),
+        each[:, :, None] * (variance * R_C_W @ covariance[-3:, -3:] @ np.swapaxes(R_C_W, 1, 2)),
         clusters,
         weights=weights,
         variance=variance,
@@ -68,7 +71,7 @@ def solve_score(posed: tuple[PosedBody, ...]) -> tuple[FloatArray, FloatArray, F
     """The least squares of c_k = v + R_k d, d = −u, over all bodies at once.
 
     Returns:
-        v (3,) in C and d (j, 3), each body's in its axes, m; the inverse (3 j + 3, 3 j + 3) of the normal equations of
+        v (3,) and d (j, 3), each body's in its axes, m; the inverse (3 j + 3, 3 j + 3) of the normal equations of
         (d, v), zero where undetermined; and the variance of a coordinate that is left over, m².
     """
     j = len(posed)

@@ -83,3 +83,16 @@ def test_errors_name_what_is_wrong(case_of, at_rest, orbit):
     estimate(tracks, method="score", orbit=orbit.model(), options=PathOptions(trajectory="fixed"))
     with pytest.raises(ComputationError, match="at most 2 features"):
         estimate(case_of(at_rest, clusters=[(0.0, 900.0, [0, 1])]).tracks, method="score")
+
+
+def test_at_rest_in_the_orbit(case_of, on_v_bar, orbit):
+    """A V-bar hold moves the centre in C by metres, and not in LVLH, which an orbit makes the ground."""
+    tracks = case_of(on_v_bar, noise=0.02).tracks
+    found = estimate(tracks, method="score", orbit=orbit.model())
+    error = np.linalg.norm(found.position - on_v_bar, axis=1)
+    deviation = np.sqrt(np.trace(found.covariance, axis1=1, axis2=2))
+    assert np.all(error < 4 * deviation)
+    assert error.max() < 0.01
+    assert found.diagnostics["options"]["trajectory"] == "fixed in LVLH"
+    in_C = estimate(tracks, method="score", orbit=orbit.model(), options=PathOptions(trajectory="fixed"))
+    assert np.linalg.norm(in_C.position - on_v_bar, axis=1).max() > 1
