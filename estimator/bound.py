@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.alignment import matrix_from_quaternion
 from baryscope.estimator.assessment import Cluster, verdict
+from baryscope.estimator.bundle import turn_by_points
 from baryscope.estimator.likelihood import Equations, equations
 from baryscope.estimator.paths import Path, trajectory_of
 from baryscope.estimator.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
@@ -168,9 +169,7 @@ def _in_held_axes(
     The equations' own axes are those of the attitude at the epoch. The features' best turn against them, −κ, is one of
     the points: κ = (Σ −[a]×²)⁻¹ Σ a × δb, a from the centroid. Turned axes see rate and inertia turned, too.
     """
-    arms = cross_matrices(found.points[seen] - found.points[seen].mean(axis=0))
-    inverse = np.linalg.pinv(np.einsum("mij,mkj->ik", arms, arms), hermitian=True)
-    by_points = inverse @ arms.transpose(1, 0, 2).reshape(3, -1)
+    by_points = turn_by_points(found.points[seen])
     q = len(y)
     followed = found.by_unknowns.reshape(len(found.points), 3, q)[seen].reshape(-1, q)
     by_y = -by_points @ followed  # of κ

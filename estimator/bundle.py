@@ -100,7 +100,9 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
         points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
         length += float(own_sums.points_side @ inverse @ own_sums.points_side)
         moved.append(replace(body, points=body.points + points_change.reshape(-1, 3)))
-        held = offset_by_points(body.points)
+        # The step may have turned the axes that the points hold, and the offset is seen in these.
+        K = exp_rotation(turn_by_points(body.points) @ points_change)
+        held = K @ offset_by_points(body.points)
         by_x = held @ by_path
         offsets.append(held @ inverse @ held.T + by_x @ covariance @ by_x.T)
         crossed.append(-by_x @ covariance)
@@ -124,11 +126,15 @@ def offset_by_points(points: FloatArray) -> FloatArray:
     A turn of all points about their centroid is a turn of the axes, in which the centroid is then seen turned.
     """
     centroid = points.mean(axis=0)
-    arms = cross_matrices(points - centroid)
-    inertia = np.einsum("mij,mkj->ik", arms, arms)
-    turn = np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1)
     mean = np.tile(np.eye(3), len(points)) / len(points)
-    return np.asarray(mean + cross_matrices(centroid[None])[0] @ turn)
+    return np.asarray(mean + cross_matrices(centroid[None])[0] @ turn_by_points(points))
+
+
+def turn_by_points(points: FloatArray) -> FloatArray:
+    """How the axes that points (m, 3) hold turn with them, (3, 3 m): as the points do about their centroid, at best."""
+    arms = cross_matrices(points - points.mean(axis=0))
+    inertia = np.einsum("mij,mkj->ik", arms, arms)
+    return np.asarray(np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1))
 
 
 def _best_turned(body: Body, part: slice, own: Sightings, origin: FloatArray) -> FloatArray:
