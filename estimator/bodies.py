@@ -98,6 +98,9 @@ def _tied_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> l
         interval = waiting.pop()
         first, seen = position[interval.start], used[interval.frames]
         shared = seen & seen[0]
+        if (shared == shared[0]).all():
+            done.append(interval)
+            continue
         patterns, which = np.unique(np.packbits(shared, axis=1), axis=0, return_inverse=True)
         members = np.unpackbits(patterns, axis=1, count=shared.shape[1]).astype(bool)
         loose = np.array([_in_line(first[pattern]) for pattern in members])[which.ravel()]

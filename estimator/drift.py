@@ -59,10 +59,16 @@ def frame_weights(
         total = np.maximum(w.sum(axis=1), 1e-300)
         centroid = (w @ body.points) / total[:, None]
         squares = np.einsum("mij,mkj->mik", arms, arms).reshape(-1, 9)
-        lever = cross_matrices(centroid)
-        turn = (w @ squares).reshape(-1, 3, 3) - total[:, None, None] * (lever @ np.swapaxes(lever, 1, 2))
+        # Σ w [b]× [b]×ᵀ about the centroid: less that of the centroid itself, a·a 1 − a aᵀ.
+        own = (
+            np.einsum("ki,ki->k", centroid, centroid)[:, None, None] * np.eye(3)
+            - centroid[:, :, None] * centroid[:, None]
+        )
+        turn = (w @ squares).reshape(-1, 3, 3) - total[:, None, None] * own
         # c_k is the centroid's image less R_k times the centroid: the rotation acts on both together.
-        arm = cross_matrices(offset + centroid)
-        variance = np.trace(arm @ symmetric_inverses(turn) @ np.swapaxes(arm, 1, 2), axis1=1, axis2=2) / 3
+        arm, C = offset + centroid, symmetric_inverses(turn)
+        # tr([a]× C [a]×ᵀ) = a·a tr C − a·C a
+        across = np.einsum("ki,ki->k", arm, arm) * (C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2])
+        variance = (across - np.einsum("ki,kij,kj->k", arm, C, arm)) / 3
         found.append(1 / (1 / total + variance))
     return found

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
 from baryscope.estimator.bodies import PosedBody, find_bodies
 from baryscope.estimator.bundle import Body, Solution, improve
@@ -151,10 +152,11 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
     rows = np.arange(0, len(time), max(1, len(time) // CHOICE_FRAMES))
     own = found.sampled.jacobian[rows]
     cubic = Polynomial(3, float(time[0]), float(time[-1])).at(time[rows]).jacobian
-    added = cubic.reshape(-1, cubic.shape[2])
-    added = added - own.reshape(len(added), -1) @ np.linalg.lstsq(own.reshape(len(added), -1), added, rcond=None)[0]
-    left, lengths, _ = np.linalg.svd(added, full_matrices=False)
-    new = left[:, lengths > FOREIGN * np.linalg.norm(cubic, axis=(0, 1)).max()]
+    known, added = own.reshape(3 * len(rows), -1), cubic.reshape(3 * len(rows), -1)
+    added = added - known @ (symmetric_pseudo_inverse(known.T @ known) @ (known.T @ added))
+    squares, axes = np.linalg.eigh(added.T @ added)
+    size = np.linalg.norm(cubic, axis=(0, 1)).max()
+    new = added @ axes[:, squares > (FOREIGN * size) ** 2] / size
     if not new.shape[1] or _is_faint(found):
         return None
     posed = (replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
