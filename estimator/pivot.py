@@ -184,7 +184,8 @@ def least_variance(sightings: Sightings, rounding: float) -> float:
     """Of a sighting of weight 1, that of rounding to this share of the farthest distance."""
     if sightings.precision is not None:
         return 1e-9
-    return rounding**2 * float((sightings.position**2).sum(axis=2).max(initial=0.0))
+    position = sightings.position
+    return rounding**2 * float(np.einsum("kmi,kmi->km", position, position).max(initial=0.0))
 
 
 def _restricted(measured: Sightings, posed: tuple[PosedBody, ...], believed: BoolArray) -> Sightings:
