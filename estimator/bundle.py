@@ -99,10 +99,11 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
     for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
         points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
         length += float(own_sums.points_side @ inverse @ own_sums.points_side)
-        moved.append(replace(body, points=body.points + points_change.reshape(-1, 3)))
-        # The step may have turned the axes that the points hold, and the offset is seen in these.
-        K = exp_rotation(turn_by_points(body.points) @ points_change)
-        held = K @ offset_by_points(body.points)
+        # A long step may turn the axes that the points hold; they are turned back, so that these stay S.
+        moves = points_change.reshape(-1, 3)
+        moves = moves - np.cross(turn_by_points(body.points) @ points_change, body.points)
+        moved.append(replace(body, points=body.points + moves))
+        held = offset_by_points(body.points)
         by_x = held @ by_path
         offsets.append(held @ inverse @ held.T + by_x @ covariance @ by_x.T)
         crossed.append(-by_x @ covariance)

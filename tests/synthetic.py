@@ -119,3 +119,35 @@ def make_case(
         position[~seen] = np.nan
     labels = tuple(f"F{index}" for index in range(len(features)))
     return Case(FeatureTracks(time, position, labels), com, R_I_B, features)
+
+
+def rig_tracks(
+    time: FloatArray, R_I_B: FloatArray, com: FloatArray, features: FloatArray, *, seed: int
+) -> FeatureTracks:
+    """Tracks of baryscope's own rig of reference at the chaser (1911 px, 1 m, 0.5 px), which looks at the target."""
+    from baryscope.models.directions import axes_along
+    from baryscope.models.scenario import StereoRig
+    from baryscope.models.stereo import project, triangulate
+
+    rig, axes = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5), axes_along(com)
+    pixels = project(rig, axes, make_case(time, R_I_B, com, features).tracks.position)
+    pixels = pixels + rig.pixel_noise * np.random.default_rng(seed).standard_normal(pixels.shape)
+    position, covariance = triangulate(rig, axes, pixels)
+    return FeatureTracks(time, position, tuple(f"F{index}" for index in range(len(features))), covariance)
+
+
+def differences(function, x: FloatArray, step: float = 1e-6) -> FloatArray:  # type: ignore[no-untyped-def]
+    """Jacobian of function (p,) → (k,) by central differences, (k, p)."""
+    return np.stack([(function(x + h) - function(x - h)) / (2 * step) for h in step * np.eye(len(x))], axis=1)
+
+
+def turned_back(points: FloatArray, reference: FloatArray) -> FloatArray:
+    """The centroid of points (m, 3), seen in the axes that they hold: turned as reference is, by scipy's alignment."""
+    centred, still = points - points.mean(axis=0), reference - reference.mean(axis=0)
+    return Rotation.align_vectors(still, centred)[0].as_matrix() @ points.mean(axis=0)
+
+
+def roots(weight: FloatArray, precision: FloatArray | None) -> FloatArray:
+    """What whitens residuals (n, m, 3) of sightings: W with Wᵀ W the weighted precision, (n, m, 3, 3)."""
+    of_one = np.eye(3) if precision is None else np.swapaxes(np.linalg.cholesky(precision), -1, -2)
+    return np.sqrt(weight)[..., None, None] * of_one
