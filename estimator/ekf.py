@@ -8,18 +8,28 @@ of INERTIA_BASIS, of its logarithm, from a sphere on. Gravity gradient or not is
 What makes it a strong peer, and no causal filter any more: the process noise is the one of greatest innovation
 likelihood; the tracks are filtered several times over, each time from where the last one led, with ten times its
 deviations, since the first pass linearises about a poor guess; and the path is smoothed at all times. Where the path's
-noise is zero that is the last state carried back.
+noise is zero that is the last state carried back. Of long tracks the first frames teach noise and inertia, and only
+then come all frames. Where the attitude is lost, after a gap, registration finds it again: see `ekf_restart`.
 """
 
 import time as clock
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from baryscope.estimator.assessment import Cluster, assessed
 from baryscope.estimator.bundle import offset_by_points
-from baryscope.estimator.ekf_bank import ORDERS, Member, bank_noise, first_members, next_members
-from baryscope.estimator.ekf_filter import Run, run_filter
+from baryscope.estimator.ekf_bank import (
+    ORDERS,
+    Member,
+    bank_noise,
+    first_members,
+    last_members,
+    middle_members,
+    next_members,
+)
+from baryscope.estimator.ekf_filter import Noise, Run, run_filter
 from baryscope.estimator.ekf_guess import Guess, Problem, first_guess, next_guess
 from baryscope.estimator.ekf_motion import ROTATION, PathProcess, derivatives, free_orbit
 from baryscope.estimator.ekf_smoother import SmoothedPath, smoothed_path
@@ -31,12 +41,15 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths import trajectory_of
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, GATE, screen
-from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import Orbit
 
-PASSES = 8  # over the tracks, at most
+PASSES = 8  # over the first frames, and over all, at most
+LEARN = 200  # of the first frames that show something, by which the process noise is chosen
+WORTH = 1.5  # times as many there must be for it to be worth the while
 GAIN = 1.0  # of log-likelihood, below which a pass brought nothing
+ROUGH_GAIN = 10.0  # the same while there are more frames to come; and what a pass may lose
 ASTRAY = 2.0  # mean normalised innovation squared from which on the filter counts as diverged
 
 
@@ -86,29 +99,60 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
 
 
 def _passes(problem: Problem) -> tuple[Pass, int, bool]:
-    """Passes over the tracks until these bring nothing more: the last, their number, and whether they settled."""
+    """Passes until these bring nothing more: the best, their number, and whether they settled.
+
+    The first ones go over the first frames only, where the process noise is chosen and a poor guess becomes a good one.
+    """
     pulls = [problem.options.torque == "gravity-gradient"]
     if problem.orbit is not None and problem.options.torque is None:
         pulls = [False, True]
     orders = ORDERS if problem.degree is None else ()
-    best = _passed(problem, first_guess(problem), first_members(problem.degree))
-    settled, count = False, 1
-    while not settled and count < PASSES:
-        last = best
-        guess = next_guess(problem, last.guess, last.run, last.path, last.member.order)
-        best = _passed(problem, guess, next_members(last.member, pulls, orders))
-        settled = best.member == last.member and best.score - last.score < GAIN
-        count += 1
+    first, n = problem.start.frame, len(problem.tracks.time)
+    posed = first + np.nonzero(problem.believed[first:].any(axis=1))[0]
+    everything, short = range(first, n), len(posed) <= WORTH * LEARN
+    frames = everything if short else range(first, int(posed[LEARN - 1]) + 1)
+    best = _passed(problem, first_guess(problem), first_members(problem.degree), frames)
+    gain = GAIN if short else ROUGH_GAIN
+    best, count, settled = _repeated(
+        problem, best, frames, lambda last, _: next_members(last.member, pulls, orders), gain
+    )
+    if not short:
+        best = _passed(problem, _next(problem, best), middle_members(best.member, orders), everything)
+
+        def members(last: Pass, count: int) -> list[Member]:
+            noisy = last.member.path > 0 or last.member.turn > 0
+            return last_members(last.member, pulls) if noisy or count == 1 else [last.member]
+
+        best, more, settled = _repeated(problem, best, everything, members, GAIN)
+        count += more
     return (_smoothed(problem, best) if best.member.path else best), count, settled
 
 
-def _passed(problem: Problem, guess: Guess, members: list[Member]) -> Pass:
-    """The bank over the tracks, and its best member.
+def _repeated(
+    problem: Problem, last: Pass, frames: range, members: Callable[[Pass, int], list[Member]], gain: float
+) -> tuple[Pass, int, bool]:
+    """Passes after a first one, each from where the last one led: the best, their number, and whether they settled."""
+    best, count, settled = last, 1, False
+    while not settled and count < PASSES:
+        found = _passed(problem, _next(problem, last), members(last, count), frames)
+        gained = found.score - last.score
+        settled = (found.member == last.member or gain > GAIN) and -ROUGH_GAIN < gained < gain
+        best = found if settled or found.score > best.score else best
+        last, count = found, count + 1
+    return best, count, settled
+
+
+def _next(problem: Problem, last: Pass) -> Guess:
+    return next_guess(problem, last.guess, last.run, last.path, last.member.order)
+
+
+def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range) -> Pass:
+    """The bank over the frames, and its best member.
 
     Raises:
         ComputationError: all members go astray.
     """
-    run, process, noise = _filtered(problem, guess, members, keep=False)
+    run, process, noise = _filtered(problem, guess, members, frames, keep=False)
     score = run.log_likelihood - [member.price for member in members]
     best = int(np.argmax(score))
     if not np.isfinite(score[best]):
@@ -116,17 +160,20 @@ def _passed(problem: Problem, guess: Guess, members: list[Member]) -> Pass:
             "the filter goes astray, whatever its process noise: the features do not move as one body"
         )
     alone = run.only(best)
-    path = smoothed_path(alone.state, process, noise[best], problem.start.frame, ())
+    path = smoothed_path(alone.state, process.until(frames.stop), noise.of_path(best), problem.start.frame, ())
     return Pass(guess, members[best], alone, path)
 
 
 def _smoothed(problem: Problem, best: Pass) -> Pass:
-    """The same member once more, smoothed with the noise of its path."""
-    run, process, noise = _filtered(problem, best.guess, [best.member], keep=True)
-    return replace(best, run=run, path=smoothed_path(run.state, process, noise[0], problem.start.frame, run.traces))
+    """The same member once more, over all frames, smoothed with the noise of its path."""
+    frames = range(problem.start.frame, len(problem.tracks.time))
+    run, process, noise = _filtered(problem, best.guess, [best.member], frames, keep=True)
+    return replace(best, run=run, path=smoothed_path(run.state, process, noise.of_path(0), frames.start, run.traces))
 
 
-def _filtered(problem: Problem, guess: Guess, members: list[Member], keep: bool) -> tuple[Run, PathProcess, FloatArray]:
+def _filtered(
+    problem: Problem, guess: Guess, members: list[Member], frames: range, keep: bool
+) -> tuple[Run, PathProcess, Noise]:
     start, time = problem.start, problem.tracks.time
     k, m, p = len(members), problem.tracks.seen.shape[1], len(guess.u)
     if problem.on_orbit and problem.orbit is not None:
@@ -150,7 +197,7 @@ def _filtered(problem: Problem, guess: Guess, members: list[Member], keep: bool)
         np.zeros((k, m, 3)),
         P,
     )
-    return run_filter(state, start.frame, time, process, noise, guess.measured, keep), process, noise.path
+    return run_filter(state, frames, time, process, noise, guess.measured, keep), process, noise
 
 
 def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: float) -> Estimate:
@@ -188,6 +235,7 @@ def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: floa
             "filter": {
                 "process_noise": asdict(best.member),
                 "mean_normalised_innovation_squared": nis,
+                "restarts": int(best.run.restarts[0]),
                 "log_likelihood": float(best.run.log_likelihood[0]),
                 "final_position_deviation": float(np.sqrt(np.trace(causal))),
                 "final_position_covariance": causal.tolist(),

@@ -14,10 +14,12 @@ PRICE = 3.0  # of log-likelihood, that a process noise or a torque has to bring 
 ORDERS = (1, 2, 3)  # of the derivative of the path that noise drives, where nothing is known of it
 # m by which noise carries the path off within the span of the time
 UNKNOWN_PATH = (1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)
-KNOWN_PATH = (0.0, 1e-1, 1e1)
+LONG_PATH = (1.0, 3e1, 1e3)  # over all frames
+KNOWN_PATH = (1e-1, 1e1)
 # share of itself by which noise changes the rate while the target turns by a radian
 FIRST_TURN = (0.01, 0.03, 0.1, 0.3, 1.0)
-UNKNOWN_PATH_TURN = 0.1  # where the path is unknown
+USUAL_TURN = 0.1  # where the path has noise, too
+LEAST_PATH, LEAST_TURN = 1e-2, 1e-4  # where there was none before
 NEXT_TURN = (0.0, 1e-4, 1e-3, 1e-2)
 
 
@@ -47,8 +49,9 @@ def first_members(degree: int | None) -> list[Member]:
     degree: of the path's derivative that is constant or noisy, None where that is open.
     """
     if degree is None:
-        return [Member(order, path, UNKNOWN_PATH_TURN) for order in ORDERS for path in UNKNOWN_PATH]
-    return [Member(degree, path, turn) for path in KNOWN_PATH for turn in FIRST_TURN]
+        return [Member(order, path, USUAL_TURN) for order in ORDERS for path in UNKNOWN_PATH]
+    steady, noisy = [(0.0, turn) for turn in FIRST_TURN], [(path, USUAL_TURN) for path in KNOWN_PATH]
+    return [Member(degree, path, turn) for path, turn in steady + noisy]
 
 
 def next_members(best: Member, pulls: Sequence[bool], orders: Sequence[int]) -> list[Member]:
@@ -64,12 +67,35 @@ def next_members(best: Member, pulls: Sequence[bool], orders: Sequence[int]) -> 
     return [member for member in dict.fromkeys(members) if member.pulled in pulls]
 
 
+def middle_members(best: Member, orders: Sequence[int]) -> list[Member]:
+    """The first bank over all frames: the best of the first ones, and paths that these do not call for.
+
+    Over a short time no noise may do, or a path of few derivatives and much noise, which foretells nothing over a gap.
+    """
+    others = [replace(best, order=order, path=path) for order in orders[1:] for path in LONG_PATH]
+    return list(dict.fromkeys([best, *(others or [replace(best, path=best.path or LONG_PATH[0])])]))
+
+
+def last_members(best: Member, pulls: Sequence[bool]) -> list[Member]:
+    """The bank over all frames: what these tell from the best member of the first ones, by its small effect."""
+    paths = [best.path / 3, best.path * 3] if best.path else [LEAST_PATH]
+    members = [
+        best,
+        *(replace(best, pulled=pulled) for pulled in pulls),
+        *(replace(best, path=path) for path in paths),
+        replace(best, turn=best.turn / 3 if best.turn else LEAST_TURN),
+    ]
+    return [member for member in dict.fromkeys(members) if member.pulled in pulls]
+
+
 def bank_noise(members: Sequence[Member], size: int, time: FloatArray, pace: float, orbit: Orbit | None) -> Noise:
     """The process noise of the bank, for paths of `size` derivatives and a target that turns at `pace`, rad/s."""
-    unit = {order: white_noise(order, size, time) for order in {member.order for member in members}}
+    orders = sorted({member.order for member in members})
     pull = np.zeros((len(time) - 1, 3)) if orbit is None else gravity_pull(orbit, (time[1:] + time[:-1]) / 2)
     return Noise(
-        np.stack([member.path**2 * unit[member.order] for member in members]),
+        np.stack([white_noise(order, size, time) for order in orders]),
+        np.array([orders.index(member.order) for member in members]),
+        np.array([member.path**2 for member in members]),
         np.array([member.turn**2 * pace**3 for member in members]),
         np.stack([member.pulled * pull for member in members]),
     )

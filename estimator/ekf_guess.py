@@ -111,7 +111,10 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
     p, used = len(last.u), 3 * (order + 1)
     u, nominal = path.u[frame], last.nominal
     covariance = _first_covariance(problem, p // 3)
-    covariance[:used, :used] = _capped(WIDER**2 * path.covariance[frame, :used, :used], covariance[:used, :used])
+    if np.trace(path.covariance[frame, :3, :3]) < np.trace(covariance[:3, :3]):
+        covariance[:used, :used] = _capped(WIDER**2 * path.covariance[frame, :used, :used], covariance[:used, :used])
+    else:  # a noisy path that was carried back over a long time tells nothing
+        u, covariance = last.u, last.covariance
     if problem.on_orbit:
         nominal = nominal + np.concatenate([u[:3], u[3:] / span_of(problem.tracks.time)])
         u = np.zeros(6)

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.ekf_columns import Columns
 from baryscope.estimator.rotation import INERTIA_BASIS
-from baryscope.estimator.sightings import cross_matrices
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion
@@ -21,6 +21,7 @@ from baryscope.models.scenario import Orbit, orbit_parameters
 FloatArray = NDArray[np.float64]
 
 TURN = 0.1  # rad in a step of the rotation's integration: leaves 1e-7 rad, and 1e-4 of the errors' growth
+MOST = 4.0  # that logarithms of the inertia may change by at once
 ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
 
 
@@ -34,6 +35,10 @@ class PathProcess:
     nominal: FloatArray
     observed: FloatArray
     transition: FloatArray
+
+    def until(self, stop: int) -> "PathProcess":
+        """That of the first frames."""
+        return PathProcess(self.nominal[:stop], self.observed[:stop], self.transition[: stop - 1])
 
 
 def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: FloatArray, epoch: float) -> PathProcess:
@@ -115,22 +120,15 @@ def rotated(
         rotation vector in B, and the inertia's errors δ make it A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J, E the INERTIA_BASIS.
     """
     k = len(quaternion)
-    count = max(1, int(np.ceil(np.linalg.norm(rate, axis=1).max() * abs(step) / TURN)))
-    root = np.linalg.cholesky(inertia)
-    heavier = root[:, None] @ INERTIA_BASIS @ np.swapaxes(root, 1, 2)[:, None]
-    constants = np.concatenate([inertia.reshape(k, 9), pull], axis=1).T
-    advance = _advance().map(k)
-    change, h = np.tile(np.eye(ROTATION), (k, 1, 1)), step / count
+    fastest = float(np.sqrt((rate * rate).sum(axis=1).max()))
+    count = max(1, int(np.ceil(fastest * abs(step) / TURN))) if np.isfinite(fastest) else 1
+    constants = np.concatenate([inertia.reshape(k, 9), pull], axis=1)
+    advance = advance_of(k)
+    change = np.tile(np.eye(ROTATION), (k, 1, 1))
     for _ in range(count):
-        values = np.asarray(advance(quaternion.T, rate.T, constants, h)).T
-        quaternion, rate = values[:, :4] / np.linalg.norm(values[:, :4], axis=1)[:, None], values[:, 4:7]
-        slope = np.zeros((k, ROTATION, ROTATION))
-        slope[:, :3, :3], slope[:, :3, 3:6] = -cross_matrices(values[:, 7:10]), np.eye(3)
-        slope[:, 3:6, 3:6] = values[:, 10:19].reshape(k, 3, 3).swapaxes(1, 2)
-        by_inertia = values[:, 19:].reshape(k, 9, 3).swapaxes(1, 2)
-        slope[:, 3:6, 6:] = by_inertia @ heavier.reshape(k, 5, 9).swapaxes(1, 2)
-        # The exponential of the slope at the middle of the step, to the third order.
-        change = change + h * slope @ (change + h / 2 * slope @ (change + h / 3 * slope @ change))
+        values = advance(quaternion, rate, constants, step / count)
+        quaternion, rate = values[:, :4], values[:, 4:7]
+        change[:, :6] = values[:, 7:].reshape(k, 6, ROTATION) @ change
     return quaternion, rate, change
 
 
@@ -144,8 +142,8 @@ def _pull() -> ColumnFunction:
 
 
 @cache
-def _advance() -> ca.Function:
-    """One step of Runge and Kutta: (q, ω, (J, pull), h) → q, ω, and in the middle ω and ω̇'s slopes by ω and by J."""
+def advance_of(k: int) -> Columns:
+    """One step of Runge and Kutta for k bodies: (q, ω, (J, pull), h) → q, ω, and how errors of these go on, (6, 11)."""
     q, w, c, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("c", 12), ca.SX.sym("h")
     J, pull_C = ca.reshape(c[:9], 3, 3), c[9:]
     inverse = symmetric_inverse(J)
@@ -165,7 +163,46 @@ def _advance() -> ca.Function:
     after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     middle = ca.SX.sym("middle", 7)
     spun = acceleration(middle)
-    slopes = [ca.densify(ca.jacobian(spun, by)) for by in (middle[4:], c[:9])]
-    slopes = [ca.substitute(value, middle, x + h / 2 * k2) for value in slopes]
-    rates = ca.vertcat(after, (w + after[4:]) / 2, ca.vec(slopes[0]), ca.vec(slopes[1]))
-    return ca.Function("rotated", [q, w, c, h], [rates], {"cse": True})
+    by_rate, by_inertia = (ca.substitute(ca.jacobian(spun, by), middle, x + h / 2 * k2) for by in (middle[4:], c[:9]))
+    root = ca.chol(J).T
+    heavier = ca.horzcat(*(ca.vec(root @ ca.DM(matrix) @ root.T) for matrix in INERTIA_BASIS))
+    turning = ca.horzcat(-ca.skew((w + after[4:]) / 2), ca.SX.eye(3), ca.SX(3, 5))
+    slopes = ca.vertcat(turning, ca.horzcat(ca.SX(3, 3), by_rate, by_inertia @ heavier), ca.SX(5, ROTATION))
+    # The exponential of the slope at the middle of the step, to the third order.
+    one = ca.SX.eye(ROTATION)
+    change = one + h * slopes @ (one + h / 2 * slopes @ (one + h / 3 * slopes))
+    found = ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:], ca.vec(change[:6, :].T))
+    return Columns(ca.Function("rotated", [q, w, c, h], [ca.densify(found)], {"cse": True}), k)
+
+
+@cache
+def changed_of(k: int) -> Columns:
+    """(q, ω, J, errors of turn, rate and inertia) → q, ω, J without these errors, for k bodies."""
+    q, w, J9, error = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("error", ROTATION)
+    root = ca.chol(ca.reshape(J9, 3, 3)).T
+    moved = error[6:] * ca.fmin(1, MOST / (ca.norm_2(error[6:]) + 1e-300))
+    matrix = sum((moved[i] * ca.DM(basis) for i, basis in enumerate(INERTIA_BASIS)), ca.SX(3, 3)) / 8
+    one = ca.SX.eye(3)
+    power = one + matrix @ (one + matrix / 2 @ (one + matrix / 3 @ (one + matrix / 4)))
+    for _ in range(2):
+        power = power @ power
+    heavier = root @ power
+    found = ca.vertcat(turned(q, error[:3]), w + error[3:6], ca.vec(heavier @ heavier.T))
+    return Columns(ca.Function("changed", [q, w, J9, error], [ca.densify(found)], {"cse": True}), k)
+
+
+@cache
+def attitude_of(k: int) -> Columns:
+    """(q, turn) → the matrix R_C_B, row by row, of k attitudes that are turned in B."""
+    q, turn = ca.SX.sym("q", 4), ca.SX.sym("turn", 3)
+    matrix = rotation_from_quaternion(turned(q, turn))
+    return Columns(ca.Function("attitude", [q, turn], [ca.densify(ca.vec(matrix.T))], {"cse": True}), k)
+
+
+def turned(q: ca.SX, turn: ca.SX) -> ca.SX:
+    """A quaternion, scalar first, turned by a rotation vector in B."""
+    half = ca.norm_2(turn) / 2 + 1e-150
+    sine = ca.sin(half) / half / 2 * turn
+    w, x, y, z = ca.vertsplit(q)
+    by = ca.vertcat(ca.horzcat(-x, -y, -z), ca.horzcat(w, -z, y), ca.horzcat(z, w, -x), ca.horzcat(-y, x, w))
+    return ca.cos(half) * q + by @ sine

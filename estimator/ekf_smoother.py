@@ -48,8 +48,9 @@ def smoothed_path(
     u[-1], covariance[-1] = state.path[0], state.covariance[0, :p, :p]
     s = state.covariance.shape[1]
     side, information = np.zeros(s), np.zeros((s, s))
+    backwards = np.linalg.inv(process.transition)
     for frame in range(n - 1, 0, -1):
-        Q, back = noise[frame - 1], np.linalg.inv(process.transition[frame - 1])
+        Q, back = noise[frame - 1], backwards[frame - 1]
         if traces and frame > first:
             trace = traces[frame - first]
             side = trace.follow.T @ side + trace.side

@@ -6,10 +6,7 @@ centre of mass. Attitude and inertia have multiplicative errors, see `ekf_motion
 
 from dataclasses import dataclass, fields
 
-import numpy as np
-
-from baryscope.estimator.ekf_motion import ROTATION
-from baryscope.estimator.rotation import INERTIA_BASIS
+from baryscope.estimator.ekf_motion import ROTATION, changed_of
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 
@@ -35,12 +32,14 @@ class State:
 
     def changed(self, change: FloatArray, covariance: FloatArray) -> "State":
         """With the errors `change` (k, s) taken out."""
-        p, q = self.path.shape[1], self.path.shape[1] + ROTATION
+        k, p = self.path.shape
+        q = p + ROTATION
+        rotation = changed_of(k)(self.quaternion, self.rate, self.inertia.reshape(k, 9), change[:, p:q])
         return State(
             self.path + change[:, :p],
-            turned(self.quaternion, change[:, p : p + 3]),
-            self.rate + change[:, p + 3 : p + 6],
-            _heavier(self.inertia, change[:, p + 6 : q]),
+            rotation[:, :4],
+            rotation[:, 4:7],
+            rotation[:, 7:].reshape(k, 3, 3),
             self.points + change[:, q:].reshape(self.points.shape),
             covariance,
         )
@@ -53,24 +52,3 @@ class Measured:
     position: FloatArray
     covariance: FloatArray
     seen: BoolArray
-
-
-def turned(quaternion: FloatArray, turn: FloatArray) -> FloatArray:
-    """Quaternions (k, 4), scalar first, turned by rotation vectors (k, 3) in B."""
-    half = 0.5 * np.sqrt(np.einsum("ki,ki->k", turn, turn))
-    (w, x, y, z), a = quaternion.T, np.cos(half)
-    b, c, d = 0.5 * np.sinc(half / np.pi) * turn.T
-    product = [
-        w * a - x * b - y * c - z * d,
-        w * b + x * a + y * d - z * c,
-        w * c - x * d + y * a + z * b,
-        w * d + x * c - y * b + z * a,
-    ]
-    return np.stack(product, axis=1)
-
-
-def _heavier(inertia: FloatArray, change: FloatArray) -> FloatArray:
-    """A exp(Σ δ_i E_i) Aᵀ for A Aᵀ = inertia (k, 3, 3) and δ (k, 5)."""
-    values, vectors = np.linalg.eigh(np.tensordot(change, INERTIA_BASIS, 1))
-    root = np.linalg.cholesky(inertia) @ vectors * np.exp(np.clip(0.5 * values, -2.0, 2.0))[:, None]
-    return np.asarray(root @ np.swapaxes(root, 1, 2))

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baryscope.estimator.alignment import matrix_from_quaternion
-from baryscope.estimator.ekf_motion import ROTATION, PathProcess
-from baryscope.estimator.ekf_state import Measured, State, turned
+from baryscope.estimator.ekf_motion import ROTATION, PathProcess, attitude_of
+from baryscope.estimator.ekf_state import Measured, State
 from baryscope.estimator.robust import GATE
 from baryscope.estimator.sightings import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
@@ -38,52 +38,62 @@ class Update:
 
 
 def updated(
-    state: State, process: PathProcess, frame: int, index: IntArray, measured: Measured, keep: bool
+    state: State, process: PathProcess, frame: int, index: IntArray, measured: Measured, known: BoolArray, keep: bool
 ) -> tuple[State, Update]:
-    """The state after the sightings of features `index`, without those whose innovation lies beyond the gate."""
+    """The state after the sightings of c features `index`, without those whose innovation lies beyond the gate.
+
+    known (k, c): the features that each member knows; only these count.
+    """
     P = state.covariance
     k, s = P.shape[:2]
     c = len(index)
-    seen, C = measured.position[frame, index], measured.covariance[frame, index]
-    blocks = np.zeros((c, 3, c, 3))
-    blocks[np.arange(c), :, np.arange(c)] = C
-    noise = blocks.reshape(3 * c, 3 * c)
-    limit = SETTLED * float(np.sqrt(np.einsum("cii->c", C).min() / 3))
-    change = np.zeros((k, s))
+    seen, noise, limit = _sighted(measured, frame, index)
+    change, moved = np.zeros((k, s)), False
     for iteration in range(ITERATIONS):
         expected, by_errors = _linearised(state, change, process, frame, index)
-        innovation = (seen - expected).reshape(k, 3 * c) + (by_errors @ change[:, :, None])[:, :, 0]
-        if iteration == 0:
-            HP = by_errors @ P
-            S = HP @ np.swapaxes(by_errors, 1, 2) + noise
-            squares = _own_squares(innovation.reshape(k, c, 3), S.reshape(k, c, 3, c, 3))
-            accepted = np.repeat(squares < GATE, 3, axis=1)
-            foretold = expected
-        by_errors = by_errors * accepted[:, :, None]
-        innovation = innovation * accepted
+        innovation = (seen - expected).reshape(k, 3 * c)
+        if moved:
+            innovation = innovation + (by_errors @ change[:, :, None])[:, :, 0]
         HP = by_errors @ P
-        S = HP @ np.swapaxes(by_errors, 1, 2) + noise
+        S = HP @ by_errors.transpose(0, 2, 1) + noise
+        if iteration == 0:
+            foretold, squares = expected, _own_squares(innovation.reshape(k, c, 3), S.reshape(k, c, 3, c, 3))
+            accepted = (squares < GATE) & known
+            everything, mask = bool(accepted.all()), np.repeat(accepted, 3, axis=1)
+        if not everything:
+            by_errors, innovation, HP = by_errors * mask[:, :, None], innovation * mask, HP * mask[:, :, None]
+            S = np.where(mask[:, :, None] & mask[:, None], S, noise)
         precision = np.linalg.inv(S)
         whitened = (precision @ innovation[:, :, None])[:, :, 0]
         if iteration == 0:
-            total = np.einsum("ki,ki->k", innovation, whitened)
+            total = (innovation * whitened).sum(axis=1)
             # What is not accepted counts as if it lay on the gate, so that members can be compared.
-            outside = GATE * (squares >= GATE).sum(axis=1)
+            outside = GATE * (known & ~accepted).sum(axis=1)
             likelihood = -0.5 * (total + outside + np.linalg.slogdet(S)[1])
-        before, change = change, (whitened[:, None] @ HP)[:, 0]
+        before, change, moved = change, (whitened[:, None] @ HP)[:, 0], True
         if _left_out(state, change - before, index) < limit:
             break
     sound = np.isfinite(change).all(axis=1)
     change[~sound], likelihood[~sound] = 0.0, -np.inf
-    gain = np.swapaxes(HP, 1, 2) @ precision
+    gain = HP.transpose(0, 2, 1) @ precision
     P = P - gain @ HP
-    new = state.changed(change, 0.5 * (P + np.swapaxes(P, 1, 2)))
-    follow, information = np.eye(s), np.zeros((s, s))
+    new = state.changed(change, 0.5 * (P + P.transpose(0, 2, 1)))
+    follow = information = np.zeros((0, 0))
     if keep:
-        follow = follow - gain[0] @ by_errors[0]
+        follow = np.eye(s) - gain[0] @ by_errors[0]
         information = by_errors[0].T @ precision[0] @ by_errors[0]
     side = by_errors[0].T @ whitened[0]
-    return new, Update(likelihood, total, accepted.sum(axis=1), squares, foretold, follow, information, side)
+    return new, Update(likelihood, total, 3 * accepted.sum(axis=1), squares, foretold, follow, information, side)
+
+
+def _sighted(measured: Measured, frame: int, index: IntArray) -> tuple[FloatArray, FloatArray, float]:
+    """Positions (c, 3) of features, the covariance of all, (3 c, 3 c), and what an iteration may leave out, m."""
+    c = len(index)
+    C = measured.covariance[frame, index]
+    blocks = np.zeros((c, 3, c, 3))
+    blocks[np.arange(c), :, np.arange(c)] = C
+    limit = SETTLED * float(np.sqrt(C.trace(axis1=1, axis2=2).min() / 3))
+    return measured.position[frame, index], blocks.reshape(3 * c, 3 * c), limit
 
 
 def _linearised(
@@ -91,29 +101,36 @@ def _linearised(
 ) -> tuple[FloatArray, FloatArray]:
     """Where c features are expected, (k, c, 3) in C, at a change, and how that depends on the errors, (k, 3 c, s)."""
     k, p, c = len(change), state.path.shape[1], len(index)
-    own = p + ROTATION + 3 * index[:, None] + np.arange(3)
-    attitude = matrix_from_quaternion(turned(state.quaternion, change[:, p : p + 3]))
-    points = state.points[:, index] + change[:, own]
-    origin = process.nominal[frame] + (state.path + change[:, :p]) @ process.observed[frame].T
+    H = process.observed[frame]
+    attitude = attitude_of(k)(state.quaternion, change[:, p : p + 3]).reshape(k, 3, 3)
+    points = state.points[:, index] + change[:, p + ROTATION :].reshape(k, -1, 3)[:, index]
+    origin = process.nominal[frame] + (state.path + change[:, :p]) @ H.T
     by_errors = np.zeros((k, c, 3, change.shape[1]))
-    by_errors[..., :p] = process.observed[frame]
-    by_errors[..., p : p + 3] = -attitude[:, None] @ cross_matrices(points.reshape(-1, 3)).reshape(k, c, 3, 3)
-    by_errors[:, np.arange(c)[:, None], :, own] = attitude.transpose(2, 0, 1)
-    return origin[:, None] + points @ np.swapaxes(attitude, 1, 2), by_errors.reshape(k, 3 * c, -1)
+    by_errors[..., :p] = H
+    # R [b]×ᵀ, column by column: R's columns crossed with the points.
+    x, y, z = (points[:, :, axis, None] for axis in range(3))
+    u, v, w = (attitude[:, None, :, axis] for axis in range(3))
+    by_errors[..., p], by_errors[..., p + 1], by_errors[..., p + 2] = w * y - v * z, u * z - w * x, v * x - u * y
+    own = by_errors[..., p + ROTATION :].reshape(k, c, 3, -1, 3)
+    own[:, np.arange(c), :, index] = attitude
+    by_errors[..., p + ROTATION :] = own.reshape(k, c, 3, -1)
+    return origin[:, None] + points @ attitude.transpose(0, 2, 1), by_errors.reshape(k, 3 * c, -1)
 
 
 def _own_squares(innovation: FloatArray, covariance: FloatArray) -> FloatArray:
     """Normalised squares (k, c) of each feature's innovation (k, c, 3) by itself; covariance (k, c, 3, c, 3)."""
-    blocks = np.einsum("kcicj->kcij", covariance)
-    return np.asarray(np.einsum("kci,kci->kc", innovation, np.linalg.solve(blocks, innovation[..., None])[..., 0]))
+    each = np.arange(innovation.shape[1])
+    blocks = covariance[:, each, :, each]
+    innovation = innovation.transpose(1, 0, 2)
+    return np.asarray((innovation * np.linalg.solve(blocks, innovation[..., None])[..., 0]).sum(axis=2).T)
 
 
 def _left_out(state: State, moved: FloatArray, index: IntArray) -> float:
     """What the last linearisation left out at most, m: a turn times a point's move, or its own square."""
     k, p = len(moved), state.path.shape[1]
-    turn = np.linalg.norm(moved[:, p : p + 3], axis=1)
+    turn = np.sqrt((moved[:, p : p + 3] ** 2).sum(axis=1))
     shift = np.abs(moved[:, p + ROTATION :].reshape(k, -1, 3)[:, index]).max(axis=(1, 2))
-    left = turn * (turn * np.abs(state.points[:, index]).max(axis=(1, 2)) + shift)
+    left = turn * (turn * np.abs(state.points[:, index].reshape(k, -1)).max(axis=1) + shift)
     return float(left[np.isfinite(left)].max(initial=0.0))
 
 

@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.ekf import estimate_by_filter
 from baryscope.estimator.ekf_filter import Trace
 from baryscope.estimator.ekf_motion import ROTATION, PathProcess, derivatives, rotated, white_noise
+from baryscope.estimator.ekf_restart import restarted
 from baryscope.estimator.ekf_smoother import smoothed_path
-from baryscope.estimator.ekf_state import State
+from baryscope.estimator.ekf_state import Measured, State
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
@@ -95,6 +96,32 @@ def test_features_that_come_and_go(tracked):
     assert found.diagnostics["covered_share"] < 1
 
 
+def test_after_gaps_that_a_poor_first_inertia_cannot_foretell_the_attitude_is_found_again(tracked):
+    """The first passes lose the attitude, by radians, in gaps of 180 s; the last one foretells it."""
+    case = tracked(clusters=[(start, start + 36.0, range(6)) for start in (0.0, 216.0, 432.0, 564.0)], seed=2)
+    found = run(case)
+    best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions(torque="none"))
+    assert found.diagnostics["converged"]
+    assert found.diagnostics["filter"]["restarts"] == 0
+    assert rms(found, case) < 1.2 * rms(best, case)
+    assert found.diagnostics["position_deviation"] == pytest.approx(best.diagnostics["position_deviation"], rel=0.1)
+
+
+def test_long_tracks_are_learnt_from_their_first_frames(tracked):
+    """600 frames of which the first 200 choose the noise, with a gap of 150 s, against the likelihood."""
+    time = np.arange(0.0, 750.0)
+    com = -(CIRCULAR.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
+    clusters = [(0.0, 300.0, range(4)), (450.0, 750.0, range(1, 6))]
+    points = box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
+    turned = attitude(ENVISAT, np.deg2rad(FAST), time)
+    case = make_case(time, turned, com, points, noise=0.02, seed=0, clusters=clusters)
+    found = run(case)
+    best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions())
+    assert found.diagnostics["converged"]
+    assert rms(found, case) < 1.2 * rms(best, case)
+    assert found.diagnostics["position_deviation"] == pytest.approx(best.diagnostics["position_deviation"], rel=0.1)
+
+
 def test_outliers_are_gated(tracked):
     case = tracked(seed=1)
     rng = np.random.default_rng(7)
@@ -133,6 +160,18 @@ def test_a_path_that_is_not_free_motion_is_believed_less(tracked):
     case = tracked(seed=5, on=elliptic)
     found = run(case, orbit=elliptic)
     assert found.diagnostics["filter"]["process_noise"]["path"] > 0
+    assert normalised(found, case) < 5 * 3
+
+
+def test_a_thrust_that_the_first_frames_do_not_show():
+    """The hold on an ellipse again: free motion fits the first 200 of 600 frames well enough, and all of them not."""
+    elliptic, time = Orbit(eccentricity=0.003), np.arange(0.0, 1800.0, 3.0)
+    com = -(elliptic.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
+    points = box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
+    case = make_case(time, attitude(ENVISAT, np.deg2rad(FAST), time), com, points, noise=0.02, seed=0)
+    found = run(case, orbit=elliptic)
+    assert found.diagnostics["filter"]["process_noise"]["path"] > 0
+    assert found.diagnostics["converged"]
     assert normalised(found, case) < 5 * 3
 
 
@@ -201,6 +240,46 @@ def test_growth_of_a_rotation_s_errors_against_differences():
         (R1, w1), (R0, w0) = after(step), after(-step)
         difference = np.concatenate([(R0.inv() * R1).as_rotvec(), w1 - w0, step[6:] * 2]) / 2e-5
         np.testing.assert_allclose(growth[0][:, index], difference, atol=2e-3 * np.abs(difference).max())
+
+
+def test_a_restart_finds_the_attitude_where_the_body_is_known():
+    rng = np.random.default_rng(0)
+    truth = Rotation.from_rotvec([2.0, -1.0, 0.5])
+    points = rng.normal(size=(2, 4, 3))  # the second member knows another body
+    seen = truth.apply(points[0]) + np.array([4.0, -19.0, 3.0])
+    s = 6 + ROTATION + 12
+    upright = np.tile([1.0, 0, 0, 0], (2, 1))
+    state = State(
+        np.zeros((2, 6)), upright, np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)), points, np.zeros((2, s, s))
+    )
+    measured = Measured(seen[None], np.tile(1e-4 * np.eye(3), (1, 4, 1, 1)), np.ones((1, 4), dtype=bool))
+    told = np.ones((2, 4), dtype=bool)
+    again, found, pick = restarted(state, 0, np.arange(4), measured, told, np.array([True, True]), 0.1)
+    assert found.tolist() == [True, False]
+    missed = Rotation.from_quat(np.roll(again.quaternion[0], -1)).inv() * truth
+    assert missed.magnitude() < 1e-9
+    np.testing.assert_allclose(np.diag(again.covariance[0])[6:12], [1.0] * 3 + [0.01] * 3)
+    assert np.array_equal(np.diag(pick), np.repeat([1.0, 0.0, 1.0], [6, 6, s - 12]))
+    np.testing.assert_array_equal(again.quaternion[1], upright[1])
+    assert not restarted(state, 0, np.arange(2), measured, told[:, :2], np.array([True, True]), 0.1)[1].any()
+
+
+def test_errors_are_taken_out_of_attitude_and_inertia():
+    """Against scipy's rotations and an eigenvalue decomposition."""
+    turn, change = np.array([0.3, -0.2, 0.4]), np.array([0.2, -0.1, 0.05, 0.3, -0.2])
+    before = Rotation.from_rotvec([0.5, 1.0, -2.0])
+    inertia = ENVISAT / np.trace(ENVISAT)
+    q = np.roll(before.as_quat(), 1)
+    state = State(
+        np.zeros((1, 3)), q[None], np.zeros((1, 3)), inertia[None], np.zeros((1, 0, 3)), np.zeros((1, 14, 14))
+    )
+    after = state.changed(np.concatenate([np.zeros(3), turn, np.zeros(3), change])[None], state.covariance)
+    missed = Rotation.from_quat(np.roll(after.quaternion[0], -1)).inv() * before * Rotation.from_rotvec(turn)
+    assert missed.magnitude() < 1e-12
+    values, vectors = np.linalg.eigh(np.tensordot(change, INERTIA_BASIS, 1))
+    root = np.linalg.cholesky(inertia)
+    expected = root @ vectors @ np.diag(np.exp(values)) @ vectors.T @ root.T
+    np.testing.assert_allclose(after.inertia[0], expected, atol=1e-7)
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
