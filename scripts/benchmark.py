@@ -229,7 +229,7 @@ def main() -> int:
             row("Session.step with all outputs", stepped, 8e-6, "µs", "a pythonfmu unit, a step", peers)
         row("one orbit at 10 Hz, recorded", recorded, 2.0, "s", "fmpy.simulate_fmu", by_fmpy)
         with step(f"estimating from {FRAMES} frames × {FEATURES} features"):
-            tracks = tracks_of(scenario, unit, np.arange(FRAMES) * STEP, FEATURES)
+            tracks = tracks_of(scenario, unit, np.linspace(0.0, (FRAMES - 1) * STEP, FRAMES), FEATURES)
             peer = alignment_peer(tracks)
             for method, seconds, memory in (("screw-gpa", 1.5, 1e9), ("pivot", 0.3, 1e9), ("ml", 20.0, 2e9)):
                 taken, peak = cost_of(method, tracks, scenario)
