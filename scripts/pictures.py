@@ -83,7 +83,7 @@ def draw_comparison(
     panel.set_xlabel("time in s")
     panel.set_ylabel("error of the centre of mass in m")
     panel.grid(alpha=0.25)
-    panel.legend(loc="center right", fontsize=8)
+    panel.legend(loc="center", bbox_to_anchor=(0.5, 0.72), ncols=2, fontsize=8)
     panel.set_title(f"{scenario.name}: {scenario.description}", fontsize=10)
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png", metadata={"Software": None})
