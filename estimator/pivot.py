@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 ROUNDS = 30
-SETTLED = 0.02  # a step this long, squared, in units of the covariance, is the last
+SETTLED = 0.1  # a step this long, squared, in units of the covariance of all unknowns, is the last
 # The first step from the linear solution leaves less than this share of its own length, squared: with more frames than
 # unknowns by far there is no need for a second one to see it.
 CONTRACTION = 1e-5
