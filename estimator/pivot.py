@@ -42,6 +42,7 @@ MISFIT = 1.5  # variance over that of the registration, from which on the path i
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
 HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
 PATIENCE = 3  # degrees that may fail to be better before the search ends
+DEPARTURE_FRAMES = 1500  # frames at most that a departure from the path is looked for in
 CHOICE_FRAMES = 3000  # frames at most that a degree is chosen by
 
 
@@ -149,7 +150,7 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
     Only what the path itself cannot do is added. Where there is no departure, the gain in cost of these k unknowns is
     χ² distributed with k degrees of freedom; where a direction is hardly seen noise may gain more: nothing is said.
     """
-    rows = np.arange(0, len(time), max(1, len(time) // CHOICE_FRAMES))
+    rows = np.arange(0, len(time), max(1, len(time) // DEPARTURE_FRAMES))
     own = found.sampled.jacobian[rows]
     cubic = Polynomial(3, float(time[0]), float(time[-1])).at(time[rows]).jacobian
     known, added = own.reshape(3 * len(rows), -1), cubic.reshape(3 * len(rows), -1)
@@ -157,7 +158,7 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
     squares, axes = np.linalg.eigh(added.T @ added)
     size = np.linalg.norm(cubic, axis=(0, 1)).max()
     new = added @ axes[:, squares > (FOREIGN * size) ** 2] / size
-    if not new.shape[1] or _is_faint(found):
+    if not new.shape[1]:
         return None
     posed = (replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
     bodies = tuple(_thinned(one, rows).body for one in posed)
@@ -167,7 +168,7 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
     start = np.concatenate([x, np.zeros(new.shape[2])])
     freed, held = improve(bodies, few, wider, start), improve(bodies, few, SampledPath(own, lambda _: position), x)
     gain = (freed.step - held.step) / found.variance
-    if chi2.sf(gain, new.shape[2]) > CHANCE:
+    if chi2.sf(gain, new.shape[2]) > CHANCE or _is_faint(found):
         return None
     metres = float(wider.lengths((freed.x - start)[:, None])[0])
     return f"the path departs from {found.path.name} by {metres:.2g} m or so (χ² {gain:.0f}, expected {new.shape[2]})"
