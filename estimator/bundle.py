@@ -46,8 +46,10 @@ class Solution:
     """Bodies and path where one step led.
 
     x (p,) and its covariance (p, p) for sightings whose weights are inverse variances; offset_covariance: for each body
-    that of the centroid of its points, (3, 3) in S. cost: the weighted sum of squares before the step; step: its length
-    squared in units of the covariance.
+    that of the centroid of its points, seen from the centre of mass in axes that these hold, (3, 3), and offset_path the
+    same with x, (3, p). blind (p, k) and offset_blind (3, k): directions of which nothing is seen, which are not in
+    the covariances. squares (n, m): the weighted squared residuals before the step, 0 where nothing is used; step: what
+    it promises to take off their sum.
     """
 
     bodies: tuple[Body, ...]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
 from baryscope.estimator.likelihood import Equations, equations
 from baryscope.estimator.noise import moved_to, sightings_of
@@ -154,7 +155,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     weight = np.where(tracks.seen, FAINT, 0.0)
     weight = np.where(pivot.sightings.weight > 0, pivot.sightings.weight, weight)
     sightings = measured.weighted(weight)
-    points = _common_points(pivot, tumble, measured)
+    points = _common_points(pivot, tumble)
     rotation, x, sampled = tumble.rotation, pivot.solution.x, pivot.sampled
     motion, origin = rotation.at(tracks.time), sampled.position(x)
     stereo = measured.precision is not None and options.noise == "stereo"
@@ -165,7 +166,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
         matrix, side = found.matrix, found.side
         accepted = False
         while not accepted and damping < 1e10:
-            change = _solved(matrix + damping * np.diag(np.diag(matrix)), side)
+            change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ side
             turned = rotation.changed(np.zeros(3), change[:RATE_AND_INERTIA])
             if turned.possible:
                 moved = x + change[RATE_AND_INERTIA:]
@@ -194,19 +195,14 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     return Likelihood(rotation, motion, x, sampled, found, sightings, variance, residual, converged, rounds)
 
 
-def _solved(matrix: FloatArray, side: FloatArray) -> FloatArray:
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return np.asarray(scale * np.linalg.lstsq(matrix * np.outer(scale, scale), scale * side, rcond=1e-14)[0])
-
-
 def _freedom(sightings: Sightings, path_size: int) -> float:
     seen = np.count_nonzero(sightings.weight.max(axis=0, initial=0.0) > FAINT)
     return max(3 * float(sightings.weight.sum()) - 3 * seen - RATE_AND_INERTIA - path_size, 1.0)
 
 
-def _common_points(pivot: Pivot, tumble: Tumble, measured: Sightings) -> FloatArray:
+def _common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
     """All features in the axes B of the tumble: those of each body turned there, means where bodies share some."""
-    m = measured.weight.shape[1]
+    m = pivot.sightings.weight.shape[1]
     total, points = np.zeros(m), np.zeros((m, 3))
     for body, R_B_S in zip(pivot.bodies, tumble.bodies, strict=True):
         weight = pivot.sightings.weight[np.ix_(body.frames, body.features)].sum(axis=0)
