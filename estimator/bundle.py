@@ -46,8 +46,8 @@ class Solution:
     """Bodies and path where one step led.
 
     x (p,) and its covariance (p, p) for sightings whose weights are inverse variances; offset_covariance: for each body
-    that of the centroid of its points, seen from the centre of mass in axes that these hold, (3, 3), and offset_path the
-    same with x, (3, p). blind (p, k) and offset_blind (3, k): directions of which nothing is seen, which are not in
+    that of the centroid of its points, seen from the centre of mass in axes that these hold, (3, 3), and offset_path
+    the same with x, (3, p). blind (p, k) and offset_blind (3, k): directions of which nothing is seen, which are not in
     the covariances. squares (n, m): the weighted squared residuals before the step, 0 where nothing is used; step: what
     it promises to take off their sum.
     """
