@@ -1,0 +1,77 @@
+"""Wrong sightings in the tracks: `pivot` and `ml` find them, say which, and are hardly worse."""
+
+import numpy as np
+import pytest
+
+from free_paths import BOTH, NOISE, assert_good, fixed_case, found_by, squared_error, with_positions
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+@BOTH
+def test_blunders_are_rejected(method, share):
+    case, rng = fixed_case(300, seed=8), np.random.default_rng(8)
+    wrong = rng.random((300, 8)) < share
+    position = case.tracks.position + np.where(wrong[..., None], 2 / np.sqrt(3) * rng.normal(size=(300, 8, 3)), 0)
+    found = found_by(method, with_positions(case, position))
+    assert_good(found, case)
+    assert found.diagnostics["rejected_share"] == pytest.approx(wrong.mean(), abs=0.03)
+    assert found.diagnostics["rejected_features"] == []
+    # The noise is that of the others, not quite without those that lie within 4.5 deviations by chance.
+    assert found.diagnostics["residual_rms"] == pytest.approx(NOISE, rel=0.05)
+    clean = found_by(method, case.tracks)
+    assert found.diagnostics["position_deviation"] < 1.35 * clean.diagnostics["position_deviation"]
+
+
+@BOTH
+def test_swapped_labels_are_rejected_where_they_are(method):
+    case = fixed_case(300, seed=9)
+    position = case.tracks.position.copy()
+    for begin, (one, two) in ((40, (0, 1)), (120, (2, 6)), (200, (3, 4))):
+        position[begin : begin + 40, [one, two]] = position[begin : begin + 40, [two, one]]
+    found = found_by(method, with_positions(case, position))
+    assert_good(found, case)
+    stretches = found.diagnostics["rejected_sightings"]
+    expected = {"F0": 40, "F1": 40, "F2": 120, "F6": 120, "F3": 200, "F4": 200}
+    assert set(stretches) >= set(expected)
+    for label, begin in expected.items():
+        assert [float(begin), begin + 39.0] in stretches[label]
+    assert found.diagnostics["rejected_share"] == pytest.approx(240 / 2400, abs=0.002)
+
+
+@BOTH
+def test_a_feature_that_slides_is_rejected(method):
+    """At 2 cm/s along the body from 100 s on, and at 5 mm/s from the beginning."""
+    case = fixed_case(300, seed=10)
+    for start, speed in ((100, 0.02), (0, 0.005)):
+        way = speed * np.maximum(case.tracks.time - start, 0)
+        position = case.tracks.position.copy()
+        position[:, 3] += way[:, None] * (case.R_I_B @ [0, 0.6, 0.8])
+        found = found_by(method, with_positions(case, position))
+        assert found.diagnostics["rejected_features"] == ["F3"]
+        assert squared_error(found, case) < 4.5**2
+        # Of the 2,100 others, χ²₃ puts 0.4 beyond the gate.
+        others = {label: times for label, times in found.diagnostics["rejected_sightings"].items() if label != "F3"}
+        assert sum(map(len, others.values())) <= 4
+        begin, end = max(found.diagnostics["rejected_sightings"]["F3"], key=lambda stretch: stretch[1] - stretch[0])
+        if start:
+            assert 100 <= begin <= 115
+            assert end == 299
+
+
+STRANGERS = {
+    "anywhere": lambda case, rng: case.com + 4 * rng.normal(size=case.com.shape),
+    "at rest in C": lambda case, rng: np.array([3.0, -17.0, 1.0]) + NOISE * rng.normal(size=case.com.shape),
+    "of another body": lambda case, rng: case.com + np.swapaxes(case.R_I_B, 1, 2) @ [3.0, 1.0, 2.0],
+}
+
+
+@pytest.mark.parametrize("kind", STRANGERS)
+@BOTH
+def test_a_feature_that_is_not_of_the_body_is_rejected(method, kind):
+    """In all frames, so that it has no usual distance to any other."""
+    case = fixed_case(300, seed=10)
+    position = case.tracks.position.copy()
+    position[:, 3] = STRANGERS[kind](case, np.random.default_rng(0))
+    found = found_by(method, with_positions(case, position))
+    assert_good(found, case)
+    assert found.diagnostics["rejected_features"] == ["F3"]

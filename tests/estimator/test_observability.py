@@ -1,0 +1,95 @@
+"""Motions that show too little: `pivot` and `ml` say so rather than return a confident wrong number."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baryscope.models.errors import ComputationError
+from free_paths import (
+    BOTH,
+    FEATURES,
+    NOISE,
+    PATHS,
+    fixed_case,
+    found_by,
+    squared_error_of_cluster,
+    turning,
+    with_positions,
+)
+from synthetic import make_case
+
+
+def pure_spin(noise, seed, path="fixed"):
+    time = np.arange(200.0)
+    R = Rotation.from_rotvec(np.outer(np.deg2rad(4.0) * time, [0, 0.6, 0.8])).as_matrix()
+    return make_case(time, R, PATHS[path][0](time), FEATURES, noise=noise, seed=seed)
+
+
+@pytest.mark.parametrize("path", ["fixed", "polynomial:2"])
+@BOTH
+def test_a_pure_spin_hides_the_place_along_its_axis(method, path):
+    """No motion tells a point on the axis from another: that is said, without noise and with it."""
+    draws = [(0.0, 0), (NOISE, 1), *([(NOISE, seed) for seed in range(2, 20)] if method == "pivot" else [])]
+    for noise, seed in draws:
+        case = pure_spin(noise, seed, path)
+        found = found_by(method, case.tracks, path)
+        assert found.diagnostics["verdict"].startswith("along-axis position not observable")
+        axis = np.array([0, 0.6, 0.8])
+        error = found.position[100] - case.com[100]
+        across = error - axis * (axis @ error)
+        assert np.linalg.norm(across) < 0.01
+        assert abs(axis @ error) < 3 * np.sqrt(axis @ found.covariance[100] @ axis)
+
+
+@BOTH
+def test_the_hidden_place_is_told_in_the_clusters_axes_too(method):
+    """The axis along which nothing is known is that of the spin, also where the last step along it was a long one."""
+    for seed in range(6 if method == "pivot" else 2):
+        case = pure_spin(NOISE, seed)
+        assert squared_error_of_cluster(found_by(method, case.tracks), case) < 4.5**2
+
+
+# Frames, pace and path of what is too short or too slow; pace 1 is 7 °/s.
+FAINT = {
+    "20 frames, 14° in all": (20, 0.1, "fixed"),
+    "20 frames, 1.4° in all": (20, 0.01, "fixed"),
+    "20 frames, 1.4° in all, in orbit": (20, 0.01, "relative-orbit"),
+    "200 frames, 14° in all": (200, 0.01, "fixed"),
+    "200 frames, 14° in all, in orbit": (200, 0.01, "relative-orbit"),
+    "at rest": (200, 0.0, "fixed"),
+}
+
+
+@pytest.mark.parametrize("name", FAINT)
+@BOTH
+def test_too_little_turning_is_said_or_the_error_is_what_is_said(method, name):
+    """A computation that could not be done, or an error of at most 3.5 of its deviations in the worst direction."""
+    count, pace, path = FAINT[name]
+    time, R = turning(count, 1.0, pace)
+    for seed in range(6 if method == "pivot" else 2):
+        case = make_case(time, R, PATHS[path][0](time), FEATURES, noise=NOISE, seed=seed)
+        if method == "ml" and count == 20:
+            with pytest.raises(ComputationError, match="how fast the target turns"):
+                found_by(method, case.tracks, path)
+            continue
+        found = found_by(method, case.tracks, path)
+        error, covariance = found.position[count // 2] - case.com[count // 2], found.covariance[count // 2]
+        values, vectors = np.linalg.eigh(covariance)
+        assert abs(vectors[:, -1] @ error) < 3.5 * np.sqrt(values[-1])
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@BOTH
+def test_what_cannot_be_computed_is_said_in_a_sentence(method, noise):
+    line = np.outer(np.arange(5.0), [1.0, 2, 3])
+    unseen = fixed_case(noise=noise, features=FEATURES[:4])
+    nothing = with_positions(unseen, np.full_like(unseen.tracks.position, np.nan))
+    for tracks, expected in (
+        (fixed_case(noise=noise, features=line).tracks, "lie in a line"),
+        (fixed_case(noise=noise, features=FEATURES[:2]).tracks, "at most 2 features are seen together"),
+        (nothing, "at most 0 features are seen together"),
+    ):
+        with pytest.raises(ComputationError) as caught:
+            found_by(method, tracks)
+        assert expected in str(caught.value)
+        assert "\n" not in str(caught.value)

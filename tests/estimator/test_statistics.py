@@ -1,0 +1,114 @@
+"""Errors over 200 draws of `pivot` and `ml`, against their own covariances and the Cramér–Rao bound."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.rotation import Rotation as Tumbling
+from baryscope.models.scenario import Chaser, FeaturePoint, Features, Run, Scenario, Sensor, Target
+from free_paths import (
+    BOTH,
+    CHASER,
+    FEATURES,
+    NOISE,
+    ORBIT,
+    RATE,
+    found_by,
+    in_orbit,
+    rms,
+    squared_error,
+    squared_error_of_cluster,
+    turning,
+)
+from synthetic import ENVISAT, make_case
+
+RUNS, FRAMES = 200, 80
+
+
+@pytest.fixture(scope="module")
+def draws():
+    """200 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound."""
+    time, R = turning(FRAMES)
+    com, features = in_orbit(time), FEATURES[:5]
+    cases = [make_case(time, R, com, features, noise=NOISE, seed=seed) for seed in range(RUNS)]
+    labelled = (
+        FeaturePoint(label=f"F{k}", position=tuple(point), normal=tuple(point)) for k, point in enumerate(features)
+    )
+    scenario = Scenario(
+        target=Target(inertia=tuple(map(tuple, ENVISAT)), angular_rate_deg=tuple(np.rad2deg(RATE))),
+        features=Features(points=tuple(labelled)),
+        orbit=ORBIT.model(),
+        chaser=Chaser(position=tuple(CHASER[0]), velocity=tuple(CHASER[1])),
+        sensor=Sensor(noise=NOISE),
+        run=Run(duration=FRAMES - 1.0, sample_time=1.0),
+    )
+    found = {
+        method: [found_by(method, case.tracks, "relative-orbit", torque="none") for case in cases]
+        for method in ("pivot", "ml")
+    }
+    return cases, found, cramer_rao_bound(scenario)
+
+
+def in_band(values):
+    """The mean of independent χ²₃ in its 95 % band."""
+    low, high = chi2.ppf([0.025, 0.975], 3 * len(values)) / len(values)
+    return low < np.mean(values) < high
+
+
+@BOTH
+def test_the_normalised_error_lies_in_its_band_over_200_runs(method, draws):
+    """Of the position in C in the middle of the time, and of the centre of mass in the features' axes."""
+    cases, found, _ = draws
+    assert in_band([squared_error(*pair) for pair in zip(found[method], cases, strict=True)])
+    assert in_band([squared_error_of_cluster(*pair) for pair in zip(found[method], cases, strict=True)])
+
+
+def test_ml_reaches_the_bound_and_pivot_comes_within_a_quarter(draws):
+    """The mean squared error of the path over that of the bound; the band is three standard errors of 200 draws."""
+    cases, found, bound = draws
+    for method in ("pivot", "ml"):
+        ratio = np.array(
+            [rms(one, case) ** 2 / bound.position_deviation**2 for one, case in zip(found[method], cases, strict=True)]
+        )
+        spread = 3 * ratio.std() / np.sqrt(RUNS)
+        assert spread < 0.25
+        assert ratio.mean() > 1 - spread
+        assert ratio.mean() < (1 + spread if method == "ml" else 1.25**2)
+    # What they say of themselves is the bound, but for how well 1,200 numbers tell the noise.
+    stated = np.mean([one.diagnostics["position_deviation"] for one in found["ml"]])
+    assert stated == pytest.approx(bound.position_deviation, rel=0.02)
+
+
+def in_held_axes(found, case, time):
+    """Attitude, rate and inertia of `ml` at a time, in axes turned so that the features stand as in the truth."""
+    cluster, rotation = found.diagnostics["clusters"][0], found.diagnostics["rotation"]
+    shape = np.array(list(cluster["features"].values()))
+    turn = Rotation.align_vectors(case.features - case.features.mean(axis=0), shape)[0].as_matrix()
+    attitude, rate, inertia = (np.array(rotation[key]) for key in ("attitude", "angular_rate", "inertia_over_trace"))
+    then = Tumbling(rotation["epoch"], attitude, rate, inertia).at(np.array([time]))
+    return then.attitude[0] @ turn.T, turn @ then.rate[0], turn @ inertia @ turn.T
+
+
+def test_attitude_rate_and_inertia_of_ml_reach_the_bound(draws):
+    """In the features' axes, in the middle of the time; the band is four standard errors of 200 draws."""
+    cases, found, bound = draws
+    middle = float(bound.time.mean())
+    start = Tumbling(0.0, np.eye(3), RATE, ENVISAT).at(np.array([middle]))
+    squares = []
+    for one, case in zip(found["ml"], cases, strict=True):
+        attitude, rate, inertia = in_held_axes(one, case, middle)
+        turned = Rotation.from_matrix(start.attitude[0].T @ attitude).magnitude()
+        missed = np.linalg.norm(rate - start.rate[0]), np.linalg.norm(inertia - ENVISAT / np.trace(ENVISAT))
+        squares.append(np.square([turned, *missed]))
+    k = FRAMES // 2
+    expected = [
+        np.trace(bound.attitude_covariance[k - 1 : k + 1].mean(axis=0)),
+        np.trace(bound.rate_covariance),
+        np.trace(bound.inertia_covariance),
+    ]
+    ratio = np.array(squares) / expected
+    spread = 4 * ratio.std(axis=0) / np.sqrt(RUNS)
+    assert (spread < 0.6).all()
+    np.testing.assert_array_less(np.abs(ratio.mean(axis=0) - 1), spread)

@@ -1,0 +1,108 @@
+"""What the tests of `pivot` and `ml` share: paths, cases, and how far an estimate is off; truth of synthetic.py."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.tracks import FeatureTracks
+from oracles import inertial_states, propagate_kepler
+from synthetic import ENVISAT, MU, Orbit, attitude, box_features, make_case
+
+BOTH = pytest.mark.parametrize("method", ["pivot", "ml"])
+RATE = np.deg2rad([2.4, 4.4, 4.8])
+ORBIT = Orbit()
+CHASER = (np.array([-4.0, -18.0, 3.0]), np.array([0.004, -0.007, 0.01]))
+FEATURES = box_features(8, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
+NOISE = 0.02
+# Four clusters, gaps, features that return; the first three share three features with another one, the last does not.
+TEN = box_features(10, (10, 5, 5), seed=4, centre=(1, 0.5, 0))
+CLUSTERS = [
+    (0.0, 80.0, [0, 1, 2, 3, 4]),
+    (90.0, 150.0, [2, 3, 4, 5, 6]),
+    (155.0, 200.0, [0, 3, 5, 6, 7]),
+    (205.0, 240.0, [2, 8, 9]),
+]
+
+
+@cache
+def turning(count, step=1.0, pace=1.0):
+    """Times and attitudes of Envisat, turning at 7 °/s or a part of it."""
+    time = step * np.arange(float(count))
+    return time, attitude(ENVISAT, pace * RATE, time)
+
+
+def at_rest(time):
+    return np.tile([4.0, -19.0, 3.0], (len(time), 1))
+
+
+def on_parabola(time):
+    s = time[:, None] / 200
+    return np.array([4.0, -19, 3]) + s * [0.5, 0.2, -0.3] + s**2 * [-0.2, 0.1, 0.1]
+
+
+def in_orbit(time):
+    """By two Kepler orbits."""
+    target, chaser = inertial_states(ORBIT.model(), *CHASER)
+    difference = [propagate_kepler(*target, MU, t)[0] - propagate_kepler(*chaser, MU, t)[0] for t in time]
+    return np.array(difference, dtype=float)
+
+
+PATHS = {
+    "fixed": (at_rest, "fixed", None),
+    "polynomial:2": (on_parabola, "polynomial:2", None),
+    "relative-orbit": (in_orbit, None, ORBIT.model()),
+}
+
+
+def found_by(method, tracks, path="fixed", **options):
+    _, trajectory, orbit = PATHS[path]
+    return estimate(tracks, method=method, orbit=orbit, options=PathOptions(trajectory=trajectory, **options))
+
+
+def fixed_case(count=200, *, step=1.0, pace=1.0, noise=NOISE, seed=0, features=FEATURES, clusters=None):
+    time, R = turning(count, step, pace)
+    return make_case(time, R, at_rest(time), features, noise=noise, seed=seed, clusters=clusters)
+
+
+def with_positions(case, position):
+    return FeatureTracks(case.tracks.time, position, case.tracks.labels)
+
+
+def rms(found, case):
+    return float(np.sqrt(np.mean(np.sum((found.position - case.com) ** 2, axis=1))))
+
+
+def squared_error(found, case):
+    """The normalised squared error in the middle of the time, χ²₃."""
+    k = len(case.com) // 2
+    error = found.position[k] - case.com[k]
+    return float(error @ np.linalg.solve(found.covariance[k], error))
+
+
+def squared_error_of_cluster(found, case, index=0):
+    """The same of the centre of mass in axes that a cluster's features hold: the truth is turned to them by scipy."""
+    cluster = found.diagnostics["clusters"][index]
+    members = [case.tracks.labels.index(label) for label in cluster["features"]]
+    centroid = case.features[members].mean(axis=0)
+    shape = np.array(list(cluster["features"].values()))
+    turn = Rotation.align_vectors(shape, case.features[members] - centroid)[0].as_matrix()
+    error = np.array(cluster["centre_of_mass"]) + turn @ centroid
+    return float(error @ np.linalg.solve(cluster["centre_of_mass_covariance"], error))
+
+
+def assert_good(found, case, deviations=4.5):
+    """Observable, settled, nothing to remark, and the errors what the covariance says: χ₃ beyond 4.5 is 1 in 6,000."""
+    assert found.diagnostics["verdict"].startswith("observable")
+    assert found.diagnostics["converged"]
+    assert found.diagnostics["remarks"] == []
+    assert squared_error(found, case) < deviations**2
+
+
+def assert_as_few_frames(found, case, share):
+    """Good, and hardly worse than if nothing were wrong, but for the share of frames that tell."""
+    assert_good(found, case)
+    assert found.diagnostics["position_deviation"] < 1.3 * 0.001 / np.sqrt(share)
