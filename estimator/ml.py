@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
@@ -20,7 +21,7 @@ from baryscope.estimator.paths import SampledPath
 from baryscope.estimator.pivot import MISFIT, Pivot, least_variance, solve_pivot
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted
-from baryscope.estimator.rotation import RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.sightings import Sightings, cross_matrices
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.estimator.tumble import Tumble, fit_tumble
@@ -33,6 +34,7 @@ ROUNDS = 40
 SETTLED = 1e-4  # a step this long, squared, in units of the covariance, is the last
 ROUNDING = 1e-7  # of the distance: about what the interpolation of attitudes leaves over
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
+SPHERE = 0.5  # of the five numbers of an inertia of trace 1, the deviation from those of a sphere that is expected
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +50,38 @@ class Likelihood:
     x: FloatArray
     sampled: SampledPath
     found: Equations
+    prior: "_Prior"
     sightings: Sightings
     variance: float
     residual_variance: float
     converged: bool
     rounds: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Prior:
+    """What is known beforehand, so that what the tracks do not show stays at hand: the rest hardly feels it.
+
+    An inertia is not far from a sphere's, nor a path from that of `pivot` (x0) by more than the target's distance.
+    information (q, q): of rate and inertia and x, in the units of the sightings' weights.
+    """
+
+    information: FloatArray
+    x0: FloatArray
+
+    @classmethod
+    def of(cls, path: SampledPath, x0: FloatArray, variance: float) -> "_Prior":
+        """For sightings of weight 1 that have this variance."""
+        reach = np.linalg.norm(path.position(x0), axis=1).max()
+        inertia = np.eye(RATE_AND_INERTIA - 3) / SPHERE**2
+        of_path = np.einsum("kip,kiq->pq", path.jacobian, path.jacobian, optimize=True) / (
+            len(path.jacobian) * reach**2
+        )
+        return cls(variance * block_diag(np.zeros((3, 3)), inertia, of_path), x0)
+
+    def departure(self, rotation: Rotation, x: FloatArray) -> FloatArray:
+        """From what is expected, (q,)."""
+        return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), x - self.x0])
 
 
 def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -116,7 +145,7 @@ def _covariances(
     of a frame that rate and inertia leave open is φ; its mean over all frames would turn the axes and show nothing.
     """
     variance = max(best.variance, 1e-300)
-    y = best.found.covariance(best.sampled, reach / np.sqrt(variance))
+    y = best.found.covariance(best.sampled, reach / np.sqrt(variance), best.prior.information)
     turn = best.motion.turn - best.motion.turn.mean(axis=0)
     spread = variance * turn @ y[:RATE_AND_INERTIA, :RATE_AND_INERTIA] @ np.swapaxes(turn, 1, 2)
     known = _known_shifts(best)
@@ -160,10 +189,12 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     motion, origin = rotation.at(tracks.time), sampled.position(x)
     stereo = measured.precision is not None and options.noise == "stereo"
     damping, converged, rounds, floor = 1e-6, False, 0, least_variance(measured, ROUNDING)
-    found = equations(sightings, motion, sampled, origin, points)
+    prior = _Prior.of(sampled, x, max(pivot.variance, floor))
+    found, departure = equations(sightings, motion, sampled, origin, points), prior.departure(rotation, x)
     while not converged and rounds < ROUNDS:
         rounds += 1
-        matrix, side = found.matrix, found.side
+        matrix, side = found.matrix + prior.information, found.side - prior.information @ departure
+        cost = found.cost + float(departure @ prior.information @ departure)
         accepted = False
         while not accepted and damping < 1e10:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ side
@@ -171,12 +202,15 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
             if turned.possible:
                 moved = x + change[RATE_AND_INERTIA:]
                 new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
-                trial = equations(sightings, new_motion, sampled, new_origin, found.points)
-                accepted = trial.cost <= found.cost * (1 + 1e-12)
+                trial, off = (
+                    equations(sightings, new_motion, sampled, new_origin, found.points),
+                    prior.departure(turned, moved),
+                )
+                accepted = trial.cost + float(off @ prior.information @ off) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
         if not accepted:
             break
-        rotation, x, motion, origin, found = turned, moved, new_motion, new_origin, trial
+        rotation, x, motion, origin, found, departure = turned, moved, new_motion, new_origin, trial, off
         freedom = _freedom(sightings, len(x))
         variance = max(found.cost / freedom, floor)
         step = float(change @ matrix @ change)
@@ -192,7 +226,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
             found = equations(sightings, motion, sampled, origin, found.points)
     residual = found.cost / _freedom(sightings, len(x))
     variance = residual if options.sigma is None else options.sigma**2
-    return Likelihood(rotation, motion, x, sampled, found, sightings, variance, residual, converged, rounds)
+    return Likelihood(rotation, motion, x, sampled, found, prior, sightings, variance, residual, converged, rounds)
 
 
 def _freedom(sightings: Sightings, path_size: int) -> float:

@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 
 TURN = 0.5  # rad from node to node: leaves some 1e-8 rad to the interpolation, less to the steps
 CHUNKS = (8, 64)  # steps in one call of the compiled function, for short and for long ways
+SLENDER = 1e-3  # least principal moment, over the trace, of an inertia that an estimate may have
 RATE_AND_INERTIA = 8  # the unknowns of a rotation: three of the rate at the epoch, five of the inertia
 
 _HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
@@ -63,8 +64,8 @@ class Rotation:
 
     @property
     def possible(self) -> bool:
-        """Whether the inertia is positive definite."""
-        return bool(np.linalg.eigvalsh(self.inertia)[0] > 1e-6)
+        """Whether the inertia is positive definite, and no less so than that of a rod 27 times as long as thick."""
+        return bool(np.linalg.eigvalsh(self.inertia)[0] > SLENDER)
 
     def at(self, time: FloatArray) -> "Attitudes":
         """Attitude, rate and sensitivities at times (n,) in s, in any order."""
