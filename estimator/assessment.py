@@ -106,9 +106,9 @@ def missing_covariance(
 ) -> tuple[FloatArray, FloatArray]:
     """What a covariance lacks whose information is partly seeming, as columns to be squared and added.
 
-    offset (3, 3): an offset's covariance; crossed (3, p): that with other unknowns; seeming (3, 3): information of the
-    offset that there is not; least: what remains at least. Returns the columns of the offset (3, 3) and those of the
-    other unknowns (p, 3): the joint information less `seeming`, inverted again (Woodbury).
+    offset (k, k): covariance of one offset or of several; crossed (k, p): that with other unknowns; seeming (k, k):
+    information of the offsets that there is not; least: what remains at least. Returns the columns of the offsets
+    (k, k) and those of the other unknowns (p, k): the joint information less `seeming`, inverted again (Woodbury).
     """
     information = np.linalg.pinv(offset, hermitian=True)
     values, axes = np.linalg.eigh(information)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.algebra import blind_directions, symmetric_pseudo_inverse
 from baryscope.estimator.paths import SampledPath
@@ -40,25 +41,33 @@ class Body:
         size = max(64, CHUNK_SIZE // (9 * len(self.features)))
         return (slice(first, first + size) for first in range(0, len(self.frames), size))
 
+    def moved(self, change: FloatArray) -> "Body":
+        """With other points: a long step (3 m,) may turn the axes that they hold, and is turned back."""
+        moves = change.reshape(-1, 3)
+        return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:
     """Bodies and path where one step led.
 
-    x (p,) and its covariance (p, p) for sightings whose weights are inverse variances; offset_covariance: for each body
-    that of the centroid of its points, seen from the centre of mass in axes that these hold, (3, 3), and offset_path
-    the same with x, (3, p). blind (p, k) and offset_blind (3, k): directions of which nothing is seen, which are not in
-    the covariances. squares (n, m): the weighted squared residuals before the step, 0 where nothing is used; step: what
-    it promises to take off their sum.
+    x (p,) and its covariance (p, p) for sightings whose weights are inverse variances. For each body points_covariance
+    (3 m, 3 m) for known x, and points_path (3 m, p): b follows x by −points_path δx. offset_covariance (3 k, 3 k): that
+    of the k bodies' offsets, where the centroid of a body's points is seen from the centre of mass in axes that these
+    hold; offset_path (3 k, p): the same with x. blind (p, d) and offset_blind (3 k, d): directions of which nothing is
+    seen, which are not in the covariances. squares (n, m): the weighted squared residuals before the step, 0 where
+    nothing is used; step: what it promises to take off their sum.
     """
 
     bodies: tuple[Body, ...]
     x: FloatArray
     covariance: FloatArray
-    offset_covariance: tuple[FloatArray, ...]
-    offset_path: tuple[FloatArray, ...]
+    points_covariance: tuple[FloatArray, ...]
+    points_path: tuple[FloatArray, ...]
+    offset_covariance: FloatArray
+    offset_path: FloatArray
     blind: FloatArray
-    offset_blind: tuple[FloatArray, ...]
+    offset_blind: FloatArray
     squares: FloatArray
     step: float
 
@@ -97,27 +106,25 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
     covariance = symmetric_pseudo_inverse(matrix, sizes)
     change = covariance @ side
     blind = blind_directions(matrix, sizes)
-    moved, offsets, crossed, unseen, length = [], [], [], [], float(change @ side)
+    moved, offsets, by_x, length = [], [], [], float(change @ side)
     for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
         points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
         length += float(own_sums.points_side @ inverse @ own_sums.points_side)
-        # A long step may turn the axes that the points hold; they are turned back, so that these stay S.
-        moves = points_change.reshape(-1, 3)
-        moves = moves - np.cross(turn_by_points(body.points) @ points_change, body.points)
-        moved.append(replace(body, points=body.points + moves))
+        moved.append(body.moved(points_change))
         held = offset_by_points(body.points)
-        by_x = held @ by_path
-        offsets.append(held @ inverse @ held.T + by_x @ covariance @ by_x.T)
-        crossed.append(-by_x @ covariance)
-        unseen.append(-by_x @ blind)
+        offsets.append(held @ inverse @ held.T)
+        by_x.append(held @ by_path)
+    offset_by_x = np.concatenate(by_x)
     return Solution(
         bodies=tuple(moved),
         x=x + change,
         covariance=covariance,
-        offset_covariance=tuple(offsets),
-        offset_path=tuple(crossed),
+        points_covariance=tuple(inverse for inverse, _ in solved),
+        points_path=tuple(by_path for _, by_path in solved),
+        offset_covariance=block_diag(*offsets) + offset_by_x @ covariance @ offset_by_x.T,
+        offset_path=-offset_by_x @ covariance,
         blind=blind,
-        offset_blind=tuple(unseen),
+        offset_blind=-offset_by_x @ blind,
         squares=squares,
         step=length,
     )

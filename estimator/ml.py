@@ -15,6 +15,7 @@ from scipy.linalg import block_diag
 from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
 from baryscope.estimator.likelihood import Equations, equations
+from baryscope.estimator.namesakes import told_apart
 from baryscope.estimator.noise import moved_to, sightings_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths import SampledPath
@@ -93,7 +94,7 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     """
     begin = clock.perf_counter()
     torques = _torques(orbit, options)
-    pivot = solve_pivot(tracks, orbit, options)
+    tracks, pivot = told_apart(tracks, solve_pivot(tracks, orbit, options))
     noise = max(pivot.variance, least_variance(pivot.sightings, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.sightings, noise, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)

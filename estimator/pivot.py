@@ -6,9 +6,11 @@ its centre of mass ties the frames together.
 
 import time as clock
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from baryscope.estimator.algebra import symmetric_pseudo_inverse
@@ -22,6 +24,7 @@ from baryscope.estimator.paths import Path, Polynomial, SampledPath, trajectory_
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted, screen
 from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
+from baryscope.estimator.ties import Tie, tie
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
 from baryscope.models.scenario import Orbit
@@ -52,8 +55,8 @@ class Pivot:
 
     path and its unknowns x; believed (n, m): which sightings were believed at first; bodies with points seen from the
     centre of mass; sightings with their weights, all (n, m); variance of a sighting of weight 1, as given or as the
-    residuals show it, over the given covariance or in m²; residual_variance: as they show it. remarks: what does not
-    fit.
+    residuals show it, over the given covariance or in m²; residual_variance: as they show it. ties between bodies that
+    share features, and those refused because the features differ; remarks: what does not fit.
     """
 
     path: Path
@@ -66,6 +69,8 @@ class Pivot:
     residual_variance: float
     converged: bool
     rounds: int
+    ties: tuple[Tie, ...]
+    refused: tuple[Tie, ...]
     remarks: tuple[str, ...] = ()
 
     @property
@@ -108,9 +113,17 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         variance=found.variance,
         options=options,
         begin=begin,
-        extra={"converged": found.converged, "rounds": found.rounds},
+        extra={
+            "converged": found.converged,
+            "rounds": found.rounds,
+            "ties": [_tie_described(tie, tracks.labels) for tie in found.ties],
+        },
         remarks=found.remarks,
     )
+
+
+def _tie_described(made: Tie, labels: tuple[str, ...]) -> dict[str, Any]:
+    return {"clusters": list(made.bodies), "features": [labels[index] for index in made.features]}
 
 
 def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
@@ -134,14 +147,23 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     sampled = path.at(tracks.time)
     bodies, x = _linear(posed, sightings, sampled)
     found = _refined(path, sampled, bodies, x, posed, measured, sightings, believed, options)
-    if found.residual_variance <= least_variance(measured, ROUNDING):
-        return found
+    remarks = [_refusal(tie, tracks.labels) for tie in found.refused]
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
-    if measured.precision is None and ratio > MISFIT:
-        remark = f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
-        return replace(found, remarks=(remark,))
-    departure = _departure(found, tracks.time)
-    return found if departure is None else replace(found, remarks=(departure,))
+    if found.residual_variance > least_variance(measured, ROUNDING):
+        if measured.precision is None and ratio > MISFIT:
+            remarks.append(
+                f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
+            )
+        elif departure := _departure(found, tracks.time):
+            remarks.append(departure)
+    return replace(found, remarks=tuple(remarks))
+
+
+def _refusal(tie: Tie, labels: tuple[str, ...]) -> str:
+    """A remark that features of one name are not the same points."""
+    names, (first, second) = ", ".join(labels[index] for index in tie.features), tie.bodies
+    by = "it" if len(tie.features) == 1 else "them"
+    return f"{names}: not the same in clusters {first} and {second}, which are not tied by {by}"
 
 
 def _departure(found: Pivot, time: FloatArray) -> str | None:
@@ -177,8 +199,8 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
 def _is_faint(found: Pivot) -> bool:
     """Whether the CoM is hardly seen in some direction in which a body's offset lies."""
     widened = _with_faint_directions(found, found.sampled.position(found.solution.x))[1]
-    before = found.solution.offset_covariance
-    return any(np.trace(a) > 1.5 * found.variance * np.trace(b) for a, b in zip(widened, before, strict=True))
+    before = found.variance * _diagonal_blocks(found.solution.offset_covariance)
+    return bool(np.any(np.trace(widened, axis1=1, axis2=2) > 1.5 * np.trace(before, axis1=1, axis2=2)))
 
 
 def least_variance(sightings: Sightings, rounding: float) -> float:
@@ -240,7 +262,10 @@ def _refined(
         converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * freedom)
         sightings = sightings.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
-    return Pivot(path, sampled, believed, solution, posed, sightings, scale, variance, converged, rounds)
+    solution, ties, strangers = tie(solution, max(scale, floor))
+    return Pivot(
+        path, sampled, believed, solution, posed, sightings, scale, variance, converged, rounds, ties, strangers
+    )
 
 
 def _freedom(bodies: tuple[Body, ...], sightings: Sightings, path_size: int) -> float:
@@ -300,28 +325,34 @@ def _thinned(one: PosedBody, rows: NDArray[np.intp]) -> PosedBody:
     return replace(one, body=body, translation=one.translation[kept])
 
 
-def _with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-    """The covariances of x and of the offsets, with what only the attitudes' noise made visible put back.
+def _with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The covariances of x (p, p) and of each body's offset (k, 3, 3), without what only attitude noise made visible.
 
     A point on the axis of a pure spin does not move, but with noisy attitudes it seems to: by Σ (tr C − C), C a frame's
     covariance of attitude. Where a direction is seen hardly better than that, it is not seen.
     """
     variance, solution = found.variance, found.solution
-    covariance = variance * solution.covariance
-    offsets = []
     reach = float(np.linalg.norm(origin, axis=1).max())
-    for body, offset, crossed in zip(found.bodies, solution.offset_covariance, solution.offset_path, strict=True):
-        seeming = doubtful(len(body.frames)) * _seeming_information(body, found.sightings, origin, variance)
-        missing, gain = missing_covariance(offset, crossed, seeming, variance / reach**2)
-        offsets.append(variance * (offset + missing @ missing.T))
-        covariance = covariance + variance * gain @ gain.T
+    # All bodies at once: what one seems to see of the path the others would take for known.
+    seeming = block_diag(
+        *(
+            doubtful(len(body.frames)) * _seeming_information(body, found.sightings, origin, variance)
+            for body in found.bodies
+        )
+    )
+    missing, gain = missing_covariance(solution.offset_covariance, solution.offset_path, seeming, variance / reach**2)
     # What is not seen at all may be anywhere within reach.
     spread = reach / np.maximum(found.sampled.lengths(solution.blind), 1e-300)
-    covariance = covariance + (solution.blind * spread**2) @ solution.blind.T
-    unseen = [
-        offset + (blind * spread**2) @ blind.T for offset, blind in zip(offsets, solution.offset_blind, strict=True)
-    ]
-    return covariance, unseen
+    covariance = variance * (solution.covariance + gain @ gain.T) + (solution.blind * spread**2) @ solution.blind.T
+    offsets = variance * (solution.offset_covariance + missing @ missing.T)
+    offsets += (solution.offset_blind * spread**2) @ solution.offset_blind.T
+    return covariance, _diagonal_blocks(offsets)
+
+
+def _diagonal_blocks(matrix: FloatArray) -> FloatArray:
+    """Of a matrix (3 k, 3 k), (k, 3, 3)."""
+    k = len(matrix) // 3
+    return np.asarray(matrix.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k)])
 
 
 def _seeming_information(body: Body, sightings: Sightings, origin: FloatArray, variance: float) -> FloatArray:

@@ -10,8 +10,10 @@ from free_paths import (
     FEATURES,
     NOISE,
     PATHS,
+    TEN,
     fixed_case,
     found_by,
+    squared_error,
     squared_error_of_cluster,
     turning,
     with_positions,
@@ -39,6 +41,23 @@ def test_a_pure_spin_hides_the_place_along_its_axis(method, path):
         across = error - axis * (axis @ error)
         assert np.linalg.norm(across) < 0.01
         assert abs(axis @ error) < 3 * np.sqrt(axis @ found.covariance[100] @ axis)
+
+
+@pytest.mark.parametrize("path", PATHS)
+@BOTH
+def test_a_pure_spin_seen_by_turns_hides_it_too(method, path):
+    """Clusters that share one feature or two: what each seems to see must not pass for knowledge of the others."""
+    time = np.arange(120.0)
+    R = Rotation.from_rotvec(np.outer(np.deg2rad(5.0) * time, [0.3, 0.5, 0.8]) / np.sqrt(0.98)).as_matrix()
+    for groups in ([[0, 1, 2, 3], [3, 4, 5, 6], [6, 7, 8, 9]], [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7]]):
+        clusters = [(40.0 * k, 40.0 * k + 38, features) for k, features in enumerate(groups)]
+        for seed in range(6 if method == "pivot" else 1):
+            case = make_case(time, R, PATHS[path][0](time), TEN, noise=NOISE, seed=seed, clusters=clusters)
+            found = found_by(method, case.tracks, path)
+            assert found.diagnostics["verdict"].startswith("along-axis position not observable")
+            assert squared_error(found, case) < 4.5**2
+            for index in range(3):
+                assert squared_error_of_cluster(found, case, index) < 4.5**2
 
 
 @BOTH
