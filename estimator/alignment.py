@@ -44,18 +44,18 @@ def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Al
     weights (n, m) are >= 0; points of weight zero may be NaN. Each set needs a positive weight, and three points that
     are not in a line for a unique answer: `spread` tells.
     """
-    n = len(points_A)
-    present = weights > 0
+    present, shared = weights > 0, points_B.ndim == 2
     a = np.where(present[..., None], points_A, 0.0)
-    b = np.where(present[..., None], np.broadcast_to(points_B, points_A.shape), 0.0)
+    b = np.where((present.any(axis=0) if shared else present)[..., None], points_B, 0.0)
     total = weights.sum(axis=1)
     centroid_a = np.einsum("nm,nmi->ni", weights, a) / total[:, None]
-    centroid_b = np.einsum("nm,nmi->ni", weights, b) / total[:, None]
+    centroid_b = (weights[:, None] @ b)[:, 0] / total[:, None]
     a = weights[..., None] * (a - centroid_a[:, None])
-    b = b - centroid_b[:, None]
+    # Σ w (a − ā) is zero: b may have any origin, best one at hand.
+    b = b - (centroid_b.mean(axis=0) if shared else centroid_b[:, None])
     quaternion, spread = rotation_from_moments(np.swapaxes(a, 1, 2) @ b)
     rotation = matrix_from_quaternion(quaternion)
-    return Alignment(rotation.reshape(n, 3, 3), quaternion, centroid_a, centroid_b, spread / total)
+    return Alignment(rotation, quaternion, centroid_a, centroid_b, spread / total)
 
 
 def rotation_from_moments(moments: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,8 +15,7 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.algebra import blind_directions, symmetric_pseudo_inverse
 from baryscope.estimator.paths import SampledPath
-from baryscope.estimator.rotation import exp_rotation
-from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
+from baryscope.estimator.sightings import Sightings, as_slice, best_turned, cross_matrices, pieces, symmetric_inverses
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -91,7 +90,10 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
     turned, sums, squares = [], [], np.zeros_like(sightings.weight)
     for body in bodies:
         own = sightings.features(body.features)
-        attitude = np.concatenate([_best_turned(body, part, own, origin) for part in body.chunks()])
+        attitude = np.empty_like(body.attitude)
+        for part in body.chunks():
+            frames = as_slice(body.frames[part])
+            attitude[part] = best_turned(own.frames(frames), body.attitude[part], origin[frames], body.points)
         turned.append(replace(body, attitude=attitude))
         sums.append(_sum(turned[-1], own, path, origin, squares))
     matrix, side, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
@@ -147,21 +149,13 @@ def turn_by_points(points: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1))
 
 
-def _best_turned(body: Body, part: slice, own: Sightings, origin: FloatArray) -> FloatArray:
-    """The attitudes of a chunk of frames after one Newton step at given points and origin."""
-    frames = body.frames[part]
-    found = pieces(own.frames(frames), body.attitude[part], origin[frames], body.points)
-    turn = (symmetric_inverses(found.turn) @ found.turn_side[:, :, None])[:, :, 0]
-    return np.asarray(body.attitude[part] @ exp_rotation(turn))
-
-
 def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
     p, q = path.jacobian.shape[2], 3 * len(body.features)
     total = _Sums(
         np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
     )
     for part in body.chunks():
-        frames = body.frames[part]
+        frames = as_slice(body.frames[part])
         attitude = body.attitude[part]
         found = pieces(own.frames(frames), attitude, origin[frames], body.points)
         shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[frames]
@@ -184,7 +178,7 @@ def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squa
         total.points -= outer[p:-1, p:-1]
         total.path_side -= outer[:p, -1]
         total.points_side -= outer[p:-1, -1]
-        squares[np.ix_(frames, body.features)] = found.squares
+        squares[np.ix_(body.frames[part], body.features)] = found.squares
     return total
 
 

@@ -31,6 +31,7 @@ from baryscope.models.scenario import Orbit
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 ROUNDS = 30
 SETTLED = 0.1  # a step this long, squared, in units of the covariance of all unknowns, is the last
@@ -46,7 +47,8 @@ UNRULY = 1e-2  # share of the cost that the last change of weights may take away
 HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
 PATIENCE = 3  # degrees that may fail to be better before the search ends
 DEPARTURE_FRAMES = 1500  # frames at most that a departure from the path is looked for in
-CHOICE_FRAMES = 3000  # frames at most that a degree is chosen by
+FEW_FRAMES = 3000  # frames at most, or so, that a start is found by, a degree, and what attitude noise seems to show
+LEAST_FRAMES = 20  # of a body, that are not left out for another's sake
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +147,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             f"{frames} frames show an attitude, too few for {path.name}: more than {path.size // 3 + len(posed)} needed"
         )
     sampled = path.at(tracks.time)
-    bodies, x = _linear(posed, sightings, sampled)
+    bodies, x = _start(posed, sightings, path, tracks.time)
     found = _refined(path, sampled, bodies, x, posed, measured, sightings, believed, options)
     remarks = [_refusal(tie, tracks.labels) for tie in found.refused]
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
@@ -172,7 +174,9 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
     Only what the path itself cannot do is added. Where there is no departure, the gain in cost of these k unknowns is
     χ² distributed with k degrees of freedom; where a direction is hardly seen noise may gain more: nothing is said.
     """
-    rows = np.arange(0, len(time), max(1, len(time) // DEPARTURE_FRAMES))
+    posed = tuple(replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
+    thinned, few, rows = _thinned(posed, found.sightings, DEPARTURE_FRAMES)
+    bodies, x = tuple(one.body for one in thinned), found.solution.x
     own = found.sampled.jacobian[rows]
     cubic = Polynomial(3, float(time[0]), float(time[-1])).at(time[rows]).jacobian
     known, added = own.reshape(3 * len(rows), -1), cubic.reshape(3 * len(rows), -1)
@@ -182,9 +186,6 @@ def _departure(found: Pivot, time: FloatArray) -> str | None:
     new = added @ axes[:, squares > (FOREIGN * size) ** 2] / size
     if not new.shape[1]:
         return None
-    posed = (replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
-    bodies = tuple(_thinned(one, rows).body for one in posed)
-    few, x = found.sightings.frames(rows), found.solution.x
     position, new = found.sampled.position(x)[rows], np.sqrt(len(rows)) * new.reshape(len(rows), 3, -1)
     wider = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
     start = np.concatenate([x, np.zeros(new.shape[2])])
@@ -218,6 +219,19 @@ def _restricted(measured: Sightings, posed: tuple[PosedBody, ...], believed: Boo
         block = np.ix_(one.body.frames, one.body.features)
         weight[block] = measured.weight[block] * np.where(believed[block], 1.0, FAINT)
     return measured.weighted(weight)
+
+
+def _start(
+    posed: tuple[PosedBody, ...], sightings: Sightings, path: Path, time: FloatArray
+) -> tuple[tuple[Body, ...], FloatArray]:
+    """Bodies and path to refine: by linear least squares; of many frames, some are solved, and refined once."""
+    thinned, few, rows = _thinned(posed, sightings, FEW_FRAMES)
+    sampled = path.at(time[rows])
+    bodies, x = _linear(thinned, few, sampled)
+    if len(rows) < sum(len(one.body.frames) for one in posed):
+        solution = improve(bodies, few, sampled, x)
+        bodies, x = solution.bodies, solution.x
+    return tuple(replace(one.body, points=body.points) for one, body in zip(posed, bodies, strict=True)), x
 
 
 def _linear(
@@ -298,13 +312,12 @@ def _choose_degree(
     Each degree is refined with free attitudes: with the attitudes held, their noise alone would favour high degrees,
     which shrink the offsets that it is multiplied by.
     """
-    rows = np.arange(0, len(time), max(1, len(time) // CHOICE_FRAMES))
-    thinned, few, time = tuple(_thinned(one, rows) for one in posed), sightings.frames(rows), time[rows]
+    thinned, few, rows = _thinned(posed, sightings, FEW_FRAMES)
     best, degree_of_best = np.inf, 0
     for degree in range(HIGHEST_CHOSEN + 1):
         if degree > degree_of_best + PATIENCE:
             break
-        sampled = Polynomial(degree, *span).at(time)
+        sampled = Polynomial(degree, *span).at(time[rows])
         bodies, x = _linear(thinned, few, sampled)
         for _ in range(3):
             solution = improve(bodies, few, sampled, x)
@@ -318,11 +331,21 @@ def _choose_degree(
     return degree_of_best
 
 
-def _thinned(one: PosedBody, rows: NDArray[np.intp]) -> PosedBody:
-    """A body in some frames only, counted among these."""
-    _, kept, frames = np.intersect1d(one.body.frames, rows, assume_unique=True, return_indices=True)
-    body = replace(one.body, frames=frames, attitude=one.body.attitude[kept])
-    return replace(one, body=body, translation=one.translation[kept])
+def _thinned(
+    posed: tuple[PosedBody, ...], sightings: Sightings, most: int
+) -> tuple[tuple[PosedBody, ...], Sightings, IntArray]:
+    """Bodies and sightings in `most` of their frames or a few more, and which these are, (k,): of each body some."""
+    every = max(1, sum(len(one.body.frames) for one in posed) // most)
+    steps = [max(1, min(every, len(one.body.frames) // LEAST_FRAMES)) for one in posed]
+    rows = np.sort(np.concatenate([one.body.frames[::step] for one, step in zip(posed, steps, strict=True)]))
+    thinned = []
+    for one, step in zip(posed, steps, strict=True):
+        body = one.body
+        frames, attitude = np.searchsorted(rows, body.frames[::step]), body.attitude[::step]
+        thinned.append(
+            replace(one, body=replace(body, frames=frames, attitude=attitude), translation=one.translation[::step])
+        )
+    return tuple(thinned), sightings.frames(rows), rows
 
 
 def _with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -361,7 +384,7 @@ def _seeming_information(body: Body, sightings: Sightings, origin: FloatArray, v
     A frame whose attitude is off by φ sees the offset d moved by φ × d. With C the covariance of φ and Q what the frame
     says of its position when its attitude is not known, that seems to be the information Σ tr([eᵢ]×ᵀ Q [eⱼ]× C).
     """
-    every = max(1, len(body.frames) // CHOICE_FRAMES)
+    every = max(1, len(body.frames) // FEW_FRAMES)
     frames, attitude = body.frames[::every], body.attitude[::every]
     found = pieces(sightings.frames(frames).features(body.features), attitude, origin[frames], body.points)
     inverse = symmetric_inverses(found.turn)

@@ -12,8 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.rotation import exp_rotation
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +37,17 @@ class Sightings:
         """The number of sightings used."""
         return int(np.count_nonzero(self.weight))
 
-    def frames(self, index: slice | NDArray[np.intp] | BoolArray) -> "Sightings":
-        """Those of some frames."""
+    def frames(self, index: slice | IntArray | BoolArray) -> "Sightings":
+        """Those of some frames, without a copy where these follow each other."""
+        index = as_slice(index)
         precision = None if self.precision is None else self.precision[index]
         return Sightings(self.position[index], self.weight[index], precision)
 
-    def features(self, index: NDArray[np.intp]) -> "Sightings":
-        """Those of some features."""
-        precision = None if self.precision is None else self.precision[:, index]
-        return Sightings(self.position[:, index], self.weight[:, index], precision)
+    def features(self, index: IntArray) -> "Sightings":
+        """Those of some features, without a copy where these follow each other."""
+        columns = as_slice(index)
+        precision = None if self.precision is None else self.precision[:, columns]
+        return Sightings(self.position[:, columns], self.weight[:, columns], precision)
 
     def weighted(self, weight: FloatArray) -> "Sightings":
         """The same with another weight (n, m)."""
@@ -114,15 +119,7 @@ def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, point
         shift = w.sum(axis=1)[:, None, None] * np.eye(3)
         point = w.sum(axis=0)[:, None, None] * np.eye(3)
         precision = None
-        moments = points.T @ weighted
-        turn_side = np.stack(
-            [
-                moments[:, 1, 2] - moments[:, 2, 1],
-                moments[:, 2, 0] - moments[:, 0, 2],
-                moments[:, 0, 1] - moments[:, 1, 0],
-            ],
-            axis=1,
-        )
+        turn_side = _cross_sums(points.T @ weighted)
     else:
         R = attitude[:, None]
         precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ sightings.precision @ R)
@@ -145,6 +142,39 @@ def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, point
         _arms=arms,
         _precision=precision,
     )
+
+
+def best_turned(sightings: Sightings, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> FloatArray:
+    """The attitudes (n, 3, 3) after one Newton step at given points and origin, arguments as those of `pieces`."""
+    if sightings.precision is None:
+        squares = np.einsum("mij,mkj->mik", *2 * [cross_matrices(points)])
+        turn = (sightings.weight @ squares.reshape(-1, 9)).reshape(-1, 3, 3)
+        weighted = sightings.weight[:, :, None] * (sightings.position - origin[:, None])
+        side = _cross_sums((points.T @ weighted) @ attitude)
+    else:
+        found = pieces(sightings, attitude, origin, points)
+        turn, side = found.turn, found.turn_side
+    return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ side[:, :, None])[:, :, 0]))
+
+
+def _cross_sums(moments: FloatArray) -> FloatArray:
+    """Σ b × r (n, 3) from Σ b rᵀ (n, 3, 3)."""
+    return np.stack(
+        [
+            moments[:, 1, 2] - moments[:, 2, 1],
+            moments[:, 2, 0] - moments[:, 0, 2],
+            moments[:, 0, 1] - moments[:, 1, 0],
+        ],
+        axis=1,
+    )
+
+
+def as_slice(index: slice | IntArray | BoolArray) -> slice | IntArray | BoolArray:
+    """An index of rows that follow each other as a slice, which copies nothing; others as they are."""
+    if isinstance(index, slice) or index.dtype == np.bool_ or not len(index):
+        return index
+    first, stop = int(index[0]), int(index[-1]) + 1
+    return slice(first, stop) if stop - first == len(index) and np.all(np.diff(index) == 1) else index
 
 
 def cross_matrices(vectors: FloatArray) -> FloatArray:

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.models.errors import ComputationError
+from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 
 RATE = np.deg2rad([2.4, 4.4, 4.8])
@@ -95,3 +97,16 @@ def test_few_frames_for_many_unknowns_are_refused(tumbling):
     case = make_case(TIME[rows], tumbling[rows], np.tile(START, (6, 1)), FEATURES, noise=0.02)
     with pytest.raises(ComputationError, match="6 frames show an attitude, too few for polynomial:6: more than 8"):
         estimate(case.tracks, method="pivot", options=PathOptions(trajectory="polynomial:6"))
+
+
+@pytest.mark.parametrize("trajectory", ["fixed", "polynomial"])
+def test_a_body_seen_in_few_of_many_frames_is_kept(trajectory):
+    """Also where a start and a degree are looked for in some frames only."""
+    time = np.arange(20_000.0)
+    spin, roll = (Rotation.from_rotvec(np.outer(0.05 * time, axis)) for axis in ([1.0, 0, 0], [0, 0.6, 0.8]))
+    clusters = [(0.0, 9000.0, [0, 1, 2, 3]), (9001.0, 9007.0, [4, 5, 6, 7]), (9008.0, 20_000.0, [8, 9, 0, 1])]
+    case = make_case(time, (spin * roll).as_matrix(), at_rest(time), TEN, noise=NOISE, clusters=clusters)
+    found = estimate(case.tracks, options=PathOptions(trajectory=trajectory))
+    assert sorted(cluster["frames"] for cluster in found.diagnostics["clusters"]) == [6, 9000, 10_992]
+    assert_good(found, case)
+    assert squared_error_of_cluster(found, case, 2) < 4.5**2

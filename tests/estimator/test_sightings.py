@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.sightings import Sightings, cross_matrices, pieces, symmetric_inverses
+from baryscope.estimator.sightings import Sightings, as_slice, best_turned, cross_matrices, pieces, symmetric_inverses
 from synthetic import differences, roots
 
 N, M = 4, 5
@@ -111,3 +111,31 @@ def test_inverses_by_cofactors_are_numpys_and_zero_where_there_is_none():
     a, b = rng.normal(size=(2, 3))
     flat = np.stack([np.outer(a, a), np.outer(a, a) + np.outer(b, b), np.zeros((3, 3))])
     np.testing.assert_array_equal(symmetric_inverses(flat), 0)
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_the_best_turn_is_scipys_alignment(full):
+    """Newton's steps end at Wahba's solution, or with precisions where no small turn is better."""
+    sightings, attitude, origin, points = scene(full)
+    for _ in range(40):
+        attitude = best_turned(sightings, attitude, origin, points)
+    if not full:
+        for k in range(N):
+            expected, _ = Rotation.align_vectors(sightings.position[k] - origin[k], points, sightings.weight[k])
+            np.testing.assert_allclose(attitude[k], expected.as_matrix(), atol=1e-9)
+    function = whitened(sightings, attitude, origin, points)
+    slope = differences(
+        lambda phi: np.sum(function(np.append(phi, np.zeros(3 * N + 3 * M))) ** 2)[None], np.zeros(3 * N)
+    )
+    np.testing.assert_allclose(slope, 0.0, atol=1e-5)
+
+
+def test_rows_that_follow_each_other_are_a_slice():
+    rows = np.arange(10)
+    assert as_slice(np.array([3, 4, 5])) == slice(3, 6)
+    assert as_slice(np.array([7])) == slice(7, 8)
+    for index in (np.array([3, 5, 6]), np.array([5, 4, 3]), np.array([1, 3, 2, 4]), np.array([], dtype=int), rows > 4):
+        assert as_slice(index) is index
+    sightings, *_ = scene(full=True)
+    assert np.shares_memory(sightings.frames(np.array([1, 2])).position, sightings.position)
+    np.testing.assert_array_equal(sightings.features(np.array([1, 2])).precision, sightings.precision[:, 1:3])
