@@ -44,9 +44,9 @@ def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Al
     weights (n, m) are >= 0; points of weight zero may be NaN. Each set needs a positive weight, and three points that
     are not in a line for a unique answer: `spread` tells.
     """
-    present, shared = weights > 0, points_B.ndim == 2
-    a = np.where(present[..., None], points_A, 0.0)
-    b = np.where((present.any(axis=0) if shared else present)[..., None], points_B, 0.0)
+    shared = points_B.ndim == 2
+    a = np.where(weights[..., None] > 0, points_A, 0.0)
+    b = np.where((weights.max(axis=0) if shared else weights)[..., None] > 0, points_B, 0.0)
     total = weights.sum(axis=1)
     centroid_a = np.einsum("nm,nmi->ni", weights, a) / total[:, None]
     centroid_b = (weights[:, None] @ b)[:, 0] / total[:, None]
