@@ -1,13 +1,15 @@
 """How the target turns by Euler's equation, and how that depends on its rate and inertia at an epoch.
 
 The motion is integrated from an epoch to evenly spaced nodes by a step of order 8 (Dormand and Prince; the tableau is
-scipy's) that CasADi compiles together with its derivatives. Between nodes the attitude is a quintic and its
-sensitivity a cubic Hermite polynomial, so that tracks of any sampling cost no integration of their own.
+scipy's). Only the state goes from node to node; how the end of a step depends on its start is then evaluated for all
+steps at once, and chained. Between nodes the attitude is a quintic and its sensitivity a cubic Hermite polynomial, so
+that tracks of any sampling cost no integration of their own.
 
 Only the ratios of the inertia's elements can be seen: J has the trace 1 here. Its five degrees of freedom are the
 coefficients of INERTIA_BASIS, the symmetric matrices without trace.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -18,6 +20,7 @@ from scipy.integrate import DOP853
 
 from baryscope.estimator.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
+from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
 from baryscope.models.keplerian import Ellipse, conic, true_anomaly_after
 from baryscope.models.scenario import Orbit, orbit_parameters
@@ -25,7 +28,7 @@ from baryscope.models.scenario import Orbit, orbit_parameters
 FloatArray = NDArray[np.float64]
 
 TURN = 0.5  # rad from node to node: leaves some 1e-8 rad to the interpolation, less to the steps
-CHUNKS = (8, 64)  # steps in one call of the compiled function, for short and for long ways
+CHUNK = 32  # steps in one call of the compiled function
 SLENDER = 1e-3  # least principal moment, over the trace, of an inertia that an estimate may have
 RATE_AND_INERTIA = 8  # the unknowns of a rotation: three of the rate at the epoch, five of the inertia
 
@@ -154,19 +157,19 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     before = max(int(np.ceil((start.epoch - begin) / h)), 0)
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
     h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
-    constants = _constants(start)
-    forth = _march(start, constants, h, after)
-    states = forth if not before else np.hstack([_march(start, constants, -h, before)[:, :0:-1], forth])
-    k = states.shape[1]
-    rates = np.asarray(_rate_function(start.orbit is not None).map(k)(states[:8], constants))
-    sensitivity = states[8:].reshape(RATE_AND_INERTIA, 6, k).transpose(2, 1, 0)
+    constants, pulled = _constants(start), start.orbit is not None
+    back, forth = _march(start, constants, -h, before), _march(start, constants, h, after)
+    sizes = np.repeat([-h, h], [before, after])[None]
+    steps = _sensitivity_step(pulled)(np.hstack([back[:, :-1], forth[:, :-1]]), sizes, constants)
+    states = np.hstack([back[:, :0:-1], forth])
+    sensitivity = np.concatenate([_chained(steps[:before])[:0:-1], _chained(steps[before:])])
     R = matrix_from_quaternion(states[:4].T / np.linalg.norm(states[:4], axis=0)[:, None])
     return _Nodes(
         start.epoch + h * np.arange(-before, after + 1, dtype=np.float64),
         states[:4].T,
         states[4:7].T,
-        rates[4:7].T,
-        R @ sensitivity[:, :3],
+        _rate_columns(pulled)(states, constants)[:, 4:7],
+        sensitivity[:, :3],
         R @ sensitivity[:, 3:],
     )
 
@@ -180,26 +183,27 @@ def _highest_rate(start: Rotation) -> float:
 
 
 def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:
-    """States and sensitivities (8 + 48, steps + 1), the epoch first."""
-    chunk = CHUNKS[0] if steps < CHUNKS[1] else CHUNKS[1]
-    advance = _advance(start.orbit is not None, chunk)
-    state = np.concatenate(
-        [
-            quaternion_from_matrix(start.attitude[None])[0],
-            start.rate,
-            [_true_anomaly(start)],
-            np.vstack([np.zeros((3, 8)), np.eye(3, 8), np.zeros((0, 8))]).T.ravel(),
-        ]
-    )
-    columns = np.empty((len(state), steps + 1))
-    columns[:, 0] = state
-    for first in range(0, steps, chunk):
-        length = min(chunk, steps - first)
-        sizes = np.zeros(chunk)
+    """States (8, steps + 1), the epoch first."""
+    advance = _advance(start.orbit is not None)
+    states = np.empty((8, steps + 1))
+    states[:, 0] = [*quaternion_from_matrix(start.attitude[None])[0], *start.rate, _true_anomaly(start)]
+    for first in range(0, steps, CHUNK):
+        length = min(CHUNK, steps - first)
+        sizes = np.zeros(CHUNK)
         sizes[:length] = h
-        states = np.asarray(advance(columns[:, first], sizes[None, :], constants))
-        columns[:, first + 1 : first + 1 + length] = states[:, :length]
-    return columns
+        found = np.asarray(advance(states[:, first], sizes[None, :], constants))
+        states[:, first + 1 : first + 1 + length] = found[:, :length]
+    return states
+
+
+def _chained(steps: FloatArray) -> FloatArray:
+    """From the sensitivities of k steps, (k, 6, 11), those to rate and inertia at the epoch, (k + 1, 6, 8)."""
+    known = np.zeros((len(steps) + 1, 11, RATE_AND_INERTIA))
+    known[0, 3:6, :3] = np.eye(3)
+    known[:, 6:, 3:] = np.eye(5)
+    for before, step, after in zip(known, steps, known[1:, :6], strict=False):
+        np.matmul(step, before, out=after)
+    return known[:, :6]
 
 
 def _constants(start: Rotation) -> FloatArray:
@@ -221,37 +225,53 @@ def _anomaly_function() -> ca.Function:
 
 
 @cache
-def _rate_function(pulled: bool) -> ca.Function:
+def _rate_columns(pulled: bool) -> ColumnFunction:
     """(x, constants) → ẋ."""
-    x, c = ca.SX.sym("x", 8), ca.SX.sym("c", 16 if pulled else 9)
-    return ca.Function("rates", [x, c], [_rates(x, c, pulled)])
+    x, _, c = _symbols(pulled)
+    return ColumnFunction("rates", [x, c], _rates(x, c, pulled))
 
 
 @cache
-def _advance(pulled: bool, steps: int) -> ca.Function:
-    """Some steps of state and sensitivity, (state, sizes, constants) → states."""
-    return _one_step(pulled).mapaccum("advance", steps)
+def _advance(pulled: bool) -> ca.Function:
+    """CHUNK steps of the state, (x, sizes, constants) → states."""
+    x, h, c = _symbols(pulled)
+    after = _step(lambda state: _rates(state, c, pulled), x, h)
+    return ca.Function("advance", [x, h, c], [after], {"cse": True}).mapaccum(CHUNK)
 
 
 @cache
-def _one_step(pulled: bool) -> ca.Function:
-    """One step of state and sensitivity, (state, size, constants) → state."""
-    rates = _rate_function(pulled)
-    x, c = ca.SX.sym("x", 8), ca.SX.sym("c", rates.numel_in(1))
-    h, S, phi = ca.SX.sym("h"), ca.SX.sym("S", 6, RATE_AND_INERTIA), ca.SX.sym("phi", 3)
-    turned = ca.vertcat(_product(x[:4], ca.vertcat(1, phi / 2)), x[4:])
-    after = _step(rates, turned, h, c)
-    unturned = ca.substitute(after, phi, ca.DM.zeros(3))
-    direction = ca.SX(c.numel(), RATE_AND_INERTIA)
-    for index, matrix in enumerate(INERTIA_BASIS):
-        direction[:9, 3 + index] = ca.vec(ca.DM(matrix))
-    change = ca.jtimes(after, ca.vertcat(phi, x[4:7], c), ca.vertcat(S, direction))
-    change = ca.substitute(change, phi, ca.DM.zeros(3))
-    conjugate = ca.vertcat(unturned[0], -unturned[1:4])
-    turns = [2 * _product(conjugate, change[:4, column])[1:] for column in range(RATE_AND_INERTIA)]
-    sensitivity = ca.vertcat(ca.horzcat(*turns), change[4:7, :])
-    state, after_step = ca.vertcat(x, ca.vec(S)), ca.vertcat(unturned, ca.vec(ca.densify(sensitivity)))
-    return ca.Function("advance", [state, h, c], [ca.cse(after_step)])
+def _sensitivity_step(pulled: bool) -> ColumnFunction:
+    """(x, size, constants) → how turn and rate after a step depend on turn, rate and inertia before it, (6, 11).
+
+    A turn is a small rotation vector in C.
+    """
+    x, h, c = _symbols(pulled)
+    linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, pulled)])
+    inertia = ca.horzcat(ca.SX(5, 6), ca.SX.eye(5))
+
+    def rates(state: ca.SX) -> ca.SX:
+        sensitivity = ca.vertcat(ca.reshape(state[8:], 6, 11), inertia)
+        return ca.vertcat(_rates(state[:8], c, pulled), ca.vec(linear(state[:8], c) @ sensitivity))
+
+    after = _step(rates, ca.vertcat(x, ca.vec(ca.SX.eye(11)[:6, :])), h)
+    return ColumnFunction("sensitivity", [x, h, c], ca.reshape(after[8:], 6, 11))
+
+
+def _symbols(pulled: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """State, size of a step, constants."""
+    return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if pulled else 9)
+
+
+def _linearised_rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
+    """How the rates of turn and angular rate depend on turn, angular rate and inertia, (6, 11)."""
+    q, w = x[:4], x[4:7]
+    turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
+    turned = ca.vertcat(_product(ca.vertcat(1, turn / 2), q), x[4:])
+    inertia = c[:9] + ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change
+    acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), pulled)[4:7]
+    rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
+    linear = ca.jacobian(rates, ca.vertcat(turn, w, change))
+    return ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
 
 
 def _rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
@@ -267,13 +287,17 @@ def _rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
     return ca.vertcat(quaternion_rate(q, w), angular_acceleration(J, symmetric_inverse(J), w, torque), anomaly_rate)
 
 
-def _step(rates: ca.Function, x: ca.SX, h: ca.SX, c: ca.SX) -> ca.SX:
+def _step(rates: Callable[[ca.SX], ca.SX], x: ca.SX, h: ca.SX) -> ca.SX:
     """One step of the eighth-order formula of Dormand and Prince (Hairer, Nørsett, Wanner 1993, DOP853)."""
     slopes: list[ca.SX] = []
     for row in DOP853.A:
-        increment = sum((weight * slope for weight, slope in zip(row, slopes, strict=False) if weight), ca.SX(8, 1))
-        slopes.append(rates(x + h * increment, c))
-    return x + h * sum((weight * slope for weight, slope in zip(DOP853.B, slopes, strict=True) if weight), ca.SX(8, 1))
+        slopes.append(rates(_moved(x, h, row, slopes)))
+    return _moved(x, h, DOP853.B, slopes)
+
+
+def _moved(x: ca.SX, h: ca.SX, weights: FloatArray, slopes: list[ca.SX]) -> ca.SX:
+    """x + h Σ weight · slope; products of h and a weight are the same at all points."""
+    return sum((h * weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight), x)
 
 
 def _product(p: ca.SX, q: ca.SX) -> ca.SX:

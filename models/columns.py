@@ -1,7 +1,8 @@
 """CasADi functions evaluated for many points at once, by NumPy over columns.
 
 `casadi.Function.map` runs through the points one after the other and hands the results over number by number. Here each
-instruction of the function runs once, over all points: several times faster, and the formula still stands once.
+instruction of the function runs once, over all points: several times faster, and the formula still stands once. Few
+points of a long function are left to `map`, as NumPy's calls would take longer than its numbers.
 """
 
 from collections.abc import Callable
@@ -21,7 +22,7 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_NEG: np.negative,
     ca.OP_INV: np.reciprocal,
     ca.OP_SQ: np.square,
-    ca.OP_TWICE: lambda a: a + a,
+    ca.OP_TWICE: lambda a, out: np.add(a, a, out),
     ca.OP_SQRT: np.sqrt,
     ca.OP_FABS: np.abs,
     ca.OP_SIGN: np.sign,
@@ -31,7 +32,8 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_ATAN2: np.arctan2,
     ca.OP_HYPOT: np.hypot,
 }
-BLOCK = 16384  # points at a time, so that results are written while they are in the processor's cache
+BLOCK = 16384  # points at a time: many for one call of NumPy, few for the processor's cache
+FEW, LONG = 64, 200  # CasADi's map takes up to so many points of functions of at least so many instructions
 
 
 class ColumnFunction:
@@ -49,11 +51,12 @@ class ColumnFunction:
     def __init__(self, name: str, symbols: list[ca.SX], expression: ca.SX) -> None:
         function = ca.Function(name, symbols, [expression], {"cse": True})
         self.name = name
+        self._function = function
         self.shape = function.size_out(0)
         self.input_rows = [function.nnz_in(index) for index in range(function.n_in())]
         sparsity = function.sparsity_out(0)
         self._places = list(zip(sparsity.row(), sparsity.get_col(), strict=True))
-        self._steps = [_step(function, k) for k in range(function.n_instructions())]
+        self._constants, self._steps = _program(function)
 
     def __call__(self, *arguments: ArrayLike) -> FloatArray:
         """Evaluate.
@@ -72,31 +75,65 @@ class ColumnFunction:
             if values.ndim not in (1, 2) or len(values) != rows:
                 raise ValueError(f"{self.name}: argument {index} has the shape {values.shape}, expected {rows} rows")
         n = next((values.shape[1] for values in inputs if values.ndim == 2), 1)
-        result = np.zeros((n, *self.shape))
-        for start in range(0, n, BLOCK):
-            block = slice(start, start + BLOCK)
-            self._run([values[:, block] if values.ndim == 2 else values for values in inputs], result[block])
+        if 0 < n <= FEW and len(self._steps) >= LONG:
+            mapped = np.asarray(self._function.map(n)(*inputs))
+            result = mapped.reshape(self.shape[0], n, self.shape[1]).swapaxes(0, 1)
+        else:
+            result = self._over_columns(inputs, n)
         return result[:, :, 0] if self.shape[1] == 1 else result
 
-    def _run(self, inputs: list[FloatArray], result: FloatArray) -> None:
-        """Carry out the instructions and write the nonzeros to `result`, (n, rows, columns)."""
-        work: dict[int, Any] = {}
-        for operation, sources, targets, constant in self._steps:
-            if operation == ca.OP_INPUT:
-                work[targets[0]] = inputs[sources[0]][sources[1]]
-            elif operation == ca.OP_OUTPUT:
-                row, column = self._places[targets[1]]
-                result[:, row, column] = work[sources[0]]
-            elif operation == ca.OP_CONST:
-                work[targets[0]] = constant
+    def _over_columns(self, inputs: list[FloatArray], n: int) -> FloatArray:
+        result = np.zeros((n, *self.shape))
+        memory = np.empty((self._function.sz_w(), min(n, BLOCK)))
+        for start in range(0, n, BLOCK):
+            block = slice(start, start + BLOCK)
+            rows = [row[block] if row.ndim else row for values in inputs for row in map(np.asarray, values)]
+            self._run(rows, memory[:, : n - start], result[block])
+        return result
+
+    def _run(self, rows: list[FloatArray], memory: FloatArray, result: FloatArray) -> None:
+        """Carry out the steps on the inputs' rows and write the nonzeros to `result`, (n, rows, columns).
+
+        memory: (places, n), for columns in between: to take new memory for each would cost more than the operations.
+        """
+        nonzeros = [result[:, row, column] for row, column in self._places]
+        columns, numbers = [*memory, *nonzeros], [*(np.empty(()) for _ in memory), *nonzeros]
+        values = [*rows, *self._constants]
+        for operation, first, second, place in self._steps:
+            a = values[first]
+            if second is None:
+                values.append(operation(a, (columns if a.ndim else numbers)[place]))
             else:
-                work[targets[0]] = OPERATIONS[operation](*(work[source] for source in sources))
+                b = values[second]
+                values.append(operation(a, b, (columns if a.ndim or b.ndim else numbers)[place]))
 
 
-def _step(function: ca.Function, k: int) -> tuple[int, list[int], list[int], float]:
-    """Operation, places of its operands, place of its result, and constant of an instruction."""
-    operation = function.instruction_id(k)
-    if operation not in OPERATIONS and operation not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST):
-        raise NotImplementedError(f"{function.name()}: operation {operation} of CasADi has no counterpart here")
-    constant = function.instruction_constant(k) if operation == ca.OP_CONST else 0.0
-    return operation, function.instruction_input(k), function.instruction_output(k), constant
+# An operation; its one or two operands among the values, which are the inputs' rows, the constants, and the results of
+# the steps so far; the place of its result, which is one in memory or, counted on from there, a nonzero of the output.
+_Step = tuple[Callable[..., Any], int, int | None, int]
+
+
+def _program(function: ca.Function) -> tuple[list[FloatArray], list[_Step]]:
+    """The constants and the steps of a function."""
+    codes = [function.instruction_id(k) for k in range(function.n_instructions())]
+    constants = [np.asarray(function.instruction_constant(k)) for k, code in enumerate(codes) if code == ca.OP_CONST]
+    first_row = np.cumsum([0, *(function.nnz_in(index) for index in range(function.n_in()))]).tolist()
+    first_result = first_row[-1] + len(constants)
+    next_constant = iter(range(first_row[-1], first_result))
+    steps: list[_Step] = []
+    held: dict[int, int] = {}  # place in memory → the value there
+    for k, code in enumerate(codes):
+        sources, targets = function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_INPUT:
+            held[targets[0]] = first_row[sources[0]] + sources[1]
+        elif code == ca.OP_CONST:
+            held[targets[0]] = next(next_constant)
+        elif code == ca.OP_OUTPUT:
+            steps.append((np.positive, held[sources[0]], None, function.sz_w() + targets[1]))
+        elif code in OPERATIONS:
+            second = held[sources[1]] if len(sources) == 2 else None
+            steps.append((OPERATIONS[code], held[sources[0]], second, targets[0]))
+            held[targets[0]] = first_result + len(steps) - 1
+        else:
+            raise NotImplementedError(f"{function.name()}: operation {code} of CasADi has no counterpart here")
+    return constants, steps

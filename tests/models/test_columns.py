@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from baryscope.models.columns import BLOCK, OPERATIONS, ColumnFunction
+from baryscope.models.columns import BLOCK, FEW, LONG, OPERATIONS, ColumnFunction
 
 A, B = ca.SX.sym("a"), ca.SX.sym("b", 2)
 ONE_OF_EACH = ca.vertcat(
@@ -34,6 +34,35 @@ def test_matrices_with_structural_zeros_and_inputs_that_are_the_same_everywhere(
 def test_any_number_of_points(count):
     values = np.arange(count, dtype=float)
     np.testing.assert_array_equal(ColumnFunction("double", [A], 2 * A)(values[None]), 2 * values[:, None])
+
+
+@pytest.mark.parametrize("count", [1, FEW - 1, FEW, FEW + 1, 100, BLOCK + 1])
+@pytest.mark.parametrize("same", [None, 0, 1])
+def test_a_long_function_of_few_and_many_points(count, same):
+    """The recurrences of Hénon's map and of one number alone, which reuse memory in a different order."""
+    rng = np.random.default_rng(count)
+    a, b = rng.uniform(0.2, 0.3, (1, count)), rng.uniform(0, 0.3, (2, count))
+    arguments = [x[:, 0] if same == index else x for index, x in enumerate((a, b))]
+    given = [x.copy() for x in arguments]
+
+    def recurrence(a, b):
+        x, y, alone = b[0], b[1], a
+        for _ in range(LONG):
+            x, y, alone = 1 - a * x * x + y, 0.3 * x, alone - alone * alone * b[0]
+        return x, y, alone
+
+    x, y, alone = recurrence(A, B)
+    found = ColumnFunction("long", [A, B], ca.vertcat(ca.horzcat(x, 0), ca.horzcat(alone, y)))(*arguments)
+    expected = np.zeros((count, 2, 2))
+    expected[:, 0, 0], expected[:, 1, 1], expected[:, 1, 0] = recurrence(arguments[0][0], arguments[1])
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    for before, after in zip(given, arguments, strict=True):
+        np.testing.assert_array_equal(after, before)
+
+
+def test_a_result_that_is_the_same_everywhere():
+    found = ColumnFunction("same", [A, B], ca.vertcat(A, 2 * B[0], 3))(np.arange(3.0)[None], [5.0, 7.0])
+    np.testing.assert_array_equal(found, [[0, 10, 3], [1, 10, 3], [2, 10, 3]])
 
 
 def test_arguments_of_another_shape():
