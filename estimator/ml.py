@@ -19,7 +19,8 @@ from baryscope.estimator.namesakes import told_apart
 from baryscope.estimator.noise import moved_to, sightings_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.paths import SampledPath
-from baryscope.estimator.pivot import MISFIT, Pivot, least_variance, solve_pivot
+from baryscope.estimator.pivot import MISFIT, solve_pivot
+from baryscope.estimator.refinement import Pivot, least_variance
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.robust import FAINT, reweighted
 from baryscope.estimator.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
