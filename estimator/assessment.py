@@ -1,6 +1,7 @@
 """What is said of a path that was estimated with a covariance: how good, where not observable, what was rejected."""
 
 import time as clock
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.bodies import PosedBody
 from baryscope.estimator.intervals import Interval
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Estimate
@@ -44,6 +46,16 @@ class Cluster:
     def radius(self) -> float:
         """Of the features about their centroid, rms, in m."""
         return float(np.sqrt(((self.points - self.points.mean(axis=0)) ** 2).sum() / len(self.points)))
+
+
+def clusters_of(
+    posed: Iterable[PosedBody], points: Iterable[FloatArray], covariances: Iterable[FloatArray]
+) -> list[Cluster]:
+    """The clusters that bodies are, with their points from the centre of mass and the offsets' covariances."""
+    return [
+        Cluster(one.body.features, one.body.frames, one.intervals, of_one, covariance)
+        for one, of_one, covariance in zip(posed, points, covariances, strict=True)
+    ]
 
 
 def assessed(

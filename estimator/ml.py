@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.algebra import symmetric_pseudo_inverse
-from baryscope.estimator.assessment import Cluster, assessed, doubtful, missing_covariance
+from baryscope.estimator.assessment import assessed, clusters_of, doubtful, missing_covariance
 from baryscope.estimator.likelihood import Equations, equations
 from baryscope.estimator.namesakes import told_apart
 from baryscope.estimator.noise import moved_to, sightings_of
@@ -108,16 +108,7 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
         converged = False
         remarks += (f"no free tumble fits: residuals are {np.sqrt(ratio):.2g} times those with free attitudes",)
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
-    clusters = [
-        Cluster(
-            features=posed.body.features,
-            frames=posed.body.frames,
-            intervals=posed.intervals,
-            points=best.found.points[posed.body.features],
-            covariance=offset,
-        )
-        for posed, offset in zip(pivot.posed, offsets, strict=True)
-    ]
+    clusters = clusters_of(pivot.posed, (best.found.points[posed.body.features] for posed in pivot.posed), offsets)
     return assessed(
         "ml",
         tracks,

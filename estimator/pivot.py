@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.assessment import Cluster, assessed
+from baryscope.estimator.assessment import assessed, clusters_of
 from baryscope.estimator.bodies import PosedBody, find_bodies
 from baryscope.estimator.doubts import departure, with_faint_directions
 from baryscope.estimator.noise import sightings_of
@@ -42,16 +42,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     found = solve_pivot(tracks, orbit, options)
     position = found.sampled.position(found.solution.x)
     covariance, offsets = with_faint_directions(found, position)
-    clusters = [
-        Cluster(
-            features=body.features,
-            frames=body.frames,
-            intervals=posed.intervals,
-            points=body.points,
-            covariance=offset,
-        )
-        for body, posed, offset in zip(found.bodies, found.posed, offsets, strict=True)
-    ]
+    clusters = clusters_of(found.posed, (body.points for body in found.bodies), offsets)
     return assessed(
         "pivot",
         tracks,
