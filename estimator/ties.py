@@ -22,6 +22,7 @@ IntArray = NDArray[np.intp]
 
 CHANCE = 1e-4  # of features that are the same to look as different as ones that are not
 CURVED = 5.0  # times what a linear model of a product leaves out, that it must deviate by to tie
+MOST = 8  # points that two bodies are tied by: more features than these are taken together in groups
 ROUNDING = 1e-12  # of the greatest variance: that of products which follow from others
 
 
@@ -29,12 +30,14 @@ ROUNDING = 1e-12  # of the greatest variance: that of products which follow from
 class Tie:
     """Two bodies, by their places in the solution, and the features (k,) that they share.
 
-    rows: those features' places in either body; compared (c, k²): the combinations of their products that must agree.
+    rows: those features' places in either body; means (g, k): the points that are compared, each feature or the mean of
+    some; compared (c, g²): the combinations of their products that must agree.
     """
 
     bodies: tuple[int, int]
     features: IntArray
     rows: tuple[IntArray, IntArray]
+    means: FloatArray
     compared: FloatArray
 
 
@@ -91,11 +94,25 @@ def _sharing(solution: Solution) -> Iterator[tuple[tuple[int, int], IntArray]]:
 def _comparable(solution: Solution, variance: float, bodies: tuple[int, int], features: IntArray) -> Tie | None:
     """What a linear model can compare of the features that two bodies share, if anything."""
     first, second = (np.nonzero(np.equal.outer(features, solution.bodies[index].features))[1] for index in bodies)
-    whole = Tie(bodies, features, (first, second), np.eye(len(features) ** 2))
+    means = _means(solution.bodies[bodies[0]].points[first])
+    whole = Tie(bodies, features, (first, second), means, np.eye(len(means) ** 2))
     values, axes = np.linalg.eigh(_gaps(solution, [whole]).covariance)
-    spread = max(_point_variances(solution, index)[rows].max() for index, rows in zip(bodies, whole.rows, strict=True))
+    spread = max(_greatest(solution, index, rows, means) for index, rows in zip(bodies, whole.rows, strict=True))
     known = (values > ROUNDING * values[-1]) & (values > (CURVED * spread) ** 2 * variance)
     return replace(whole, compared=axes[:, known].T) if known.any() else None
+
+
+def _means(points: FloatArray) -> FloatArray:
+    """What makes MOST points at most of (k, 3): themselves, or means of neighbours along their length, (g, k)."""
+    k = len(points)
+    if k <= MOST:
+        return np.eye(k)
+    centred = points - points.mean(axis=0)
+    order = np.argsort(centred @ np.linalg.svd(centred, full_matrices=False)[2][0])
+    means = np.zeros((MOST, k))
+    for group, members in enumerate(np.array_split(order, MOST)):
+        means[group, members] = 1 / len(members)
+    return means
 
 
 def _fits(solution: Solution, variance: float, one: Tie) -> bool:
@@ -105,11 +122,13 @@ def _fits(solution: Solution, variance: float, one: Tie) -> bool:
     return bool(chi2.sf(square / max(variance, 1e-300), len(gaps.values)) > CHANCE)
 
 
-def _point_variances(solution: Solution, index: int) -> FloatArray:
-    """Of a body's points (m,), over that of a sighting."""
-    by_path = solution.points_path[index]
-    own = np.diag(solution.points_covariance[index]) + np.einsum("ip,pq,iq->i", by_path, solution.covariance, by_path)
-    return np.asarray(own.reshape(-1, 3).sum(axis=1))
+def _greatest(solution: Solution, index: int, rows: IntArray, means: FloatArray) -> float:
+    """The greatest variance of means of some points of a body, over that of a sighting."""
+    columns = (3 * rows[:, None] + np.arange(3)).ravel()
+    by_path = solution.points_path[index][columns]
+    covariance = solution.points_covariance[index][np.ix_(columns, columns)] + by_path @ solution.covariance @ by_path.T
+    whole = np.kron(means, np.eye(3))
+    return float(np.einsum("gi,ij,gj->g", whole, covariance, whole, optimize=True).reshape(-1, 3).sum(axis=1).max())
 
 
 def _gaps(solution: Solution, ties: list[Tie]) -> _Gaps:
@@ -119,7 +138,7 @@ def _gaps(solution: Solution, ties: list[Tie]) -> _Gaps:
     slopes: list[list[sparse.csr_array | None]] = [[None] * len(used) for _ in ties]
     for row, one in enumerate(ties):
         for index, shared, sign in zip(one.bodies, one.rows, (1.0, -1.0), strict=True):
-            product, slope = _products(solution.bodies[index].points, shared)
+            product, slope = _products(solution.bodies[index].points, shared, one.means)
             values[row] += sign * one.compared @ product
             slopes[row][used.index(index)] = sparse.csr_array(sign * one.compared @ slope)
     slope = sparse.block_array(slopes, format="csr")
@@ -132,12 +151,12 @@ def _gaps(solution: Solution, ties: list[Tie]) -> _Gaps:
     return _Gaps(np.concatenate(values), covariance, dict(zip(used, of_each, strict=True)), by_path)
 
 
-def _products(points: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-    """All b_j · b_k of some of a body's points (m, 3), (k²,), and their change with all of them, (k², 3 m)."""
-    b, one = points[rows], np.eye(len(rows))
-    slope = np.zeros((len(rows), len(rows), *points.shape))
-    slope[:, :, rows] = np.einsum("jl,ki->jkli", one, b) + np.einsum("kl,ji->jkli", one, b)
-    return (b @ b.T).ravel(), slope.reshape(len(rows) ** 2, -1)
+def _products(points: FloatArray, rows: IntArray, means: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """All b_j · b_k of means of some of a body's points (m, 3), (g²,), and their change with all of them, (g², 3 m)."""
+    b = means @ points[rows]
+    slope = np.zeros((len(b), len(b), *points.shape))
+    slope[:, :, rows] = np.einsum("jl,ki->jkli", means, b) + np.einsum("kl,ji->jkli", means, b)
+    return (b @ b.T).ravel(), slope.reshape(len(b) ** 2, -1)
 
 
 def _closed(solution: Solution, ties: list[Tie]) -> Solution:
