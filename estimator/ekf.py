@@ -13,7 +13,8 @@ then come all frames. Where the attitude is lost, after a gap, registration find
 """
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -111,11 +112,15 @@ def _passes(problem: Problem) -> tuple[Pass, int, bool]:
     posed = first + np.nonzero(problem.believed[first:].any(axis=1))[0]
     everything, short = range(first, n), len(posed) <= WORTH * LEARN
     frames = everything if short else range(first, int(posed[LEARN - 1]) + 1)
-    best = _passed(problem, first_guess(problem), first_members(problem.degree), frames)
     gain = GAIN if short else ROUGH_GAIN
-    best, count, settled = _repeated(
-        problem, best, frames, lambda last, _: next_members(last.member, pulls, orders), gain
-    )
+    best, count, settled = _learned(problem, frames, pulls, orders, gain)
+    if problem.degree is not None and best.member.path:
+        # A poor first inertia is easily taken for noise of the path, and no pass finds back from there.
+        with suppress(ComputationError):
+            calm, more, calm_settled = _learned(problem, frames, pulls, orders, gain, calm=True)
+            count += more
+            if calm.score > best.score + ROUGH_GAIN:
+                best, settled = calm, calm_settled
     if not short:
         best = _passed(problem, _next(problem, best), middle_members(best.member, orders), everything)
 
@@ -128,13 +133,28 @@ def _passes(problem: Problem) -> tuple[Pass, int, bool]:
     return (_smoothed(problem, best) if best.member.path else best), count, settled
 
 
+def _learned(
+    problem: Problem, frames: range, pulls: list[bool], orders: Sequence[int], gain: float, calm: bool = False
+) -> tuple[Pass, int, bool]:
+    """Passes from a first guess on, with path noise if need be, or calm: without any. Returns as `_repeated` does."""
+
+    def some(members: list[Member]) -> list[Member]:
+        return [member for member in members if not (calm and member.path)]
+
+    first = _passed(problem, first_guess(problem), some(first_members(problem.degree)), frames)
+    return _repeated(problem, first, frames, lambda last, _: some(next_members(last.member, pulls, orders)), gain)
+
+
 def _repeated(
     problem: Problem, last: Pass, frames: range, members: Callable[[Pass, int], list[Member]], gain: float
 ) -> tuple[Pass, int, bool]:
     """Passes after a first one, each from where the last one led: the best, their number, and whether they settled."""
     best, count, settled = last, 1, False
     while not settled and count < PASSES:
-        found = _passed(problem, _next(problem, last), members(last, count), frames)
+        try:
+            found = _passed(problem, _next(problem, last), members(last, count), frames)
+        except ComputationError:  # what was learnt leads astray; before, something was found
+            break
         gained = found.score - last.score
         settled = (found.member == last.member or gain > GAIN) and -ROUGH_GAIN < gained < gain
         best = found if settled or found.score > best.score else best

@@ -83,7 +83,7 @@ def last_members(best: Member, pulls: Sequence[bool]) -> list[Member]:
         best,
         *(replace(best, pulled=pulled) for pulled in pulls),
         *(replace(best, path=path) for path in paths),
-        replace(best, turn=best.turn / 3 if best.turn else LEAST_TURN),
+        *(replace(best, turn=turn) for turn in ([best.turn / 3, 0.0] if best.turn else [LEAST_TURN])),
     ]
     return [member for member in dict.fromkeys(members) if member.pulled in pulls]
 

@@ -115,6 +115,17 @@ def test_only_what_is_to_vary_varies(plan, unit, vary):
     assert draw.features == base.features
 
 
+@pytest.mark.parametrize("scenario, number", [("slow-clusters", 5), ("slow-outliers-30", 94)])
+def test_draws_on_which_the_peer_took_a_poor_inertia_for_path_noise(scenario, number, tmp_path):
+    """It chose metres of process noise, from where no pass came back: 26 and 0.14 m off on a path that has none."""
+    plan = plan_of([scenario], "reach", "ekf", draws=100, seed=1, vary="attitude,anomaly")
+    case = case_of(plan, tmp_path / "unit.fmu", number)
+    build_fmu(drawn(case), tmp_path / "unit.fmu")
+    run = run_one(case)
+    assert run["methods"]["ekf"]["rms"] < 3 * run["bound"]["path"]
+    assert run["methods"]["ekf"]["converged"]
+
+
 def test_a_method_that_fails_is_a_value(plan, unit, monkeypatch):
     def refused(*_, **__):
         raise ComputationError("too little turns")
