@@ -47,7 +47,8 @@ def _points_of(feature: int, pivot: Pivot) -> dict[int, int]:
     found: dict[int, int] = {}
     for index, body in enumerate(pivot.bodies):
         if feature in body.features:
-            same = [number for other, number in found.items() if (other, index) not in strangers]
+            other = {number for before, number in found.items() if (before, index) in strangers}
+            same = [number for number in found.values() if number not in other]
             found[index] = same[-1] if same else max(found.values(), default=-1) + 1
     return found
 

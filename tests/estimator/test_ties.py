@@ -152,6 +152,20 @@ def test_a_name_that_was_given_twice_is_told(method):
     assert names == [["F0", "F1", "F2", "F3"], ["F3 (2)" if method == "ml" else "F3", "F4", "F5", "F6"]]
 
 
+def test_a_name_that_was_given_to_another_point_for_a_while():
+    """`ml` finds that the third cluster sees the first one's F3 again, and the second one another."""
+    time, R = turning(120)
+    clusters = [(0.0, 39.0, [0, 1, 2, 3]), (41.0, 79.0, [3, 4, 5, 6]), (80.0, 120.0, [3, 7, 8, 9])]
+    case = make_case(time, R, in_orbit(time), TEN, noise=NOISE, seed=3, clusters=clusters)
+    position = case.tracks.position.copy()
+    position[40:80, 3] += R[40:80] @ (0.1 * TEN[3])
+    found = found_by("ml", with_positions(case, position), "relative-orbit")
+    names = {cluster["start"]: next(iter(cluster["features"])) for cluster in found.diagnostics["clusters"]}
+    assert names == {0.0: "F0", 41.0: "F3 (2)", 80.0: "F3"}
+    assert found.diagnostics["rejected_share"] < 0.01
+    assert squared_error(found, case) < 4.5**2
+
+
 def test_nothing_shared_nothing_tied():
     sightings, sampled, bodies, _ = scene([[0, 1, 2, 3], [4, 5, 6, 7]], POINTS)
     apart = settled(bodies, sightings, sampled)
