@@ -310,6 +310,10 @@ def test_the_same_interrupt_as_a_terminals_keeps_what_is_there(scenario_file, tm
             time.sleep(0.05)
         os.killpg(process.pid, signal.SIGINT)
         _, error = process.communicate(timeout=60)
+        for _ in range(200):  # the standard library's tracker of resources ends a little later
+            if not alive(process.pid):
+                break
+            time.sleep(0.05)
         assert not alive(process.pid)
     assert process.returncode == 130, error
     assert f"kept in {folder}; the same command goes on" in error.splitlines()[-1]
