@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.bodies import PosedBody
 from baryscope.estimator.paths import SampledPath
-from baryscope.estimator.sightings import cross_matrices, symmetric_inverses
+from baryscope.estimator.sightings import cross_matrices, symmetric_inverses, turn_information
 
 FloatArray = NDArray[np.float64]
 
@@ -58,13 +58,12 @@ def frame_weights(
         arms = cross_matrices(body.points)
         total = np.maximum(w.sum(axis=1), 1e-300)
         centroid = (w @ body.points) / total[:, None]
-        squares = np.einsum("mij,mkj->mik", arms, arms).reshape(-1, 9)
         # Σ w [b]× [b]×ᵀ about the centroid: less that of the centroid itself, a·a 1 − a aᵀ.
         own = (
             np.einsum("ki,ki->k", centroid, centroid)[:, None, None] * np.eye(3)
             - centroid[:, :, None] * centroid[:, None]
         )
-        turn = (w @ squares).reshape(-1, 3, 3) - total[:, None, None] * own
+        turn = turn_information(w, arms) - total[:, None, None] * own
         # c_k is the centroid's image less R_k times the centroid: the rotation acts on both together.
         arm, C = offset + centroid, symmetric_inverses(turn)
         # tr([a]× C [a]×ᵀ) = a·a tr C − a·C a

@@ -48,12 +48,13 @@ class Equations:
 
         known: information on y from elsewhere.
         """
-        blind = blind_directions(self.matrix, self.sizes)
+        matrix = self.matrix + known
+        blind = blind_directions(matrix, self.sizes)
         lengths = path.lengths(blind[RATE_AND_INERTIA:])
         usual = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
         moving = lengths > 1e-6 * usual  # the others are of rate and inertia alone
         spread = np.where(moving, reach / np.where(moving, lengths, 1.0), 0.0)
-        return np.asarray(symmetric_pseudo_inverse(self.matrix + known, self.sizes) + (blind * spread**2) @ blind.T)
+        return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (blind * spread**2) @ blind.T)
 
     def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
         """Of the centroid of some features from the centre of mass, in axes that they hold: (3, 3), and with y (3, q).

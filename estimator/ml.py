@@ -85,6 +85,10 @@ class _Prior:
         """From what is expected, (q,)."""
         return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), x - self.x0])
 
+    def cost(self, departure: FloatArray) -> float:
+        """What a departure (q,) costs besides the sightings' squares."""
+        return float(departure @ self.information @ departure)
+
 
 def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
     """The centre of mass by maximum likelihood.
@@ -187,7 +191,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     while not converged and rounds < ROUNDS:
         rounds += 1
         matrix, side = found.matrix + prior.information, found.side - prior.information @ departure
-        cost = found.cost + float(departure @ prior.information @ departure)
+        cost = found.cost + prior.cost(departure)
         accepted = False
         while not accepted and damping < 1e10:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ side
@@ -195,11 +199,9 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
             if turned.possible:
                 moved = x + change[RATE_AND_INERTIA:]
                 new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
-                trial, off = (
-                    equations(sightings, new_motion, sampled, new_origin, found.points),
-                    prior.departure(turned, moved),
-                )
-                accepted = trial.cost + float(off @ prior.information @ off) <= cost * (1 + 1e-12)
+                trial = equations(sightings, new_motion, sampled, new_origin, found.points)
+                off = prior.departure(turned, moved)
+                accepted = trial.cost + prior.cost(off) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
         if not accepted:
             break

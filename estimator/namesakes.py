@@ -28,14 +28,15 @@ def told_apart(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivo
         points = _points_of(feature, pivot)
         nearest = _nearest_holder(feature, pivot, len(tracks.time))
         for number in range(max(points.values()) + 1):
+            holders = [index for index, point in points.items() if point == number]
+            mask, column = np.isin(nearest, holders), len(source) if number else feature
             if number:
                 numbered = (f"{tracks.labels[feature]} ({k})" for k in count(number + 1))
                 labels.append(next(label for label in numbered if label not in labels))
                 source.append(feature)
-                kept.append(np.empty(0, dtype=bool))
-            column = len(source) - 1 if number else feature
-            holders = [index for index, point in points.items() if point == number]
-            kept[column] = np.isin(nearest, holders)
+                kept.append(mask)
+            else:
+                kept[feature] = mask
             for index in holders:
                 columns[index][pivot.bodies[index].features == feature] = column
     return _in_columns(tracks, pivot, labels, np.array(source), np.stack(kept, axis=1), columns)
@@ -77,9 +78,9 @@ def _in_columns(
 ) -> tuple[FeatureTracks, Pivot]:
     """Both, with the columns `source` of the sightings that are kept (n, m'), and features renumbered as `columns`."""
     position = np.where(kept[..., None], tracks.position[:, source], np.nan)
-    covariance = None if tracks.covariance is None else tracks.covariance[:, source]
+    covariance = tracks.covariance
     if covariance is not None:
-        covariance = np.where(kept[..., None, None], covariance, np.nan)
+        covariance = np.where(kept[..., None, None], covariance[:, source], np.nan)
     bodies = [replace(body, features=own) for body, own in zip(pivot.bodies, columns, strict=True)]
     posed = [replace(one, body=replace(one.body, features=own)) for one, own in zip(pivot.posed, columns, strict=True)]
     sightings = pivot.sightings.features(source)

@@ -113,8 +113,7 @@ def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, point
     residual = (sightings.position - origin[:, None]) @ attitude - points
     if sightings.precision is None:
         weighted = w[:, :, None] * residual
-        squares = np.einsum("mij,mkj->mik", arms, arms)
-        turn = (w @ squares.reshape(m, 9)).reshape(n, 3, 3)
+        turn = turn_information(w, arms)
         turn_shift = (w @ arms.reshape(m, 9)).reshape(n, 3, 3)
         shift = w.sum(axis=1)[:, None, None] * np.eye(3)
         point = w.sum(axis=0)[:, None, None] * np.eye(3)
@@ -147,14 +146,19 @@ def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, point
 def best_turned(sightings: Sightings, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> FloatArray:
     """The attitudes (n, 3, 3) after one Newton step at given points and origin, arguments as those of `pieces`."""
     if sightings.precision is None:
-        squares = np.einsum("mij,mkj->mik", *2 * [cross_matrices(points)])
-        turn = (sightings.weight @ squares.reshape(-1, 9)).reshape(-1, 3, 3)
+        turn = turn_information(sightings.weight, cross_matrices(points))
         weighted = sightings.weight[:, :, None] * (sightings.position - origin[:, None])
         side = _cross_sums((points.T @ weighted) @ attitude)
     else:
         found = pieces(sightings, attitude, origin, points)
         turn, side = found.turn, found.turn_side
     return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ side[:, :, None])[:, :, 0]))
+
+
+def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:
+    """Σ w [b]× [b]×ᵀ of each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
+    squares = np.einsum("mij,mkj->mik", arms, arms)
+    return np.asarray((weight @ squares.reshape(-1, 9)).reshape(-1, 3, 3))
 
 
 def _cross_sums(moments: FloatArray) -> FloatArray:

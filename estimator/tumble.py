@@ -16,7 +16,7 @@ from baryscope.estimator.algebra import symmetric_pseudo_inverse
 from baryscope.estimator.bundle import Body
 from baryscope.estimator.robust import MEDIAN
 from baryscope.estimator.rotation import RATE_AND_INERTIA, Rotation, exp_rotation, log_rotation
-from baryscope.estimator.sightings import Sightings, cross_matrices
+from baryscope.estimator.sightings import Sightings, cross_matrices, turn_information
 from baryscope.models.errors import ComputationError
 from baryscope.models.scenario import Orbit
 
@@ -99,7 +99,7 @@ def _poses(bodies: tuple[Body, ...], sightings: Sightings, variance: float, time
         own = sightings.features(body.features).frames(frames)
         arms = cross_matrices(body.points)
         if own.precision is None:
-            information = np.einsum("km,mij,mlj->kil", own.weight, arms, arms, optimize=True)
+            information = turn_information(own.weight, arms)
         else:
             R = attitude[:, None]
             P = own.weight[:, :, None, None] * (np.swapaxes(R, 2, 3) @ own.precision @ R)
