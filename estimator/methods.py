@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from baryscope.estimator import screw_gpa, screw_ls, screw_raw
-from baryscope.estimator.ekf import estimate_by_filter
-from baryscope.estimator.ml import estimate_by_likelihood
+from baryscope.estimator.ekf.method import estimate_by_filter
+from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
-from baryscope.estimator.pivot import estimate_by_pivot
+from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.score import estimate_by_score
-from baryscope.estimator.screw_pipeline import ScrewFunction, estimate_by_screws
+from baryscope.estimator.screws import gpa, least_squares, raw
+from baryscope.estimator.screws.pipeline import ScrewFunction, estimate_by_screws
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Orbit
@@ -44,9 +44,9 @@ def _by_screws(name: str, summary: str, screws: ScrewFunction) -> Method:
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
-        _by_screws("screw-raw", "three-point Reuleaux on raw points", screw_raw.screws),
-        _by_screws("screw-ls", "least-squares screws of all features (CasADi)", screw_ls.screws),
-        _by_screws("screw-gpa", "screws of Procrustes-registered poses, as published", screw_gpa.screws),
+        _by_screws("screw-raw", "three-point Reuleaux on raw points", raw.screws),
+        _by_screws("screw-ls", "least-squares screws of all features (CasADi)", least_squares.screws),
+        _by_screws("screw-gpa", "screws of Procrustes-registered poses, as published", gpa.screws),
         Method(
             "pivot", "drifting pivot: least squares of path and points, attitudes free", PathOptions, estimate_by_pivot
         ),

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from baryscope.estimator.fit import HIGHEST_DEGREE
-from baryscope.estimator.procrustes import Reference
+from baryscope.estimator.registration.procrustes import Reference
+from baryscope.estimator.screws.polynomial import HIGHEST_DEGREE
 from baryscope.models.errors import InputError
 
 Axes = Literal["inertial", "lvlh"]

@@ -11,12 +11,12 @@ import time as clock
 
 import numpy as np
 
-from baryscope.estimator.algebra import symmetric_pseudo_inverse
-from baryscope.estimator.assessment import Cluster, assessed
-from baryscope.estimator.bodies import PosedBody, find_bodies
+from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
+from baryscope.estimator.adjustment.reweighting import FAINT, screen
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.registration.clusters import PosedBody, find_bodies
 from baryscope.estimator.result import Estimate
-from baryscope.estimator.robust import FAINT, screen
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import Axes, Noise, Options, Torque
-from baryscope.estimator.procrustes import Reference
+from baryscope.estimator.registration.procrustes import Reference
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError

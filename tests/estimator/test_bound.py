@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.bound import cramer_rao_bound
-from baryscope.estimator.rotation import INERTIA_BASIS
+from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import (
     Chaser,

@@ -5,10 +5,10 @@ import pytest
 from scipy.linalg import lstsq
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.bodies import PosedBody, find_bodies
-from baryscope.estimator.bundle import Body
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.clusters import PosedBody, find_bodies
 from baryscope.estimator.score import solve_score
 from baryscope.models.errors import ComputationError, InputError
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.bound import cramer_rao_bound
-from baryscope.estimator.rotation import Rotation as Tumbling
+from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
 from baryscope.models.scenario import Chaser, FeaturePoint, Features, Run, Scenario, Sensor, Target
 from free_paths import (
     BOTH,

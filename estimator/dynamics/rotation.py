@@ -1,0 +1,323 @@
+"""How the target turns by Euler's equation, and how that depends on its rate and inertia at an epoch.
+
+The motion is integrated from an epoch to evenly spaced nodes by a step of order 8 (Dormand and Prince; the tableau is
+scipy's). Only the state goes from node to node; how the end of a step depends on its start is then evaluated for all
+steps at once, and chained. Between nodes the attitude is a quintic and its sensitivity a cubic Hermite polynomial, so
+that tracks of any sampling cost no integration of their own.
+
+Only the ratios of the inertia's elements can be seen: J has the trace 1 here. Its five degrees of freedom are the
+coefficients of INERTIA_BASIS, the symmetric matrices without trace.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
+from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
+from baryscope.models.columns import ColumnFunction
+from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
+from baryscope.models.keplerian import Ellipse, conic, true_anomaly_after
+from baryscope.models.scenario import Orbit, orbit_parameters
+
+FloatArray = NDArray[np.float64]
+
+TURN = 0.5  # rad from node to node: leaves some 1e-8 rad to the interpolation, less to the steps
+CHUNK = 32  # steps in one call of the compiled function
+SLENDER = 1e-3  # least principal moment, over the trace, of an inertia that an estimate may have
+RATE_AND_INERTIA = 8  # the unknowns of a rotation: three of the rate at the epoch, five of the inertia
+
+_HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
+INERTIA_BASIS = np.array(
+    [
+        np.diag([_HALF, -_HALF, 0.0]),
+        np.diag([_SIXTH, _SIXTH, -2 * _SIXTH]),
+        [[0, _HALF, 0], [_HALF, 0, 0], [0, 0, 0]],
+        [[0, 0, _HALF], [0, 0, 0], [_HALF, 0, 0]],
+        [[0, 0, 0], [0, 0, _HALF], [0, _HALF, 0]],
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Rotation:
+    """The rotational state at an epoch: attitude R_C_B (3, 3), rate (3,) in rad/s in B, inertia (3, 3) of trace 1.
+
+    orbit: the target's, where its gravity gradient turns it; None for a body without torque.
+    """
+
+    epoch: float
+    attitude: FloatArray
+    rate: FloatArray
+    inertia: FloatArray
+    orbit: Orbit | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inertia", self.inertia / np.trace(self.inertia))
+
+    def changed(self, turn: FloatArray, change: FloatArray) -> "Rotation":
+        """With the attitude turned by the small rotation vector `turn` (3,) in B, rate and inertia changed by (8,)."""
+        inertia = self.inertia + np.tensordot(change[3:], INERTIA_BASIS, 1)
+        return Rotation(self.epoch, self.attitude @ exp_rotation(turn), self.rate + change[:3], inertia, self.orbit)
+
+    @property
+    def possible(self) -> bool:
+        """Whether the inertia is positive definite, and no less so than that of a rod 27 times as long as thick."""
+        return bool(np.linalg.eigvalsh(self.inertia)[0] > SLENDER)
+
+    def at(self, time: FloatArray) -> "Attitudes":
+        """Attitude, rate and sensitivities at times (n,) in s, in any order."""
+        nodes = _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
+        return nodes.between(time)
+
+
+@dataclass(frozen=True, eq=False)
+class Attitudes:
+    """The rotation at n times: attitude (n, 3, 3) R_C_B, rate (n, 3) rad/s in B.
+
+    turn (n, 3, 8): the rotation vector in B that a change of rate and inertia at the epoch brings about.
+    The attitude at the epoch is not among these; a turn by φ there turns all later ones by R(t)ᵀ R(epoch) φ.
+    """
+
+    attitude: FloatArray
+    rate: FloatArray
+    turn: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Nodes:
+    time: FloatArray  # (k,) evenly spaced, rising
+    quaternion: FloatArray  # (k, 4) R_C_B, scalar first, without jumps of sign
+    rate: FloatArray  # (k, 3)
+    acceleration: FloatArray  # (k, 3)
+    turn: FloatArray  # (k, 3, 8) in C
+    turn_rate: FloatArray  # (k, 3, 8) in C
+
+    def between(self, time: FloatArray) -> Attitudes:
+        h = self.time[1] - self.time[0]
+        left = np.clip(((time - self.time[0]) / h).astype(np.intp), 0, len(self.time) - 2)
+        s = (time - self.time[left]) / h
+        q, q1, q2 = _quaternion_derivatives(self.quaternion, self.rate, self.acceleration)
+        quaternion = _quintic(s, left, q, h * q1, h * h * q2)
+        quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+        attitude = matrix_from_quaternion(quaternion)
+        rate = _cubic(s, left, self.rate, h * self.acceleration)
+        k = len(self.time)
+        turn_C = _cubic(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1))
+        turn = np.swapaxes(attitude, 1, 2) @ turn_C.reshape(len(time), 3, RATE_AND_INERTIA)
+        return Attitudes(attitude, rate, turn)
+
+
+def _quaternion_derivatives(
+    q: FloatArray, rate: FloatArray, acceleration: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """q, q̇ = ½ q ⊗ ω and q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q."""
+    first = 0.5 * quaternion_times_vector(q, rate)
+    second = 0.5 * quaternion_times_vector(q, acceleration) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
+    return q, first, second
+
+
+def quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
+    """q ⊗ (0, v), quaternions (n, 4) scalar first, vectors (n, 3)."""
+    scalar = -np.einsum("ni,ni->n", q[:, 1:], v)
+    return np.column_stack([scalar, q[:, :1] * v + np.cross(q[:, 1:], v)])
+
+
+def _cubic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArray) -> FloatArray:
+    """Hermite's cubic from values and derivatives (per interval) at nodes left and left + 1, s from 0 to 1 between."""
+    s = s[:, None]
+    s2, s3 = s * s, s * s * s
+    h01 = 3 * s2 - 2 * s3
+    value: FloatArray = (1 - h01) * f[left] + h01 * f[left + 1]
+    value += (s - 2 * s2 + s3) * df[left] + (s3 - s2) * df[left + 1]
+    return value
+
+
+def _quintic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArray, ddf: FloatArray) -> FloatArray:
+    """Hermite's quintic from values, first and second derivatives."""
+    s = s[:, None]
+    s2, s3 = s * s, s * s * s
+    s4, s5 = s2 * s2, s2 * s3
+    h0 = 10 * s3 - 15 * s4 + 6 * s5
+    value: FloatArray = (1 - h0) * f[left] + h0 * f[left + 1]
+    value += (s - 6 * s3 + 8 * s4 - 3 * s5) * df[left] + (-4 * s3 + 7 * s4 - 3 * s5) * df[left + 1]
+    value += 0.5 * (s2 - 3 * s3 + 3 * s4 - s5) * ddf[left] + 0.5 * (s3 - 2 * s4 + s5) * ddf[left + 1]
+    return value
+
+
+def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
+    """Integrate from the epoch to nodes that cover begin … end."""
+    fastest = _highest_rate(start)
+    h = TURN / fastest if fastest > 0 else np.inf
+    before = max(int(np.ceil((start.epoch - begin) / h)), 0)
+    after = max(int(np.ceil((end - start.epoch) / h)), 1)
+    h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
+    constants, pulled = _constants(start), start.orbit is not None
+    back, forth = _march(start, constants, -h, before), _march(start, constants, h, after)
+    sizes = np.repeat([-h, h], [before, after])[None]
+    steps = _sensitivity_step(pulled)(np.hstack([back[:, :-1], forth[:, :-1]]), sizes, constants)
+    states = np.hstack([back[:, :0:-1], forth])
+    sensitivity = np.concatenate([_chained(steps[:before])[:0:-1], _chained(steps[before:])])
+    R = matrix_from_quaternion(states[:4].T / np.linalg.norm(states[:4], axis=0)[:, None])
+    return _Nodes(
+        start.epoch + h * np.arange(-before, after + 1, dtype=np.float64),
+        states[:4].T,
+        states[4:7].T,
+        _rate_columns(pulled)(states, constants)[:, 4:7],
+        sensitivity[:, :3],
+        R @ sensitivity[:, 3:],
+    )
+
+
+def _highest_rate(start: Rotation) -> float:
+    """A bound in rad/s of how fast anything turns: of ‖ω‖ from the kinetic energy, and of the orbit."""
+    J, w = start.inertia, start.rate
+    lowest = max(float(np.linalg.eigvalsh(J)[0]), 1e-6)
+    rate = float(np.sqrt(max(float(w @ J @ w), 0.0) / lowest))
+    return rate if start.orbit is None else rate + 2 * start.orbit.highest_rate
+
+
+def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:
+    """States (8, steps + 1), the epoch first."""
+    advance = _advance(start.orbit is not None)
+    states = np.empty((8, steps + 1))
+    states[:, 0] = [*quaternion_from_matrix(start.attitude[None])[0], *start.rate, _true_anomaly(start)]
+    for first in range(0, steps, CHUNK):
+        length = min(CHUNK, steps - first)
+        sizes = np.zeros(CHUNK)
+        sizes[:length] = h
+        found = np.asarray(advance(states[:, first], sizes[None, :], constants))
+        states[:, first + 1 : first + 1 + length] = found[:, :length]
+    return states
+
+
+def _chained(steps: FloatArray) -> FloatArray:
+    """From the sensitivities of k steps, (k, 6, 11), those to rate and inertia at the epoch, (k + 1, 6, 8)."""
+    known = np.zeros((len(steps) + 1, 11, RATE_AND_INERTIA))
+    known[0, 3:6, :3] = np.eye(3)
+    known[:, 6:, 3:] = np.eye(5)
+    for before, step, after in zip(known, steps, known[1:, :6], strict=False):
+        np.matmul(step, before, out=after)
+    return known[:, :6]
+
+
+def _constants(start: Rotation) -> FloatArray:
+    """The inertia's columns, then what the orbit needs."""
+    if start.orbit is None:
+        return start.inertia.T.ravel()
+    return np.concatenate([start.inertia.T.ravel(), list(orbit_parameters(start.orbit).values())])
+
+
+def _true_anomaly(start: Rotation) -> float:
+    return 0.0 if start.orbit is None else float(_anomaly_function()(start.epoch, _constants(start)[9:]))
+
+
+@cache
+def _anomaly_function() -> ca.Function:
+    time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
+    a, e, _, _, _, anomaly0, mu = ca.vertsplit(elements)
+    return ca.Function("anomaly", [time, elements], [true_anomaly_after(time, a, e, mu, anomaly0)])
+
+
+@cache
+def _rate_columns(pulled: bool) -> ColumnFunction:
+    """(x, constants) → ẋ."""
+    x, _, c = _symbols(pulled)
+    return ColumnFunction("rates", [x, c], _rates(x, c, pulled))
+
+
+@cache
+def _advance(pulled: bool) -> ca.Function:
+    """CHUNK steps of the state, (x, sizes, constants) → states."""
+    x, h, c = _symbols(pulled)
+    after = _step(lambda state: _rates(state, c, pulled), x, h)
+    return ca.Function("advance", [x, h, c], [after], {"cse": True}).mapaccum(CHUNK)
+
+
+@cache
+def _sensitivity_step(pulled: bool) -> ColumnFunction:
+    """(x, size, constants) → how turn and rate after a step depend on turn, rate and inertia before it, (6, 11).
+
+    A turn is a small rotation vector in C.
+    """
+    x, h, c = _symbols(pulled)
+    linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, pulled)])
+    inertia = ca.horzcat(ca.SX(5, 6), ca.SX.eye(5))
+
+    def rates(state: ca.SX) -> ca.SX:
+        sensitivity = ca.vertcat(ca.reshape(state[8:], 6, 11), inertia)
+        return ca.vertcat(_rates(state[:8], c, pulled), ca.vec(linear(state[:8], c) @ sensitivity))
+
+    after = _step(rates, ca.vertcat(x, ca.vec(ca.SX.eye(11)[:6, :])), h)
+    return ColumnFunction("sensitivity", [x, h, c], ca.reshape(after[8:], 6, 11))
+
+
+def _symbols(pulled: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """State, size of a step, constants."""
+    return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if pulled else 9)
+
+
+def _linearised_rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
+    """How the rates of turn and angular rate depend on turn, angular rate and inertia, (6, 11)."""
+    q, w = x[:4], x[4:7]
+    turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
+    turned = ca.vertcat(_product(ca.vertcat(1, turn / 2), q), x[4:])
+    inertia = c[:9] + ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change
+    acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), pulled)[4:7]
+    rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
+    linear = ca.jacobian(rates, ca.vertcat(turn, w, change))
+    return ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
+
+
+def _rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
+    q, w, anomaly = x[:4], x[4:7], x[7]
+    J = ca.reshape(c[:9], 3, 3)
+    torque, anomaly_rate = ca.SX(3, 1), ca.SX(0)
+    if pulled:
+        a, e, inclination, raan, periapsis, _, mu = ca.vertsplit(c[9:])
+        place = conic(Ellipse.of(a, e, mu), anomaly)
+        R_I_L = rotation_I_L(rotation_I_P(raan, inclination, periapsis), anomaly)
+        torque = gravity_gradient_torque(J, rotation_from_quaternion(q).T @ R_I_L[:, 0], place.stiffness)
+        anomaly_rate = place.anomaly_rate
+    return ca.vertcat(quaternion_rate(q, w), angular_acceleration(J, symmetric_inverse(J), w, torque), anomaly_rate)
+
+
+def _step(rates: Callable[[ca.SX], ca.SX], x: ca.SX, h: ca.SX) -> ca.SX:
+    """One step of the eighth-order formula of Dormand and Prince (Hairer, Nørsett, Wanner 1993, DOP853)."""
+    slopes: list[ca.SX] = []
+    for row in DOP853.A:
+        slopes.append(rates(_moved(x, h, row, slopes)))
+    return _moved(x, h, DOP853.B, slopes)
+
+
+def _moved(x: ca.SX, h: ca.SX, weights: FloatArray, slopes: list[ca.SX]) -> ca.SX:
+    """x + h Σ weight · slope; products of h and a weight are the same at all points."""
+    return sum((h * weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight), x)
+
+
+def _product(p: ca.SX, q: ca.SX) -> ca.SX:
+    """The quaternion product p ⊗ q, scalar first."""
+    return ca.vertcat(p[0] * q[0] - ca.dot(p[1:], q[1:]), p[0] * q[1:] + q[0] * p[1:] + ca.cross(p[1:], q[1:]))
+
+
+def exp_rotation(vector: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    flat = np.atleast_2d(vector).reshape(-1, 3)
+    half = 0.5 * np.linalg.norm(flat, axis=1)
+    # sin(a)/a without a division by zero
+    quaternion = np.column_stack([np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * flat])
+    return matrix_from_quaternion(quaternion).reshape(*vector.shape, 3)
+
+
+def log_rotation(matrix: FloatArray) -> FloatArray:
+    """Rotation vectors (n, 3) in rad of rotation matrices (n, 3, 3), of angles up to π."""
+    q = quaternion_from_matrix(matrix)
+    q = np.where(q[:, :1] < 0, -q, q)
+    sine = np.linalg.norm(q[:, 1:], axis=1)
+    angle = 2 * np.arctan2(sine, q[:, 0])
+    return np.asarray(np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)[:, None] * q[:, 1:])

@@ -1,0 +1,149 @@
+"""What the passes of `ekf` start from: the first from the first frames, the others from where the last one led."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN
+from baryscope.estimator.adjustment.stereo import moved_to
+from baryscope.estimator.ekf.filter import Run
+from baryscope.estimator.ekf.motion import ROTATION, span_of
+from baryscope.estimator.ekf.smoother import SmoothedPath
+from baryscope.estimator.ekf.start import Start
+from baryscope.estimator.ekf.state import Measured
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.scenario import Orbit
+
+WIDER = 10.0  # times the deviations that the last pass gave, to start the next one with
+FAR = 3.0  # radii of the features, one deviation of the centre of mass from their centroid at first
+SHAPELESS = 0.5  # deviation of the inertia's logarithms at first
+EXACT = 1e-5  # radii of the features, that a sighting is taken to be uncertain by at least
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The tracks, what is known beside them, and where to start.
+
+    on_orbit: whether the path is free relative motion; degree: its derivative that is constant or noisy;
+    sightings as they are given, with their precision if there is one; believed (n, m): those whose distances fit.
+    """
+
+    tracks: FeatureTracks
+    orbit: Orbit | None
+    options: PathOptions
+    on_orbit: bool
+    degree: int | None
+    believed: BoolArray
+    sightings: Sightings
+    start: Start
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """What a pass starts from.
+
+    nominal: the chaser's (ρ, ρ̇) in LVLH that an orbit's process is about, m and m/s; u (p,) of the path and its
+    covariance; inertia and its errors' covariance (5, 5); measured; scale: factor of covariances, or variance in m².
+    """
+
+    nominal: FloatArray
+    u: FloatArray
+    covariance: FloatArray
+    inertia: FloatArray
+    inertia_covariance: FloatArray
+    measured: Measured
+    scale: float
+
+
+def first_guess(problem: Problem) -> Guess:
+    """The features' centroid for the centre of mass, at rest, and a sphere for the inertia: hardly anything."""
+    start, orbit = problem.start, problem.orbit
+    size = 2 if problem.on_orbit else 4 if problem.degree is None else problem.degree + 1
+    nominal = np.zeros(6)
+    if problem.on_orbit and orbit is not None:
+        R_I_L = lvlh_attitude(orbit, problem.tracks.time[start.frame : start.frame + 1])[0]
+        nominal[:3] = -R_I_L.T @ start.centroid
+    scale = _first_scale(problem)
+    return Guess(
+        nominal,
+        np.zeros(3 * size),
+        _first_covariance(problem, size),
+        np.eye(3) / 3,
+        SHAPELESS**2 * np.eye(5),
+        _measured(problem, problem.sightings, scale),
+        scale,
+    )
+
+
+def _first_covariance(problem: Problem, size: int) -> FloatArray:
+    """Of the path's u, where only the features' centroid is known, and how fast it moves."""
+    span = span_of(problem.tracks.time)
+    deviation = np.repeat([FAR * problem.start.radius, *[problem.start.speed * span] * (size - 1)], 3)
+    return np.diag(deviation**2)
+
+
+def _first_scale(problem: Problem) -> float:
+    """The variance of a coordinate, or the factor of the given covariances: as told, or as registration shows it."""
+    if problem.options.sigma is not None:
+        return problem.options.sigma**2
+    noise = max(problem.start.noise, EXACT * problem.start.radius)
+    if problem.tracks.covariance is None:
+        return noise**2
+    given = np.trace(problem.tracks.covariance[problem.believed], axis1=1, axis2=2)
+    return noise**2 / float(np.median(given)) * 3
+
+
+def _measured(problem: Problem, sightings: Sightings, scale: float) -> Measured:
+    tracks = problem.tracks
+    if sightings.precision is None:
+        covariance = np.broadcast_to(scale * np.eye(3), (*tracks.seen.shape, 3, 3))
+    else:
+        covariance = np.asarray(scale * np.linalg.inv(sightings.precision))
+    return Measured(sightings.position, covariance, problem.believed)
+
+
+def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, order: int) -> Guess:
+    """Where a pass led, WIDER but not wider than at first: a hundredth of what it tells is told twice."""
+    frame, state = problem.start.frame, run.state
+    p, used = len(last.u), 3 * (order + 1)
+    u, nominal = path.u[frame], last.nominal
+    covariance = _first_covariance(problem, p // 3)
+    if np.trace(path.covariance[frame, :3, :3]) < np.trace(covariance[:3, :3]):
+        covariance[:used, :used] = _capped(WIDER**2 * path.covariance[frame, :used, :used], covariance[:used, :used])
+    else:  # a noisy path that was carried back over a long time tells nothing
+        u, covariance = last.u, last.covariance
+    if problem.on_orbit:
+        nominal = nominal + np.concatenate([u[:3], u[3:] / span_of(problem.tracks.time)])
+        u = np.zeros(6)
+    inertia = state.inertia[0] / np.trace(state.inertia[0])
+    of_inertia = state.covariance[0, p + 6 : p + ROTATION, p + 6 : p + ROTATION]
+    scale, sightings = last.scale, problem.sightings
+    if problem.options.sigma is None:
+        squares = run.squares[0]
+        scale *= float(np.median(squares[squares < GATE])) / MEDIAN
+        scale = max(scale, _least_scale(problem))
+    if sightings.precision is not None and problem.options.noise == "stereo":
+        foretold = run.foretold[0]
+        sightings = moved_to(sightings, sightings, np.where(np.isfinite(foretold), foretold, sightings.position))
+    return Guess(
+        nominal,
+        u,
+        covariance,
+        inertia,
+        _capped(WIDER**2 * of_inertia, SHAPELESS**2 * np.eye(5)),
+        _measured(problem, sightings, scale),
+        scale,
+    )
+
+
+def _least_scale(problem: Problem) -> float:
+    return (EXACT * problem.start.radius) ** 2 if problem.tracks.covariance is None else 0.0
+
+
+def _capped(covariance: FloatArray, most: FloatArray) -> FloatArray:
+    """A covariance below both: (A⁻¹ + B⁻¹)⁻¹ = A (A + B)⁻¹ B."""
+    found = covariance @ np.linalg.solve(covariance + most, most)
+    return np.asarray(0.5 * (found + found.T))

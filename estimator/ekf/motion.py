@@ -1,0 +1,208 @@
+"""How the state of `ekf` moves from frame to frame: the path's linear processes and the target's free rotation."""
+
+from dataclasses import dataclass
+from functools import cache
+from math import comb
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
+from baryscope.estimator.ekf.columns import Columns
+from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
+from baryscope.models.columns import ColumnFunction
+from baryscope.models.frames import quaternion_rate, rotation_from_quaternion
+from baryscope.models.keplerian import Ellipse, conic, true_anomaly_after
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.relative_orbit import relative_path, relative_transition
+from baryscope.models.scenario import Orbit, orbit_parameters
+
+FloatArray = NDArray[np.float64]
+
+TURN = 0.1  # rad in a step of the rotation's integration: leaves 1e-7 rad, and 1e-4 of the errors' growth
+MOST = 4.0  # that logarithms of the inertia may change by at once
+ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
+
+
+@dataclass(frozen=True, eq=False)
+class PathProcess:
+    """A path of the centre of mass as a linear process u_{k+1} = Φ_k u_k + w_k, seen in C at nominal_k + H_k u_k.
+
+    nominal (n, 3) in m; observed (n, 3, p): H; transition (n - 1, p, p): Φ. All components of u are in m.
+    """
+
+    nominal: FloatArray
+    observed: FloatArray
+    transition: FloatArray
+
+    def until(self, stop: int) -> "PathProcess":
+        """That of the first frames."""
+        return PathProcess(self.nominal[:stop], self.observed[:stop], self.transition[: stop - 1])
+
+
+def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: FloatArray, epoch: float) -> PathProcess:
+    """Relative motion about the exact one from ρ (3,), m, and ρ̇ (3,), m/s, at the epoch.
+
+    u is the chaser's deviation (δρ, T δρ̇) in LVLH, T the span of the time; its transition is Yamanaka's and
+    Ankersen's, so that what is left out is of the order |ρ| |δρ|/r.
+    """
+    span = span_of(time)
+    R_I_L = lvlh_attitude(orbit, time)
+    rho = relative_path(orbit, np.concatenate([rho_L, drift_L]), time, epoch)[:, :3]
+    scale = np.repeat([1.0, span], 3)
+    whole = relative_transition(orbit, time, epoch) * (scale[:, None] / scale)
+    return PathProcess(
+        -(R_I_L @ rho[:, :, None])[:, :, 0],
+        np.concatenate([-R_I_L, np.zeros_like(R_I_L)], axis=2),
+        whole[1:] @ np.linalg.inv(whole[:-1]),
+    )
+
+
+def derivatives(size: int, time: FloatArray, origin: FloatArray) -> PathProcess:
+    """A path in C whose derivatives from that of the order `size` on are noise or zero; origin (3,) in m.
+
+    u holds T^j/j! times the j-th derivative of the position less origin, j < size, T the span of the time.
+    """
+    span = span_of(time)
+    steps = np.diff(time) / span
+    transition = np.zeros((len(steps), size, size))
+    for i in range(size):
+        for j in range(i, size):
+            transition[:, i, j] = comb(j, i) * steps ** (j - i)
+    observed = np.kron(np.eye(1, size), np.eye(3))
+    return PathProcess(
+        np.tile(origin, (len(time), 1)),
+        np.tile(observed, (len(time), 1, 1)),
+        np.kron(transition, np.eye(3)).astype(np.float64),
+    )
+
+
+def span_of(time: FloatArray) -> float:
+    """The span T of times (n,) in s; 1 where there is only one."""
+    return float(time[-1] - time[0]) or 1.0
+
+
+def white_noise(order: int, size: int, time: FloatArray) -> FloatArray:
+    """Covariance (n - 1, 3 size, 3 size), from frame to frame, of T^j/j! times the j-th derivatives, j < size.
+
+    The (order + 1)-th derivative is white noise, of the density that gives the position the variance 1 after T.
+    """
+    steps = np.diff(time) / span_of(time)
+    noise = np.zeros((len(steps), size, size))
+    for i in range(order + 1):
+        for j in range(order + 1):
+            power = 2 * order + 1 - i - j
+            noise[:, i, j] = (2 * order + 1) * comb(order, i) * comb(order, j) * steps**power / power
+    return np.asarray(np.kron(noise, np.eye(3)))
+
+
+def gravity_pull(orbit: Orbit, time: FloatArray) -> FloatArray:
+    """What the gravity gradient pulls by at times (n,): √(3 μ/r³) û, (n, 3), 1/s, û from the Earth up, in C."""
+    pull_L = _pull()(time[None, :], list(orbit_parameters(orbit).values()))
+    return np.asarray(lvlh_attitude(orbit, time)[:, :, 0] * pull_L)
+
+
+def rotated(
+    quaternion: FloatArray, rate: FloatArray, inertia: FloatArray, pull: FloatArray, step: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotation over `step` s, forth or back, of k bodies, free but for the gravity gradient.
+
+    Args:
+        quaternion: (k, 4) of R_C_B, scalar first.
+        rate: (k, 3), rad/s in B.
+        inertia: (k, 3, 3), in any unit.
+        pull: (k, 3), of the gravity gradient, 1/s in C, held over the step; 0 without.
+        step: s.
+
+    Returns:
+        quaternion and rate after it, and (k, 11, 11), how errors of turn, rate and inertia go on: the turn is a
+        rotation vector in B, and the inertia's errors δ make it A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J, E the INERTIA_BASIS.
+    """
+    k = len(quaternion)
+    fastest = float(np.sqrt((rate * rate).sum(axis=1).max()))
+    count = max(1, int(np.ceil(fastest * abs(step) / TURN))) if np.isfinite(fastest) else 1
+    constants = np.concatenate([inertia.reshape(k, 9), pull], axis=1)
+    advance = advance_of(k)
+    change = np.tile(np.eye(ROTATION), (k, 1, 1))
+    for _ in range(count):
+        values = advance(quaternion, rate, constants, step / count)
+        quaternion, rate = values[:, :4], values[:, 4:7]
+        change[:, :6] = values[:, 7:].reshape(k, 6, ROTATION) @ change
+    return quaternion, rate, change
+
+
+@cache
+def _pull() -> ColumnFunction:
+    """(time, elements) → √(3 μ/r³)."""
+    time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
+    a, e, _, _, _, anomaly0, mu = ca.vertsplit(elements)
+    place = conic(Ellipse.of(a, e, mu), true_anomaly_after(time, a, e, mu, anomaly0))
+    return ColumnFunction("pull", [time, elements], ca.sqrt(3 * place.stiffness))
+
+
+@cache
+def advance_of(k: int) -> Columns:
+    """One step of Runge and Kutta for k bodies: (q, ω, (J, pull), h) → q, ω, and how errors of these go on, (6, 11)."""
+    q, w, c, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("c", 12), ca.SX.sym("h")
+    J, pull_C = ca.reshape(c[:9], 3, 3), c[9:]
+    inverse = symmetric_inverse(J)
+
+    def acceleration(x: ca.SX) -> ca.SX:
+        torque = gravity_gradient_torque(J, rotation_from_quaternion(x[:4]).T @ pull_C, ca.SX(1 / 3))
+        return angular_acceleration(J, inverse, x[4:], torque)
+
+    def slope(x: ca.SX) -> ca.SX:
+        return ca.vertcat(quaternion_rate(x[:4], x[4:]), acceleration(x))
+
+    x = ca.vertcat(q, w)
+    k1 = slope(x)
+    k2 = slope(x + h / 2 * k1)
+    k3 = slope(x + h / 2 * k2)
+    k4 = slope(x + h * k3)
+    after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    middle = ca.SX.sym("middle", 7)
+    spun = acceleration(middle)
+    by_rate, by_inertia = (ca.substitute(ca.jacobian(spun, by), middle, x + h / 2 * k2) for by in (middle[4:], c[:9]))
+    root = ca.chol(J).T
+    heavier = ca.horzcat(*(ca.vec(root @ ca.DM(matrix) @ root.T) for matrix in INERTIA_BASIS))
+    turning = ca.horzcat(-ca.skew((w + after[4:]) / 2), ca.SX.eye(3), ca.SX(3, 5))
+    slopes = ca.vertcat(turning, ca.horzcat(ca.SX(3, 3), by_rate, by_inertia @ heavier), ca.SX(5, ROTATION))
+    # The exponential of the slope at the middle of the step, to the third order.
+    one = ca.SX.eye(ROTATION)
+    change = one + h * slopes @ (one + h / 2 * slopes @ (one + h / 3 * slopes))
+    found = ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:], ca.vec(change[:6, :].T))
+    return Columns(ca.Function("rotated", [q, w, c, h], [ca.densify(found)], {"cse": True}), k)
+
+
+@cache
+def changed_of(k: int) -> Columns:
+    """(q, ω, J, errors of turn, rate and inertia) → q, ω, J without these errors, for k bodies."""
+    q, w, J9, error = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("error", ROTATION)
+    root = ca.chol(ca.reshape(J9, 3, 3)).T
+    moved = error[6:] * ca.fmin(1, MOST / (ca.norm_2(error[6:]) + 1e-300))
+    matrix = sum((moved[i] * ca.DM(basis) for i, basis in enumerate(INERTIA_BASIS)), ca.SX(3, 3)) / 8
+    one = ca.SX.eye(3)
+    power = one + matrix @ (one + matrix / 2 @ (one + matrix / 3 @ (one + matrix / 4)))
+    for _ in range(2):
+        power = power @ power
+    heavier = root @ power
+    found = ca.vertcat(turned(q, error[:3]), w + error[3:6], ca.vec(heavier @ heavier.T))
+    return Columns(ca.Function("changed", [q, w, J9, error], [ca.densify(found)], {"cse": True}), k)
+
+
+@cache
+def attitude_of(k: int) -> Columns:
+    """(q, turn) → the matrix R_C_B, row by row, of k attitudes that are turned in B."""
+    q, turn = ca.SX.sym("q", 4), ca.SX.sym("turn", 3)
+    matrix = rotation_from_quaternion(turned(q, turn))
+    return Columns(ca.Function("attitude", [q, turn], [ca.densify(ca.vec(matrix.T))], {"cse": True}), k)
+
+
+def turned(q: ca.SX, turn: ca.SX) -> ca.SX:
+    """A quaternion, scalar first, turned by a rotation vector in B."""
+    half = ca.norm_2(turn) / 2 + 1e-150
+    sine = ca.sin(half) / half / 2 * turn
+    w, x, y, z = ca.vertsplit(q)
+    by = ca.vertcat(ca.horzcat(-x, -y, -z), ca.horzcat(w, -z, y), ca.horzcat(z, w, -x), ca.horzcat(-y, x, w))
+    return ca.cos(half) * q + by @ sine

@@ -1,0 +1,69 @@
+"""From the filter's last state back to the path at all times.
+
+Where the process has noise this is the disturbance smoother (de Jong 1989; Bryson and Frazier's adjoint), which equals
+Rauch's, Tung's and Striebel's and needs no inverse of a covariance: the last state is carried back, less the noise that
+the sightings after each step tell of. Without noise nothing is left but to carry it back.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from baryscope.estimator.ekf.filter import Trace
+from baryscope.estimator.ekf.motion import PathProcess
+from baryscope.estimator.ekf.state import State
+from baryscope.estimator.tracks import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedPath:
+    """u (n, p) and its covariance (n, p, p), and with it the position (n, 3) in C, m."""
+
+    process: PathProcess
+    u: FloatArray
+    covariance: FloatArray
+
+    @property
+    def position(self) -> FloatArray:
+        """The centre of mass in C, (n, 3)."""
+        return np.asarray(self.process.nominal + (self.process.observed @ self.u[:, :, None])[:, :, 0])
+
+    @property
+    def position_covariance(self) -> FloatArray:
+        """Its covariance (n, 3, 3), m²."""
+        H = self.process.observed
+        return np.asarray(H @ self.covariance @ np.swapaxes(H, 1, 2))
+
+
+def smoothed_path(
+    state: State, process: PathProcess, noise: FloatArray, first: int, traces: tuple[Trace, ...]
+) -> SmoothedPath:
+    """The path of the first member, carried back from the last frame.
+
+    noise (n - 1, p, p): covariance of the path's steps; traces: of the frames from `first` on, or none of them, and
+    then what a step's noise was stays unknown.
+    """
+    n, p = process.observed.shape[0], process.observed.shape[2]
+    u, covariance = np.empty((n, p)), np.empty((n, p, p))
+    u[-1], covariance[-1] = state.path[0], state.covariance[0, :p, :p]
+    s = state.covariance.shape[1]
+    side, information = np.zeros(s), np.zeros((s, s))
+    backwards = np.linalg.inv(process.transition)
+    for frame in range(n - 1, 0, -1):
+        Q, back = noise[frame - 1], backwards[frame - 1]
+        if traces and frame > first:
+            trace = traces[frame - first]
+            side = trace.follow.T @ side + trace.side
+            information = trace.follow.T @ information @ trace.follow + trace.information
+            known = trace.covariance @ information[:, :p] @ Q
+            before = covariance[frame] - Q - Q @ information[:p, :p] @ Q + known + known.T
+            u[frame - 1] = back @ (u[frame] - Q @ side[:p])
+            d = len(trace.moved)
+            side[:d] = trace.moved.T @ side[:d]
+            information[:d] = trace.moved.T @ information[:d]
+            information[:, :d] = information[:, :d] @ trace.moved
+        else:
+            before = covariance[frame] + Q
+            u[frame - 1] = back @ u[frame]
+        covariance[frame - 1] = back @ before @ back.T
+    return SmoothedPath(process, u, covariance)

@@ -1,0 +1,127 @@
+"""Normal equations of everything at once: a tumbling body whose centre of mass moves on a path, seen by its features.
+
+The unknowns y are the rate and inertia at the epoch (8) and the path's x; the attitude at the epoch holds the body's
+axes and is no unknown. The points b are linear given the rest and are eliminated (variable projection). At the truth
+the inverse of these normal equations is the Cramér–Rao bound, at the estimate its covariance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.observations import Pieces, Sightings, pieces
+from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes
+from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_pseudo_inverse
+from baryscope.estimator.pivot.free_attitudes import CHUNK_SIZE, offset_by_points
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The normal equations after the points are eliminated, for sightings whose weights are inverse variances.
+
+    matrix (q, q) and side (q,) of y = (rate and inertia, x), sizes (q,): the matrix's diagonal before; points (m, 3):
+    the best ones for this motion and path; squares (n, m): weighted squared residuals with these points;
+    point_inverse (m, 3, 3) and by_unknowns (3 m, q): how the points follow, b = b̂ − by_unknowns δy, with the covariance
+    point_inverse when y is known.
+    """
+
+    matrix: FloatArray
+    sizes: FloatArray
+    side: FloatArray
+    points: FloatArray
+    squares: FloatArray
+    point_inverse: FloatArray
+    by_unknowns: FloatArray
+
+    @property
+    def cost(self) -> float:
+        """The weighted sum of squared residuals."""
+        return float(self.squares.sum())
+
+    def covariance(self, path: SampledPath, reach: float, known: FloatArray | float = 0.0) -> FloatArray:
+        """Of y, (q, q), large where hardly anything is seen; what is not seen at all moves the path by reach.
+
+        known: information on y from elsewhere.
+        """
+        matrix = self.matrix + known
+        blind = blind_directions(matrix, self.sizes)
+        lengths = path.lengths(blind[RATE_AND_INERTIA:])
+        usual = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
+        moving = lengths > 1e-6 * usual  # the others are of rate and inertia alone
+        spread = np.where(moving, reach / np.where(moving, lengths, 1.0), 0.0)
+        return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (blind * spread**2) @ blind.T)
+
+    def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Of the centroid of some features from the centre of mass, in axes that they hold: (3, 3), and with y (3, q).
+
+        covariance (q, q) is that of y.
+        """
+        held = offset_by_points(self.points[features])
+        by_y = held @ self.by_unknowns.reshape(len(self.points), 3, -1)[features].reshape(3 * len(features), -1)
+        own = held.reshape(3, -1, 3).transpose(1, 0, 2)
+        alone = (own @ self.point_inverse[features] @ own.transpose(0, 2, 1)).sum(axis=0)
+        return np.asarray(alone + by_y @ covariance @ by_y.T), np.asarray(-by_y @ covariance)
+
+
+def equations(
+    sightings: Sightings, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
+) -> Equations:
+    """The equations at a motion and a path with positions `origin` (n, 3); points (m, 3) start the elimination."""
+    n, m = sightings.weight.shape
+    q = RATE_AND_INERTIA + path.jacobian.shape[2]
+    matrix, side, coupling = np.zeros((q, q)), np.zeros(q), np.zeros((q, 3 * m))
+    point, point_side = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    for part in _chunks(n, m, sightings.precision is not None):
+        found, turn, shift = _pieces_of(part, sightings, motion, path, origin, points)
+        moves = np.concatenate([turn, shift], axis=1)
+        blocks = np.concatenate(
+            [
+                np.concatenate([found.turn, found.turn_shift], axis=2),
+                np.concatenate([np.swapaxes(found.turn_shift, 1, 2), found.shift], axis=2),
+            ],
+            axis=1,
+        )
+        flat = moves.reshape(-1, q)
+        matrix += flat.T @ (blocks @ moves).reshape(-1, q)
+        side += flat.T @ np.concatenate([found.turn_side, found.shift_side], axis=1).ravel()
+        coupling += found.unknowns_points(turn, shift)
+        point += found.point
+        point_side += found.point_side
+    seen = np.trace(point, axis1=1, axis2=2) > 0
+    inverse = np.zeros_like(point)
+    inverse[seen] = np.linalg.inv(point[seen])
+    by_unknowns = np.einsum("mij,qmj->miq", inverse, coupling.reshape(q, m, 3)).reshape(3 * m, q)
+    change = np.einsum("mij,mj->mi", inverse, point_side)
+    best = points + change
+    sizes = np.diag(matrix).copy()
+    matrix -= coupling @ by_unknowns
+    side -= coupling @ change.ravel()
+    squares = np.empty((n, m))
+    for part in _chunks(n, m, sightings.precision is not None):
+        attitude = motion.attitude[part]
+        residual = sightings.position[part] - origin[part][:, None] - best @ np.swapaxes(attitude, 1, 2)
+        squares[part] = sightings.weight[part] * sightings.frames(part).squares(residual)
+    return Equations(matrix, sizes, side, best, squares, inverse, by_unknowns)
+
+
+def _pieces_of(
+    part: slice, sightings: Sightings, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
+) -> tuple[Pieces, FloatArray, FloatArray]:
+    """Pieces of some frames, and the turns and shifts (n, 3, q) of their poses by y."""
+    attitude = motion.attitude[part]
+    found = pieces(sightings.frames(part), attitude, origin[part], points)
+    own, p = motion.turn[part], path.jacobian.shape[2]
+    turn = np.concatenate([own, np.zeros((len(own), 3, p))], axis=2)
+    shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[part]
+    shift = np.concatenate([np.zeros_like(own), shift], axis=2)
+    return found, turn, shift
+
+
+def _chunks(n: int, m: int, full: bool) -> list[slice]:
+    size = max(64, CHUNK_SIZE // ((9 if full else 3) * m))
+    return [slice(first, first + size) for first in range(0, n, size)]

@@ -1,0 +1,93 @@
+"""Names that a tracker gave twice: features of one label that are different points in different bodies."""
+
+from dataclasses import replace
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.pivot.refinement import Pivot
+from baryscope.estimator.tracks import FeatureTracks
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+def told_apart(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivot]:
+    """The tracks and what `pivot` made of them, where each point has a column of its own.
+
+    The second point of a label F3 becomes F3 (2), and so on. Bodies whose tie by a feature was refused see different
+    points; a sighting outside all bodies is of the point of the nearest frame.
+    """
+    if not pivot.refused:
+        return tracks, pivot
+    labels, source = list(tracks.labels), list(range(len(tracks.labels)))
+    kept = [np.ones(len(tracks.time), dtype=bool) for _ in source]
+    columns = [body.features.copy() for body in pivot.bodies]
+    for feature in sorted({int(index) for tie in pivot.refused for index in tie.features}):
+        points = _points_of(feature, pivot)
+        nearest = _nearest_holder(feature, pivot, len(tracks.time))
+        for number in range(max(points.values()) + 1):
+            holders = [index for index, point in points.items() if point == number]
+            mask, column = np.isin(nearest, holders), len(source) if number else feature
+            if number:
+                numbered = (f"{tracks.labels[feature]} ({k})" for k in count(number + 1))
+                labels.append(next(label for label in numbered if label not in labels))
+                source.append(feature)
+                kept.append(mask)
+            else:
+                kept[feature] = mask
+            for index in holders:
+                columns[index][pivot.bodies[index].features == feature] = column
+    return _in_columns(tracks, pivot, labels, np.array(source), np.stack(kept, axis=1), columns)
+
+
+def _points_of(feature: int, pivot: Pivot) -> dict[int, int]:
+    """Which point, by number, each body that has the feature sees in it: that of the nearest before it that agrees."""
+    strangers = {tie.bodies for tie in pivot.refused if feature in tie.features}
+    found: dict[int, int] = {}
+    for index, body in enumerate(pivot.bodies):
+        if feature in body.features:
+            other = {number for before, number in found.items() if (before, index) in strangers}
+            same = [number for number in found.values() if number not in other]
+            found[index] = same[-1] if same else max(found.values(), default=-1) + 1
+    return found
+
+
+def _nearest_holder(feature: int, pivot: Pivot, frames: int) -> IntArray:
+    """The body with the feature that is seen nearest to each frame, (n,)."""
+    distance, holder = np.full(frames, np.inf), np.zeros(frames, dtype=np.intp)
+    for index, body in enumerate(pivot.bodies):
+        if feature not in body.features:
+            continue
+        right = np.searchsorted(body.frames, np.arange(frames)).clip(1, max(len(body.frames) - 1, 1))
+        around = body.frames[np.stack([right - 1, right.clip(max=len(body.frames) - 1)])]
+        own = np.abs(around - np.arange(frames)).min(axis=0)
+        holder[own < distance] = index
+        distance = np.minimum(distance, own)
+    return holder
+
+
+def _in_columns(
+    tracks: FeatureTracks,
+    pivot: Pivot,
+    labels: list[str],
+    source: IntArray,
+    kept: NDArray[np.bool_],
+    columns: list[IntArray],
+) -> tuple[FeatureTracks, Pivot]:
+    """Both, with the columns `source` of the sightings that are kept (n, m'), and features renumbered as `columns`."""
+    position = np.where(kept[..., None], tracks.position[:, source], np.nan)
+    covariance = tracks.covariance
+    if covariance is not None:
+        covariance = np.where(kept[..., None, None], covariance[:, source], np.nan)
+    bodies = [replace(body, features=own) for body, own in zip(pivot.bodies, columns, strict=True)]
+    posed = [replace(one, body=replace(one.body, features=own)) for one, own in zip(pivot.posed, columns, strict=True)]
+    sightings = pivot.sightings.features(source)
+    return FeatureTracks(tracks.time, position, tuple(labels), covariance), replace(
+        pivot,
+        believed=pivot.believed[:, source] & kept,
+        solution=replace(pivot.solution, bodies=tuple(bodies)),
+        posed=tuple(posed),
+        sightings=sightings.weighted(sightings.weight * kept),
+    )

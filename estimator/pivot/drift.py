@@ -1,0 +1,73 @@
+"""The drifting pivot by one linear least squares: c_k = g(t_k; x) + R_k d in all posed frames, for a first path.
+
+c_k is the image of a body's origin in its axes S, d where that lies from the centre of mass.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.observations import cross_matrices, symmetric_inverses, turn_information
+from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.registration.clusters import PosedBody
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Drift:
+    """x (p,) and each body's offset d (3,) in its axes S."""
+
+    x: FloatArray
+    offsets: tuple[FloatArray, ...]
+
+
+def solve_drift(bodies: tuple[PosedBody, ...], weights: list[FloatArray], path: SampledPath) -> Drift:
+    """The least squares of c_k = g + R_k d with a weight (n,) for each body's frames."""
+    p, d = path.jacobian.shape[2], 3 * len(bodies)
+    matrix, side = np.zeros((d + p, d + p)), np.zeros(d + p)
+    for index, (posed, weight) in enumerate(zip(bodies, weights, strict=True)):
+        frames = posed.body.frames
+        own = slice(3 * index, 3 * index + 3)
+        rows = np.concatenate([posed.body.attitude, path.jacobian[frames], posed.translation[:, :, None]], axis=2)
+        scaled = (rows * np.sqrt(weight)[:, None, None]).reshape(-1, 4 + p)
+        outer = scaled.T @ scaled
+        matrix[own, own] = outer[:3, :3]
+        matrix[own, d:] += outer[:3, 3:-1]
+        matrix[d:, own] += outer[3:-1, :3]
+        matrix[d:, d:] += outer[3:-1, 3:-1]
+        side[own] = outer[:3, -1]
+        side[d:] += outer[3:-1, -1]
+    found = symmetric_pseudo_inverse(matrix) @ side
+    return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
+
+
+def frame_weights(
+    bodies: tuple[PosedBody, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]
+) -> list[FloatArray]:
+    """One weight for each posed frame: the inverse mean variance of c_k − R_k d, for sightings of weight (n, m).
+
+    The centroid of n points has the variance 1/n, and the noise of the rotation acts on d by its lever.
+    """
+    found = []
+    for posed, offset in zip(bodies, offsets, strict=True):
+        body = posed.body
+        w = weight[np.ix_(body.frames, body.features)]
+        arms = cross_matrices(body.points)
+        total = np.maximum(w.sum(axis=1), 1e-300)
+        centroid = (w @ body.points) / total[:, None]
+        # Σ w [b]× [b]×ᵀ about the centroid: less that of the centroid itself, a·a 1 − a aᵀ.
+        own = (
+            np.einsum("ki,ki->k", centroid, centroid)[:, None, None] * np.eye(3)
+            - centroid[:, :, None] * centroid[:, None]
+        )
+        turn = turn_information(w, arms) - total[:, None, None] * own
+        # c_k is the centroid's image less R_k times the centroid: the rotation acts on both together.
+        arm, C = offset + centroid, symmetric_inverses(turn)
+        # tr([a]× C [a]×ᵀ) = a·a tr C − a·C a
+        across = np.einsum("ki,ki->k", arm, arm) * (C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2])
+        variance = (across - np.einsum("ki,kij,kj->k", arm, C, arm)) / 3
+        found.append(1 / (1 / total + variance))
+    return found

@@ -1,0 +1,198 @@
+"""Least squares of rigid bodies whose common centre moves on a path and whose attitudes are free in every frame.
+
+Unknowns are the path's x, each body's points b (axes S of its own, origin at the centre of mass), and one rotation per
+frame. The rotations are eliminated frame by frame and the points body by body, so that a system of the path's few
+unknowns is left: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights that make it efficient.
+A body's axes S can be turned at will: that freedom is fixed by the least change.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from baryscope.estimator.adjustment.observations import (
+    Sightings,
+    as_slice,
+    best_turned,
+    cross_matrices,
+    pieces,
+    symmetric_inverses,
+)
+from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_pseudo_inverse
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+CHUNK_SIZE = 200_000  # numbers in a chunk's largest array, about: what the cache holds
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Features that are seen together: one rigid body in axes S of its own.
+
+    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S.
+    """
+
+    features: IntArray
+    frames: IntArray
+    points: FloatArray
+    attitude: FloatArray
+
+    def chunks(self) -> Iterator[slice]:
+        """Slices of its frames whose work fits the cache."""
+        size = max(64, CHUNK_SIZE // (9 * len(self.features)))
+        return (slice(first, first + size) for first in range(0, len(self.frames), size))
+
+    def moved(self, change: FloatArray) -> "Body":
+        """With other points: a long step (3 m,) may turn the axes that they hold, and is turned back."""
+        moves = change.reshape(-1, 3)
+        return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Bodies and path where one step led.
+
+    x (p,) and its covariance (p, p) for sightings whose weights are inverse variances. For each body points_covariance
+    (3 m, 3 m) for known x, and points_path (3 m, p): b follows x by −points_path δx. offset_covariance (3 k, 3 k): that
+    of the k bodies' offsets, where the centroid of a body's points is seen from the centre of mass in axes that these
+    hold; offset_path (3 k, p): the same with x. blind (p, d) and offset_blind (3 k, d): directions of which nothing is
+    seen, which are not in the covariances. squares (n, m): the weighted squared residuals before the step, 0 where
+    nothing is used; step: what it promises to take off their sum.
+    """
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    covariance: FloatArray
+    points_covariance: tuple[FloatArray, ...]
+    points_path: tuple[FloatArray, ...]
+    offset_covariance: FloatArray
+    offset_path: FloatArray
+    blind: FloatArray
+    offset_blind: FloatArray
+    squares: FloatArray
+    step: float
+
+
+@dataclass(eq=False)
+class _Sums:
+    """Normal equations of one body after its rotations are eliminated."""
+
+    path: FloatArray
+    path_points: FloatArray
+    points: FloatArray
+    path_sizes: FloatArray  # diagonals before
+    points_sizes: FloatArray
+    path_side: FloatArray
+    points_side: FloatArray
+
+
+def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x: FloatArray) -> Solution:
+    """One Gauss–Newton step in x and all points, with the rotations at their best before it."""
+    origin = path.position(x)
+    turned, sums, squares = [], [], np.zeros_like(sightings.weight)
+    for body in bodies:
+        own = sightings.features(body.features)
+        attitude = np.empty_like(body.attitude)
+        for part in body.chunks():
+            frames = as_slice(body.frames[part])
+            attitude[part] = best_turned(own.frames(frames), body.attitude[part], origin[frames], body.points)
+        turned.append(replace(body, attitude=attitude))
+        sums.append(_sum(turned[-1], own, path, origin, squares))
+    matrix, side, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
+    solved = []
+    for body, own_sums in zip(turned, sums, strict=True):
+        inverse = _points_inverse(body.points, own_sums.points, own_sums.points_sizes)
+        sizes += own_sums.path_sizes
+        by_path = inverse @ own_sums.path_points.T
+        matrix += own_sums.path - own_sums.path_points @ by_path
+        side += own_sums.path_side - by_path.T @ own_sums.points_side
+        solved.append((inverse, by_path))
+    covariance = symmetric_pseudo_inverse(matrix, sizes)
+    change = covariance @ side
+    blind = blind_directions(matrix, sizes)
+    moved, offsets, by_x, length = [], [], [], float(change @ side)
+    for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
+        points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
+        length += float(own_sums.points_side @ inverse @ own_sums.points_side)
+        moved.append(body.moved(points_change))
+        held = offset_by_points(body.points)
+        offsets.append(held @ inverse @ held.T)
+        by_x.append(held @ by_path)
+    offset_by_x = np.concatenate(by_x)
+    return Solution(
+        bodies=tuple(moved),
+        x=x + change,
+        covariance=covariance,
+        points_covariance=tuple(inverse for inverse, _ in solved),
+        points_path=tuple(by_path for _, by_path in solved),
+        offset_covariance=block_diag(*offsets) + offset_by_x @ covariance @ offset_by_x.T,
+        offset_path=-offset_by_x @ covariance,
+        blind=blind,
+        offset_blind=-offset_by_x @ blind,
+        squares=squares,
+        step=length,
+    )
+
+
+def offset_by_points(points: FloatArray) -> FloatArray:
+    """How the centroid of points (m, 3) changes with them in axes that they hold themselves, (3, 3 m).
+
+    A turn of all points about their centroid is a turn of the axes, in which the centroid is then seen turned.
+    """
+    centroid = points.mean(axis=0)
+    mean = np.tile(np.eye(3), len(points)) / len(points)
+    return np.asarray(mean + cross_matrices(centroid[None])[0] @ turn_by_points(points))
+
+
+def turn_by_points(points: FloatArray) -> FloatArray:
+    """How the axes that points (m, 3) hold turn with them, (3, 3 m): as the points do about their centroid, at best."""
+    arms = cross_matrices(points - points.mean(axis=0))
+    inertia = np.einsum("mij,mkj->ik", arms, arms)
+    return np.asarray(np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1))
+
+
+def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
+    p, q = path.jacobian.shape[2], 3 * len(body.features)
+    total = _Sums(
+        np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
+    )
+    for part in body.chunks():
+        frames = as_slice(body.frames[part])
+        attitude = body.attitude[part]
+        found = pieces(own.frames(frames), attitude, origin[frames], body.points)
+        shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[frames]
+        flat = shift.reshape(-1, p)
+        path_part = flat.T @ (found.shift @ shift).reshape(-1, p)
+        total.path += path_part
+        total.path_sizes += np.diag(path_part)
+        total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
+        total.path_points += found.unknowns_points(None, shift)
+        total.path_side += flat.T @ found.shift_side.ravel()
+        total.points_side += found.point_side.ravel()
+        for index, block in enumerate(found.point):
+            total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
+        # Take out the frames' rotations.
+        coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_side[:, :, None]], axis=2)
+        solved = symmetric_inverses(found.turn) @ coupling
+        outer = coupling.reshape(-1, p + q + 1).T @ solved.reshape(-1, p + q + 1)
+        total.path -= outer[:p, :p]
+        total.path_points -= outer[:p, p:-1]
+        total.points -= outer[p:-1, p:-1]
+        total.path_side -= outer[:p, -1]
+        total.points_side -= outer[p:-1, -1]
+        squares[np.ix_(body.frames[part], body.features)] = found.squares
+    return total
+
+
+def _points_inverse(points: FloatArray, matrix: FloatArray, sizes: FloatArray) -> FloatArray:
+    """The inverse of the points' matrix, which a turn of S leaves as it is: of all answers, the least turned."""
+    turns = np.swapaxes(cross_matrices(points), 1, 2).reshape(-1, 3)  # δb = φ × b
+    turns, _ = np.linalg.qr(turns)
+    weight = float(sizes.mean())
+    inverse = symmetric_pseudo_inverse(matrix + weight * turns @ turns.T, sizes)
+    return np.asarray(inverse - turns @ turns.T / weight)

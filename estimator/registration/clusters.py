@@ -1,0 +1,188 @@
+"""From sightings to rigid bodies: which features belong together, their shape, and the body's attitude in each frame.
+
+The frames are cut into intervals; intervals that share three features off a line are one body, also across gaps, so
+that features which return tie them together. Features that change do not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.intervals import Interval, cut_intervals
+from baryscope.estimator.registration.procrustes import OFF_LINE, register
+from baryscope.models.errors import ComputationError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+RESTING = 1e-4  # of the size of a first shape, which is refined later
+IN_LINE = 0.03  # of their length, how far points may lie off a line to count as in it
+FLICKER = 4  # frames from one that sees enough to the next, up to which an interval goes on
+SAMPLE = 400  # frames of an interval that its first shape is made from
+AGREEMENT = 6.0  # deviations by which shapes of one body may differ where they share features
+CHUNK = 8192  # frames aligned at once
+
+
+@dataclass(frozen=True, eq=False)
+class PosedBody:
+    """A body, the image of its axes' origin in each of its frames, (n, 3) in C, and the intervals it was seen in."""
+
+    body: Body
+    translation: FloatArray
+    intervals: tuple[Interval, ...]
+
+
+@dataclass(eq=False)
+class _Shape:
+    """A shape in the making: its features' points in axes of its own, and how often each was seen."""
+
+    points: dict[int, FloatArray]
+    counts: dict[int, int]
+    intervals: list[Interval]
+
+
+def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody, ...], float]:
+    """The bodies in position (n, m, 3), and the noise of a coordinate in m that registration leaves over.
+
+    used (n, m) says which sightings to believe.
+
+    Raises:
+        ComputationError: in no frame three features are seen, or they always lie in a line.
+    """
+    enough = np.nonzero(used.sum(axis=1) >= 3)[0]
+    intervals = _tied_intervals(position[enough], used[enough], np.diff(enough) > FLICKER) if len(enough) else []
+    if not intervals:
+        most = int(used.sum(axis=1).max(initial=0))
+        raise ComputationError(
+            f"at most {most} features are seen together in a frame, at least 3 are needed for an attitude"
+        )
+    shapes, squares, freedom = [], 0.0, 0.0
+    for interval in intervals:
+        columns = np.array(interval.features)
+        rows = enough[interval.start : interval.stop]
+        interval = Interval(int(rows[0]), int(rows[-1]) + 1, interval.features)
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), SAMPLE)).astype(int))]
+        block = np.where(used[np.ix_(rows, columns)][..., None], position[np.ix_(rows, columns)], np.nan)
+        fitted = register(block, tolerance=RESTING)
+        if not fitted.valid.any():
+            continue
+        values = max(3 * int(np.isfinite(block[..., 0]).sum()) - 6 * len(rows) - 3 * len(columns) + 6, 0)
+        squares, freedom = squares + fitted.rms**2 * values, freedom + values
+        seen = used[interval.frames][:, columns].sum(axis=0)
+        placed = [index for index, point in enumerate(fitted.shape) if np.isfinite(point[0])]
+        shapes.append(
+            _Shape(
+                {int(columns[index]): fitted.shape[index] for index in placed},
+                {int(columns[index]): int(seen[index]) for index in placed},
+                [interval],
+            )
+        )
+    if not shapes:
+        raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
+    noise = float(np.sqrt(squares / max(freedom, 1)))
+    bodies = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
+    found = tuple(body for body in bodies if len(body.body.frames))
+    if not found:
+        raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
+    return found, noise
+
+
+def _tied_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> list[Interval]:
+    """The intervals, cut where what a frame shares with the first lies in a line, which does not tie them."""
+    waiting, done = list(reversed(cut_intervals(used, gaps))), []
+    while waiting:
+        interval = waiting.pop()
+        first, seen = position[interval.start], used[interval.frames]
+        shared = seen & seen[0]
+        if (shared == shared[0]).all():
+            done.append(interval)
+            continue
+        patterns, which = np.unique(np.packbits(shared, axis=1), axis=0, return_inverse=True)
+        members = np.unpackbits(patterns, axis=1, count=shared.shape[1]).astype(bool)
+        loose = np.array([_in_line(first[pattern]) for pattern in members])[which.ravel()]
+        if not loose.any() or loose[0]:
+            done.append(interval)
+            continue
+        stop = int(np.argmax(loose))
+        features = np.nonzero(seen[:stop].any(axis=0))[0]
+        done.append(Interval(interval.start, interval.start + stop, tuple(features.tolist())))
+        rest = cut_intervals(seen[stop:], gaps[interval.start + stop : interval.stop - 1])
+        shift = interval.start + stop
+        waiting += [Interval(one.start + shift, one.stop + shift, one.features) for one in reversed(rest)]
+    return done
+
+
+def _in_line(points: FloatArray) -> bool:
+    """Whether points (m, 3) lie so near a line that a turn about it hardly moves them."""
+    lengths = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(lengths[1] <= IN_LINE * lengths[0])
+
+
+def _merged(shapes: Sequence[_Shape], noise: float) -> list[_Shape]:
+    """Shapes joined wherever two share three features off a line, the most often seen first."""
+    waiting = sorted(shapes, key=lambda shape: -sum(shape.counts.values()))
+    done: list[_Shape] = []
+    while waiting:
+        whole = waiting.pop(0)
+        joined = True
+        while joined:
+            joined = False
+            for other in list(waiting):
+                if _join(whole, other, noise):
+                    waiting.remove(other)
+                    joined = True
+        done.append(whole)
+    return done
+
+
+def _join(whole: _Shape, other: _Shape, noise: float) -> bool:
+    """Put the points of `other` into `whole` if the features they share say how."""
+    shared = sorted(whole.points.keys() & other.points.keys())
+    if len(shared) < 3:
+        return False
+    a = np.array([whole.points[index] for index in shared])
+    b = np.array([other.points[index] for index in shared])
+    seen = np.array([1 / (1 / whole.counts[index] + 1 / other.counts[index]) for index in shared])
+    fitted = align(a[None], b[None], seen[None])
+    deviation = noise / np.sqrt(seen)
+    if fitted.spread[0] < (AGREEMENT * deviation.max()) ** 2 + 1e-18 * float(np.sum(a**2)):
+        return False
+    R, t = fitted.rotation[0], fitted.translation[0]
+    missed = np.linalg.norm(b @ R.T + t - a, axis=1)
+    # Shapes of few frames are less sure than their noise says: they turn their points, too.
+    if np.any(missed > AGREEMENT * 3 * deviation + 1e-9 * np.abs(a).max()):
+        return False
+    for index, point in other.points.items():
+        moved = R @ point + t
+        if index in whole.points:
+            share = other.counts[index] / (other.counts[index] + whole.counts[index])
+            moved = (1 - share) * whole.points[index] + share * moved
+        whole.points[index] = moved
+        whole.counts[index] = whole.counts.get(index, 0) + other.counts[index]
+    whole.intervals.extend(other.intervals)
+    return True
+
+
+def _posed(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -> PosedBody:
+    """The attitude of a shape in all frames of its intervals, without those whose features lie too near a line."""
+    features = np.array(sorted(shape.points), dtype=np.intp)
+    points = np.array([shape.points[index] for index in features])
+    points = points - points.mean(axis=0)
+    shape.intervals.sort(key=lambda interval: interval.start)
+    frames = np.concatenate([np.arange(interval.start, interval.stop) for interval in shape.intervals])
+    frames = frames[used[np.ix_(frames, features)].sum(axis=1) >= 3]
+    attitudes, translations, kept = [], [], []
+    for first in range(0, len(frames), CHUNK):
+        rows = frames[first : first + CHUNK]
+        weight = used[np.ix_(rows, features)].astype(np.float64)
+        fitted = align(position[np.ix_(rows, features)], points, weight)
+        good = fitted.spread > max((OFF_LINE * noise) ** 2, 1e-18 * float(np.sum(points**2)))
+        attitudes.append(fitted.rotation[good])
+        translations.append(fitted.translation[good])
+        kept.append(rows[good])
+    body = Body(features, np.concatenate(kept), points, np.concatenate(attitudes))
+    return PosedBody(body, np.concatenate(translations), tuple(shape.intervals))

@@ -1,0 +1,149 @@
+"""Generalised Procrustes: one shape for all frames of an interval, and its pose in each of them.
+
+Equations (9)–(12) of Biondi, Mauro, Pastorelli (2017) with their errors put right: both clouds are centred, the
+rotation is kept in SO(3), and the rigid points are R_C_S X̄ + c. Two ways to the shape:
+
+- "mean" (Gower, Psychometrika 40, 1975): poses against the running mean shape, repeated until it rests;
+- "first" (the paper): poses against the first frame's own points, once; the shape is the mean of what comes out.
+
+S are the shape's axes: parallel to the tracks' axes in the interval's first frame, origin at the shape's centroid.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Reference = Literal["mean", "first"]
+
+TOLERANCE = 1e-11  # of the shape's change in one round, relative to its size
+ROUNDS = 100
+OFF_LINE = 3.0  # visible points must lie this many residuals off a line, or the pose is not used
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The rigid motion of one cluster over n frames: p_C = R_C_S p_S + translation.
+
+    shape (m, 3) p_S in m, NaN for features that could not be placed; rotation (n, 3, 3) R_C_S;
+    translation (n, 3) in m, the shape's centroid in C; valid (n,), False where too few points or a line of points
+    leave the pose open; rms in m, the residual's standard deviation per coordinate; radius in m, the shape's, rms.
+    """
+
+    shape: FloatArray
+    rotation: FloatArray
+    translation: FloatArray
+    valid: BoolArray
+    rms: float
+    radius: float
+    rounds: int
+    converged: bool
+
+    @property
+    def rigid_points(self) -> FloatArray:
+        """The shape carried to each frame's pose, (n, m, 3): equation (12), put right."""
+        return np.asarray(self.shape @ np.swapaxes(self.rotation, 1, 2) + self.translation[:, None])
+
+    @property
+    def angle_deviation(self) -> float:
+        """Standard deviation of a pose's rotation about an axis in rad: σ √(1.5/(nρ²)).
+
+        Two poses, both of them noisy, differ by √2 of this, which is the σ √(3/(nρ²)) of equations.md.
+        """
+        count = np.isfinite(self.shape[:, 0]).sum()
+        return float(self.rms * np.sqrt(1.5 / count) / self.radius)
+
+
+def register(points: FloatArray, reference: Reference = "mean", tolerance: float = TOLERANCE) -> Registration:
+    """Register the frames of one interval; points (n, m, 3) in m with NaN where a feature is not seen.
+
+    The first frame must see at least three features, and the other frames three of these, which is what
+    `find_intervals` gives; features that come later are merged into the shape. The mean shape rests when it changes by
+    no more than the tolerance in a round, relative to its size.
+    """
+    seen = ~np.isnan(points[..., 0])
+    weights = seen.astype(np.float64)
+    # Everything below is sums over features or over frames; coordinates next to features makes them matrix products.
+    cloud = np.ascontiguousarray(np.swapaxes(np.where(seen[..., None], points, 0.0), 1, 2))  # (n, 3, m)
+    in_shape = seen[0].copy()
+    shape = np.where(in_shape[:, None], cloud[0].T, 0.0)
+    shape -= in_shape[:, None] * shape[in_shape].mean(axis=0)
+    size = _radius(shape[in_shape])
+    converged, rounds = False, 0
+    while not converged and rounds < ROUNDS:
+        rounds += 1
+        rotation, translation, _ = _poses(cloud, weights, shape, in_shape)
+        update, placed = _mean_shape(cloud, weights, rotation, translation)
+        change = np.abs(update - shape)[in_shape].max() if (placed == in_shape).all() else np.inf
+        shape, in_shape = update, placed
+        converged = reference == "first" or bool(change <= tolerance * size)
+    if reference == "mean":
+        rotation, translation, spread = _poses(cloud, weights, shape, in_shape)
+    else:
+        # The paper keeps the rotations to the first frame; only the centroids follow the mean shape.
+        _, _, spread = _poses(cloud, weights, shape, in_shape)
+        translation = _translations(cloud, weights, shape, rotation)
+    # Turn the shape's axes so that they are the tracks' axes in the first frame, and put its origin into its centroid.
+    R_S_old = rotation[0]
+    shape = np.where(in_shape[:, None], shape @ R_S_old.T, np.nan)
+    rotation = rotation @ R_S_old.T
+    centre = np.nanmean(shape, axis=0)
+    shape = shape - centre
+    translation = translation + rotation @ centre
+    rms = _residual(cloud, weights, np.nan_to_num(shape), rotation, translation)
+    radius = _radius(shape[in_shape])
+    valid = (seen.sum(axis=1) >= 3) & (spread > (OFF_LINE * rms) ** 2) & (spread > (1e-9 * radius) ** 2)
+    return Registration(shape, rotation, translation, valid, rms, radius, rounds, converged)
+
+
+def _poses(
+    cloud: FloatArray, weights: FloatArray, shape: FloatArray, in_shape: BoolArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotations R_C_S (n, 3, 3), translations (n, 3), and spread (n,) in m² of each frame against the shape."""
+    n, _, m = cloud.shape
+    used = weights * in_shape
+    total = np.maximum(used.sum(axis=1), 1.0)
+    centroid = np.einsum("nim,nm->ni", cloud, used) / total[:, None]
+    centred = (cloud - centroid[:, :, None]) * used[:, None, :]
+    # The shape need not be centred on the visible points: Σ (p − c) x̄ᵀ is zero for any x̄.
+    moments = (centred.reshape(3 * n, m) @ shape).reshape(n, 3, 3)
+    quaternion, spread = rotation_from_moments(moments)
+    rotation = matrix_from_quaternion(quaternion)
+    translation = centroid - np.einsum("nij,nj->ni", rotation, (used @ shape) / total[:, None])
+    return rotation, translation, spread / total
+
+
+def _translations(cloud: FloatArray, weights: FloatArray, shape: FloatArray, rotation: FloatArray) -> FloatArray:
+    total = np.maximum(weights.sum(axis=1), 1.0)[:, None]
+    centroid = np.einsum("nim,nm->ni", cloud, weights) / total
+    return np.asarray(centroid - np.einsum("nij,nj->ni", rotation, (weights @ shape) / total))
+
+
+def _mean_shape(
+    cloud: FloatArray, weights: FloatArray, rotation: FloatArray, translation: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """The mean over frames of R_S_C (p − translation) for each feature, (m, 3), and which features it has."""
+    n, _, m = cloud.shape
+    moved = (cloud - translation[:, :, None]) * weights[:, None, :]
+    total = weights.sum(axis=0)
+    shape = (rotation.reshape(3 * n, 3).T @ moved.reshape(3 * n, m)).T / np.maximum(total, 1.0)[:, None]
+    placed = total > 0
+    return shape - placed[:, None] * shape[placed].mean(axis=0), placed
+
+
+def _residual(
+    cloud: FloatArray, weights: FloatArray, shape: FloatArray, rotation: FloatArray, translation: FloatArray
+) -> float:
+    """Standard deviation per coordinate of what the rigid motion leaves over, unknowns counted."""
+    residual = (cloud - rotation @ shape.T - translation[:, :, None]) * weights[:, None, :]
+    freedom = 3 * weights.sum() - 6 * len(cloud) - 3 * (weights.sum(axis=0) > 0).sum() + 6
+    return float(np.sqrt(np.vdot(residual, residual) / max(freedom, 1.0)))
+
+
+def _radius(shape: FloatArray) -> float:
+    return float(np.sqrt(((shape - shape.mean(axis=0)) ** 2).sum() / len(shape)))

@@ -1,0 +1,176 @@
+"""screw-ls: the baseline by least squares. CasADi fits a screw to all features of each pair of frames.
+
+Unknowns of a pair: two small turns of the axis, two shifts of the pole in the plane normal to it, the angle and the
+translation. Four damped Gauss–Newton steps (Levenberg–Marquardt) are one CasADi function, mapped over thousands of
+pairs: a handful of calls for a run, not one per frame.
+"""
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.screws.motion import Pairs
+from baryscope.estimator.screws.screws import (
+    NOT_CONVERGED,
+    SOUND,
+    TOO_FEW_POINTS,
+    TOO_LITTLE_ROTATION,
+    Screws,
+    screws_or_nan,
+)
+
+FloatArray = NDArray[np.float64]
+
+CHUNK = 2048  # pairs per mapped call
+STEPS_PER_CALL = 4
+CALLS = 40  # at most; most pairs rest after two or three, and each call takes only those that do not
+TOLERANCE = 1e-10  # of the last step, in rad and in arms' lengths
+UNKNOWNS = 6
+
+
+def screws(pairs: Pairs) -> Screws:
+    """Least-squares screws of all features seen in both frames; what has not converged is flagged."""
+    before, after, weights = _common_points(pairs)
+    return least_squares_screws(before, after, weights)
+
+
+def least_squares_screws(before: FloatArray, after: FloatArray, weights: FloatArray) -> Screws:
+    """Screws (k) that carry the points before (k, m, 3) to after (k, m, 3) best, weights (k, m), 0 = not seen."""
+    enough = (weights > 0).sum(axis=1) >= 3
+    w = np.where(enough[:, None], weights, 1.0)
+    total = w.sum(axis=1)[:, None]
+    before, after = np.nan_to_num(before), np.nan_to_num(after)
+    origin = np.einsum("kmi,km->ki", before + after, w) / (2 * total)
+    p, q = before - origin[:, None], after - origin[:, None]
+    size = np.sqrt(np.einsum("km,kmi,kmi->k", w, p, p) / total[:, 0])
+    size = np.where(size > 0, size, 1.0)
+    # In units of the points' own size all six unknowns are numbers of the order of one.
+    p, q = p / size[:, None, None], q / size[:, None, None]
+    state, converged = _iterate(_start(p, q, w), p, q, w)
+    axis, pole, angle, translation = state[:, :3], state[:, 3:6], state[:, 6], state[:, 7]
+    pole = pole - np.einsum("ki,ki->k", pole, axis)[:, None] * axis
+    angle = np.arctan2(np.sin(angle), np.cos(angle))
+    sign = np.where(angle < 0, -1.0, 1.0)
+    status = np.full(len(p), SOUND)
+    status[~converged] = NOT_CONVERGED
+    status[np.abs(angle) < 1e-9] = TOO_LITTLE_ROTATION
+    status[~enough] = TOO_FEW_POINTS
+    return screws_or_nan(
+        sign[:, None] * axis, origin + size[:, None] * pole, np.abs(angle), sign * size * translation, status
+    )
+
+
+def _common_points(pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points of the features seen in both frames, moved to the front; the weights tell how many there are."""
+    position = pairs.motion.position
+    before, after = position[pairs.first], position[pairs.second]
+    both = ~np.isnan(before[..., 0]) & ~np.isnan(after[..., 0])
+    order = np.argsort(~both, axis=1, kind="stable")[:, : max(int(both.sum(axis=1).max(initial=3)), 3), None]
+    weights = np.take_along_axis(both, order[..., 0], axis=1).astype(np.float64)
+    return np.take_along_axis(before, order, axis=1), np.take_along_axis(after, order, axis=1), weights
+
+
+def _start(p: FloatArray, q: FloatArray, w: FloatArray) -> FloatArray:
+    """States (k, 9) to start from: axis, pole, angle, translation, damping.
+
+    The axis is that of the points' common sense of rotation, Σ p × q, and the angle what they turn about it: rough,
+    and not the closed-form answer. Near 180° the sum fades; any axis will do then, damping finds the way.
+    """
+    weight = (w / w.sum(axis=1, keepdims=True))[..., None]
+    centre_p, centre_q = (weight * p).sum(axis=1), (weight * q).sum(axis=1)
+    arm_p, arm_q = p - centre_p[:, None], q - centre_q[:, None]
+    cross = (weight * np.cross(arm_p, arm_q)).sum(axis=1) + np.array([1e-9, 2e-9, 3e-9])
+    axis = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    along = np.einsum("kmi,ki->km", arm_p, axis) * np.einsum("kmi,ki->km", arm_q, axis)
+    cosine = (weight[..., 0] * (np.einsum("kmi,kmi->km", arm_p, arm_q) - along)).sum(axis=1)
+    sine = np.einsum("ki,ki->k", cross, axis)
+    angle = np.clip(np.arctan2(sine, cosine), 0.1, 3.0)
+    chord = centre_q - centre_p
+    translation = np.einsum("ki,ki->k", axis, chord)
+    pole = 0.5 / np.tan(angle / 2)[:, None] * np.cross(axis, chord)
+    return np.column_stack([axis, pole, angle, translation, np.full(len(p), 1e-3)])
+
+
+def _iterate(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Damped Gauss–Newton over all pairs; those that rest are left out of the next call."""
+    converged = np.zeros(len(p), dtype=bool)
+    for _ in range(CALLS):
+        active = np.nonzero(~converged)[0]
+        if not active.size:
+            break
+        for part in np.array_split(active, -(-len(active) // CHUNK)):
+            new, last = _call(state[part], p[part], q[part], w[part])
+            state[part] = new
+            converged[part] = last < TOLERANCE
+    return state, converged
+
+
+def _call(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A few steps of up to CHUNK pairs; padded to full chunks, so that one compiled map serves all."""
+    k, m = w.shape
+    size = CHUNK if k > CHUNK // 8 else CHUNK // 8
+    rows = np.resize(np.arange(k), size)
+    new, last = _mapped_steps(m, size)(
+        state[rows].T, p[rows].reshape(size, 3 * m).T, q[rows].reshape(size, 3 * m).T, w[rows].T
+    )
+    return np.array(new).T[:k], np.array(last).ravel()[:k]
+
+
+@cache
+def _mapped_steps(m: int, size: int) -> ca.Function:
+    step = _step_function(m)
+    state, last = ca.MX.sym("state", 9), ca.MX(1, 1)
+    p, q, w = ca.MX.sym("p", 3 * m), ca.MX.sym("q", 3 * m), ca.MX.sym("w", m)
+    new = state
+    for _ in range(STEPS_PER_CALL):
+        new, last = step(new, p, q, w)
+    return ca.Function("steps", [state, p, q, w], [new, last]).map(size)
+
+
+@cache
+def _step_function(m: int) -> ca.Function:
+    """One Levenberg–Marquardt step: (state (9), p (3m), q (3m), w (m)) → (state, size of the step)."""
+    state = ca.SX.sym("state", 9)
+    p, q, w = ca.SX.sym("p", 3 * m), ca.SX.sym("q", 3 * m), ca.SX.sym("w", m)
+    x = ca.SX.sym("x", UNKNOWNS)
+    trial = _moved(state, x)
+    root = ca.sqrt(w)
+    residual = ca.vertcat(*(root[i] * (_screwed(trial, p[3 * i : 3 * i + 3]) - q[3 * i : 3 * i + 3]) for i in range(m)))
+    at = ca.Function("residual", [x, state, p, q, w], [residual, ca.jacobian(residual, x)])
+    r, jacobian = at(ca.SX.zeros(UNKNOWNS), state, p, q, w)
+    normal, gradient = jacobian.T @ jacobian, jacobian.T @ r
+    damping = state[8]
+    dx = -ca.ldl_solve(gradient, *ca.ldl(normal + damping * ca.diag(ca.diag(normal) + 1e-9), False))
+    r_new, _ = at(dx, state, p, q, w)
+    size = ca.norm_2(dx)
+    before, after = ca.sumsqr(r), ca.sumsqr(r_new)
+    # Within rounding of the minimum the costs tell nothing any more, and the step is taken.
+    better = ca.logic_or(after < before, size < 1e-6)
+    moved = _moved(state, dx)
+    kept = ca.vertcat(state[:8], damping * 10)
+    taken = ca.vertcat(moved[:8], ca.fmax(damping / 10, 1e-15))
+    return ca.Function("step", [state, p, q, w], [ca.if_else(better, taken, kept), ca.if_else(better, size, 1.0)])
+
+
+def _moved(state: ca.SX, x: ca.SX) -> ca.SX:
+    """The state with the axis turned by x₀, x₁, the pole shifted by x₂, x₃, angle and translation x₄, x₅ more."""
+    axis = state[:3]
+    # A tangent of the axis that stays well defined: crossed with the coordinate axis it is farthest from.
+    far_from_x = ca.fabs(axis[0]) < 0.6
+    helper = ca.vertcat(ca.if_else(far_from_x, 1.0, 0.0), ca.if_else(far_from_x, 0.0, 1.0), 0.0)
+    one = ca.cross(axis, helper)
+    one = one / ca.norm_2(one)
+    two = ca.cross(axis, one)
+    turned = axis + x[0] * one + x[1] * two
+    pole = state[3:6] + x[2] * one + x[3] * two
+    return ca.vertcat(turned / ca.norm_2(turned), pole, state[6] + x[4], state[7] + x[5], state[8])
+
+
+def _screwed(state: ca.SX, point: ca.SX) -> ca.SX:
+    """Where a screw takes a point: u + R(a, θ)(p − u) + τ a, by Rodrigues' formula."""
+    axis, pole, angle, translation = state[:3], state[3:6], state[6], state[7]
+    arm = point - pole
+    across = ca.cross(axis, arm)
+    return point + ca.sin(angle) * across + (1 - ca.cos(angle)) * ca.cross(axis, across) + translation * axis

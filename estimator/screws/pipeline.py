@@ -1,0 +1,254 @@
+"""What all screw methods share: tracks → axes → motion → screws → low-pass → pseudo-intersections → polynomial."""
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.result import Estimate
+from baryscope.estimator.screws.intersection import Intersections, intersect
+from baryscope.estimator.screws.low_pass import low_pass_axes
+from baryscope.estimator.screws.motion import Motion, Pairs, pairs_of, register_motion, step_of
+from baryscope.estimator.screws.polynomial import PathFit, fit_path
+from baryscope.estimator.screws.screws import REASONS, TOO_LITTLE_ROTATION, Screws, screws_or_nan
+from baryscope.estimator.screws.tuning import Trial, choose_cutoff, choose_lag, try_lag
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.scenario import Orbit
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+ScrewFunction = Callable[[Pairs], Screws]
+
+CLEAR = 3.0  # standard deviations of noise above which an angle counts as seen
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Low-passed axes of the sound screws: frames first and second (k,), axis (k, 3), point (k, 3) in m, and
+    deviation (k,), the expected noise of the axis in rad per direction, raw_deviation (k,) before the low-pass.
+    """
+
+    first: IntArray
+    second: IntArray
+    axis: FloatArray
+    point: FloatArray
+    deviation: FloatArray
+    raw_deviation: FloatArray
+
+
+def estimate_by_screws(
+    name: str, screws_of: ScrewFunction, tracks: FeatureTracks, orbit: Orbit | None, options: ScrewOptions
+) -> Estimate:
+    """The centre of mass from screws that `screws_of` finds for pairs of frames.
+
+    Raises:
+        InputError: LVLH axes without an orbit.
+        ComputationError: the tracks do not hold what it takes, in a sentence that says what is missing.
+    """
+    begin = clock.perf_counter()
+    R_C_W = None
+    if options.axes == "lvlh":
+        if orbit is None:
+            raise InputError("axes are lvlh, which needs the target's orbit; expected an orbit, or axes inertial")
+        R_C_W = lvlh_attitude(orbit, tracks.time)
+    motion = register_motion(tracks, None if R_C_W is None else np.swapaxes(R_C_W, 1, 2), options.reference)
+    trial = choose_lag(motion) if options.lag is None else _given_lag(motion, options.lag)
+    cutoff = choose_cutoff(motion, trial) if options.cutoff is None else options.cutoff
+    pairs = pairs_of(motion, trial.lag)
+    if not len(pairs.first):
+        raise ComputationError(f"no two frames {trial.lag} frames apart have an attitude each, in the same interval")
+    screws = without_faint(pairs, screws_of(pairs))
+    axes = smooth_axes(pairs, screws, cutoff)
+    one, two = successive(axes)
+    crossings = intersect(
+        axes.axis[one],
+        axes.point[one],
+        axes.axis[two],
+        axes.point[two],
+        CLEAR * np.hypot(axes.deviation[one], axes.deviation[two]),
+    )
+    spread = axis_spread(axes)
+    _check_observable(axes, spread, crossings)
+    ok = crossings.valid
+    at = motion.time[axes.second[one][ok]]
+    span = (float(tracks.time[0]), float(tracks.time[-1]))
+    path = fit_path(at, crossings.middle[ok], crossings.sine[ok], span, options.degree)
+    position_W = path(tracks.time)
+    position = position_W if R_C_W is None else np.einsum("nij,nj->ni", R_C_W, position_W)
+    diagnostics = {
+        "method": name,
+        "version": version("baryscope"),
+        "options": _options(options, trial, cutoff, path, motion),
+        **_quality(motion, screws, crossings, path, spread, at, options, trial),
+        "clusters": _clusters(tracks, motion, position_W),
+        "rejected_features": [],
+        "wall_time": clock.perf_counter() - begin,
+    }
+    return Estimate(tracks.time, position, None, diagnostics)
+
+
+def _given_lag(motion: Motion, lag: float) -> Trial:
+    frames = max(1, round(lag / step_of(motion)))
+    longest = max(interval.length for interval in motion.intervals)
+    if longest <= 2 * frames:
+        raise ComputationError(
+            f"the lag is {lag:g} s, but the longest interval in which the same features are followed lasts "
+            f"{(longest - 1) * step_of(motion):g} s, at least twice the lag is needed"
+        )
+    return try_lag(motion, frames)
+
+
+def without_faint(pairs: Pairs, screws: Screws) -> Screws:
+    """The screws, with those flagged whose rotation does not stand out of the noise.
+
+    Raises:
+        ComputationError: hardly any rotation stands out.
+    """
+    chord, noise = 2 * np.sin(screws.angle / 2), pairs.angle_deviation
+    faint = screws.valid & ~(chord > CLEAR * noise)
+    if screws.valid.any() and np.nanmedian(chord) <= 2 * CLEAR * np.median(noise):
+        raise ComputationError(
+            f"too little rotation: the body turns by {np.rad2deg(np.nanmedian(chord)):.2g}° in {pairs.lag} frames, "
+            f"and the noise of that is {np.rad2deg(np.median(noise)):.2g}°"
+        )
+    status = np.where(faint, TOO_LITTLE_ROTATION, screws.status)
+    return screws_or_nan(screws.axis, screws.point, screws.angle, screws.translation, status)
+
+
+def smooth_axes(pairs: Pairs, screws: Screws, cutoff: float) -> Axes:
+    """Low-pass the axes in each run of sound screws at successive frames of one interval."""
+    sound = np.nonzero(screws.valid)[0]
+    if not sound.size:
+        raise ComputationError(f"no sound screw between poses {pairs.lag} frames apart: {_why(screws)}")
+    first, motion = pairs.first[sound], pairs.motion
+    number = motion.interval[first]
+    breaks = np.nonzero((np.diff(first) != 1) | (np.diff(number) != 0))[0] + 1
+    axis, point = screws.axis[sound], screws.point[sound]
+    step = step_of(motion)
+    for run in np.split(np.arange(len(sound)), breaks):
+        axis[run], point[run] = low_pass_axes(axis[run], point[run], step, cutoff)
+    passed = min(1.0, 2 * cutoff * step)  # of the variance of white noise
+    deviation = pairs.angle_deviation[sound] / (2 * np.sin(screws.angle[sound] / 2))
+    if passed < 1:
+        # What the filter took away shows how noisy this method's axes are; √(2 ln 2) is Rayleigh's median.
+        taken = np.linalg.norm(axis - screws.axis[sound], axis=1) / np.sqrt(2 * np.log(2) * (1 - passed))
+        deviation = deviation * max(1.0, float(np.median(taken) / max(np.median(deviation), 1e-300)))
+    return Axes(first, pairs.second[sound], axis, point, np.sqrt(passed) * deviation, deviation)
+
+
+def successive(axes: Axes) -> tuple[IntArray, IntArray]:
+    """Indices of the axes whose second frame is another axis's first frame, and of those others."""
+    other = np.minimum(np.searchsorted(axes.first, axes.second), len(axes.first) - 1)
+    found = np.nonzero(axes.first[other] == axes.second)[0]
+    return found, other[found]
+
+
+def axis_spread(axes: Axes) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues, rising, and eigenvectors (columns) of the mean of 1 − a aᵀ: how well each direction is seen."""
+    mean = np.eye(3) - axes.axis.T @ axes.axis / len(axes.axis)
+    values, vectors = np.linalg.eigh(mean)
+    return np.maximum(values, 0.0), vectors
+
+
+def _check_observable(axes: Axes, spread: tuple[FloatArray, FloatArray], crossings: Intersections) -> None:
+    if not len(crossings.sine):
+        raise ComputationError(
+            "no two screws follow each other in one interval: the intervals in which the same features are "
+            "followed are shorter than twice the lag"
+        )
+    # Before the low-pass: near the ends of a run it passes more noise than its bandwidth says.
+    noise = float(np.sqrt(2 * np.mean(axes.raw_deviation**2)))
+    turned = float(np.sqrt(spread[0][0]))
+    if turned <= max(CLEAR * noise, 1e-6) or not crossings.valid.any():
+        raise ComputationError(
+            f"the axis of rotation does not turn visibly ({np.rad2deg(turned):.2g}° rms, noise "
+            f"{np.rad2deg(noise):.2g}°): in a pure spin the centre of mass cannot be found along the axis"
+        )
+
+
+def _why(screws: Screws) -> str:
+    counts = np.bincount(screws.status, minlength=len(REASONS))
+    reasons = [f"{REASONS[code]} ({counts[code]})" for code in np.argsort(-counts) if code and counts[code]]
+    return ", ".join(reasons)
+
+
+def _options(options: ScrewOptions, trial: Trial, cutoff: float, path: PathFit, motion: Motion) -> dict[str, Any]:
+    step = step_of(motion)
+    return {
+        "axes": options.axes,
+        "reference": options.reference,
+        "lag": trial.lag * step,
+        "lag_frames": trial.lag,
+        "cutoff": cutoff,
+        "degree": path.degree,
+        "chosen_from_data": [key for key in ("lag", "cutoff", "degree") if getattr(options, key) is None],
+        "sampling_interval": step,
+    }
+
+
+def _quality(
+    motion: Motion,
+    screws: Screws,
+    crossings: Intersections,
+    path: PathFit,
+    spread: tuple[FloatArray, FloatArray],
+    at: FloatArray,
+    options: ScrewOptions,
+    trial: Trial,
+) -> dict[str, Any]:
+    length = crossings.length[crossings.valid]
+    values, vectors = spread
+    counts = np.bincount(screws.status, minlength=len(REASONS))
+    angle = screws.angle[screws.valid]
+    lag = trial.lag * step_of(motion)
+    return {
+        "residual_rms": motion.rms,
+        "registration_converged": all(fitted.converged for fitted in motion.registrations),
+        "screw_angle_deg": float(np.rad2deg(np.median(angle))),
+        "rotation_rate_deg": float(np.rad2deg(np.median(angle))) / lag,
+        "axis_angle_deg": float(np.rad2deg(np.median(np.arcsin(np.minimum(crossings.sine, 1.0))))),
+        "segment_length_rms": float(np.sqrt(np.mean(length**2))),
+        "segment_length_median": float(np.median(length)),
+        "fit_rms": path.rms,
+        "condition_number": float(values[-1] / values[0]) if values[0] > 0 else None,
+        "least_observable_direction": {"axes": options.axes, "direction": vectors[:, 0].tolist()},
+        "covered_share": len(np.unique(at)) / len(motion.time),
+        "screws": {REASONS[code]: int(counts[code]) for code in range(len(REASONS)) if counts[code] or not code},
+        "intersections": {
+            "used": int(crossings.valid.sum()) - path.rejected,
+            "too nearly parallel": int((~crossings.valid).sum()),
+            "far from the path": path.rejected,
+        },
+    }
+
+
+def _clusters(tracks: FeatureTracks, motion: Motion, position_W: FloatArray) -> list[dict[str, Any]]:
+    """Per interval: its time, its features in the shape's axes, and the centre of mass there, mean and scatter."""
+    clusters = []
+    for interval, fitted in zip(motion.intervals, motion.registrations, strict=True):
+        good = fitted.valid
+        com_S = np.einsum(
+            "nji,nj->ni", fitted.rotation[good], position_W[interval.frames][good] - fitted.translation[good]
+        )
+        names = [tracks.labels[index] for index in interval.features]
+        clusters.append(
+            {
+                "start": float(tracks.time[interval.start]),
+                "end": float(tracks.time[interval.stop - 1]),
+                "frames": interval.length,
+                "features": {name: point.tolist() for name, point in zip(names, fitted.shape, strict=True)},
+                "residual_rms": fitted.rms,
+                "rounds": fitted.rounds,
+                "centre_of_mass": com_S.mean(axis=0).tolist() if len(com_S) else None,
+                "centre_of_mass_scatter": com_S.std(axis=0).tolist() if len(com_S) else None,
+            }
+        )
+    return clusters

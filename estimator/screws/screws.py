@@ -1,0 +1,77 @@
+"""Screws: the axis, angle and shift of a rigid displacement, and their closed form from a pair of poses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.geometry.alignment import quaternion_from_matrix
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+# Why a screw is not to be used, as a value that can be tested; 0 is a sound one.
+SOUND, TOO_FEW_POINTS, TOO_LITTLE_ROTATION, DEGENERATE_POINTS, NOT_CONVERGED = range(5)
+REASONS = (
+    "sound",
+    "fewer than three points in common",
+    "too little rotation",
+    "displacements leave the axis open",
+    "not converged",
+)
+
+
+@dataclass(frozen=True)
+class Screws:
+    """n screws: axis (n, 3), unit, with the sense that makes angle (n,) in rad lie in [0, π]; point (n, 3) in m,
+    the point of the axis nearest the centroid of the points before and after; translation (n,) in m along the axis;
+    status (n,), one of the codes above, an index into REASONS. Where it is not SOUND the rest is NaN.
+    """
+
+    axis: FloatArray
+    point: FloatArray
+    angle: FloatArray
+    translation: FloatArray
+    status: IntArray
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Which screws are sound, (n,)."""
+        return np.asarray(self.status == SOUND)
+
+
+def screws_or_nan(
+    axis: FloatArray, point: FloatArray, angle: FloatArray, translation: FloatArray, status: IntArray
+) -> Screws:
+    """Screws with NaN wherever the status is not SOUND, so that nobody takes a number that means nothing."""
+    bad = status != SOUND
+    return Screws(
+        axis=np.where(bad[:, None], np.nan, axis),
+        point=np.where(bad[:, None], np.nan, point),
+        angle=np.where(bad, np.nan, angle),
+        translation=np.where(bad, np.nan, translation),
+        status=status,
+    )
+
+
+def screws_of_poses(
+    R_C_S1: FloatArray, centre_1: FloatArray, R_C_S2: FloatArray, centre_2: FloatArray, least_angle: float = 1e-9
+) -> Screws:
+    """The screws that carry bodies from pose 1 to pose 2; rotations (n, 3, 3), centres (n, 3) of the same body point.
+
+    Axis and angle come from the quaternion of R₂ R₁ᵀ, which holds up to and at 180°, where R − Rᵀ vanishes. The
+    point is the chord's middle plus ½ cot(θ/2) a × d⊥, d the chord of the centre. There is no axis below
+    `least_angle` in rad.
+    """
+    quaternion = quaternion_from_matrix(R_C_S2 @ np.swapaxes(R_C_S1, 1, 2))
+    quaternion = np.where(quaternion[:, :1] < 0, -quaternion, quaternion)
+    length = np.linalg.norm(quaternion[:, 1:], axis=1)
+    angle = 2 * np.arctan2(length, quaternion[:, 0])
+    turned = (length > 0) & (angle > least_angle)
+    axis = quaternion[:, 1:] / np.where(turned, length, 1.0)[:, None]
+    chord = centre_2 - centre_1
+    translation = np.einsum("ni,ni->n", axis, chord)
+    half_cotangent = 0.5 * quaternion[:, 0] / np.where(turned, length, 1.0)
+    point = 0.5 * (centre_1 + centre_2) + half_cotangent[:, None] * np.cross(axis, chord)
+    status = np.where(turned, SOUND, TOO_LITTLE_ROTATION)
+    return screws_or_nan(axis, point, angle, translation, status)

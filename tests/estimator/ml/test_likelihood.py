@@ -1,0 +1,136 @@
+"""The equations of everything at once, against the dense problem: differences of residuals by all unknowns."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation as ScipyRotation
+
+from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.ml.likelihood import equations
+from synthetic import ENVISAT, differences, roots, turned_back
+
+N, M, P, Q = 12, 6, 6, 14  # frames, features, unknowns of the path, and of path and motion
+TIME = np.arange(0.0, 5.0 * N, 5.0)
+PATH = Polynomial(1, 0.0, TIME[-1])
+X = np.array([4.0, -19.0, 3.0, 0.5, 0.2, -0.3])
+# Changes of about one in what these are units of: rate, inertia, path, points.
+UNITS = np.concatenate([np.full(3, 1e-2), np.full(5, 1e-1), np.ones(P + 3 * M)])
+
+
+def scene(full, seed=0):
+    rng = np.random.default_rng(seed)
+    start = Rotation(20.0, ScipyRotation.random(random_state=seed).as_matrix(), np.array([0.03, 0.05, 0.04]), ENVISAT)
+    points = rng.normal(size=(M, 3)) * 2
+    sampled, motion = PATH.at(TIME), start.at(TIME)
+    origin = sampled.position(X)
+    position = origin[:, None] + points @ np.swapaxes(motion.attitude, 1, 2) + 0.1 * rng.normal(size=(N, M, 3))
+    used = rng.random((N, M)) < 0.7
+    used[:, 5] = False  # never seen
+    precision = None
+    if full:
+        factor = rng.normal(size=(N, M, 3, 3))
+        precision = factor @ np.swapaxes(factor, 2, 3) + 0.3 * np.eye(3)
+    sightings = Sightings(
+        np.where(used[..., None], position, 0.0), np.where(used, rng.uniform(0.5, 2, (N, M)), 0.0), precision
+    )
+    return start, sampled, motion, origin, sightings, points + 0.05 * rng.normal(size=(M, 3))
+
+
+def whitened(start, sampled, sightings, points):
+    """Residuals as a function of all unknowns, in UNITS: rate, inertia, x and δb."""
+    root = roots(sightings.weight, sightings.precision)
+
+    def function(unknowns):
+        values = UNITS * unknowns
+        attitude = start.changed(np.zeros(3), values[:8]).at(TIME).attitude
+        model = sampled.position(X + values[8:Q])[:, None]
+        model = model + (points + values[Q:].reshape(M, 3)) @ np.swapaxes(attitude, 1, 2)
+        return (root @ (sightings.position - model)[..., None]).ravel()
+
+    return function
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["isotropic", "precisions"])
+def problem(request):
+    """What `equations` finds, and residual, Jacobian and matrix of the dense problem without the feature not seen."""
+    start, sampled, motion, origin, sightings, points = scene(request.param)
+    function = whitened(start, sampled, sightings, points)
+    zero = np.zeros(Q + 3 * M)
+    residual, J = function(zero), differences(function, zero, 1e-4) / UNITS
+    return equations(sightings, motion, sampled, origin, points), points, residual, J[:, : Q + 3 * (M - 1)]
+
+
+def test_matrix_is_the_schur_complement(problem):
+    found, _, residual, J = problem
+    matrix, side = J.T @ J, -J.T @ residual
+    known = matrix[Q:, Q:]
+    eliminated = matrix[:Q, :Q] - matrix[:Q, Q:] @ np.linalg.solve(known, matrix[Q:, :Q])
+    # Between nodes the sensitivity is a cubic: (0.4 rad)⁴/384 = 7e-5 of it.
+    scale = np.sqrt(np.outer(np.diag(eliminated), np.diag(eliminated)))
+    np.testing.assert_allclose(found.matrix / scale, eliminated / scale, atol=1e-4)
+    expected = side[:Q] - matrix[:Q, Q:] @ np.linalg.solve(known, side[Q:])
+    np.testing.assert_allclose(found.side / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-4)
+
+
+def test_points_are_the_linear_least_squares_of_this_motion(problem):
+    found, points, residual, J = problem
+    change = np.linalg.lstsq(J[:, Q:], -residual, rcond=None)[0]
+    np.testing.assert_allclose(found.points[:5], points[:5] + change.reshape(-1, 3), atol=1e-7)
+    np.testing.assert_array_equal(found.points[5], points[5])  # never seen: as it was
+    assert found.cost == pytest.approx(float(np.sum((residual + J[:, Q:] @ change) ** 2)), rel=1e-9)
+
+
+def test_covariances_are_those_of_the_dense_inverse(problem):
+    found, _, _, J = problem
+    units = UNITS[: J.shape[1]]
+    covariance = np.linalg.inv((J * units).T @ (J * units)) * np.outer(units, units)
+    deviation = np.sqrt(np.diag(covariance)[:Q])
+    y = found.covariance(PATH.at(TIME), reach=1e9)
+    size = np.outer(deviation, deviation)
+    np.testing.assert_allclose(y / size, covariance[:Q, :Q] / size, atol=1e-3)
+    members = np.array([0, 2, 3, 4])
+    places = Q + (3 * members[:, None] + np.arange(3)).ravel()
+    reference = found.points[members]
+    held = differences(lambda p: turned_back(p.reshape(-1, 3), reference), reference.ravel(), 1e-5)
+    expected = held @ covariance[np.ix_(places, places)] @ held.T
+    offset, crossed = found.offset_covariance(y, members)
+    np.testing.assert_allclose(offset, expected, atol=1e-3 * np.abs(expected).max())
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(covariance)[:Q]))
+    np.testing.assert_allclose(crossed / size, held @ covariance[np.ix_(places, np.arange(Q))] / size, atol=1e-3)
+
+
+def test_many_frames_are_summed_as_few():
+    """More frames than a chunk holds, all at one time, against one frame with their weight together."""
+    start, *_ = scene(full=False)
+    n = 20_000
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    times = np.repeat([0.0, 30.0, 60.0, 90.0], n // 4)
+    few_times = times[:: n // 4]
+    path = Polynomial(0, 0.0, 90.0)
+    x = np.array([4.0, -19.0, 3.0])
+    found = []
+    for time, weight in ((times, 1.0), (few_times, n / 4)):
+        motion, sampled = start.at(time), path.at(time)
+        position = x + points @ np.swapaxes(motion.attitude, 1, 2)
+        sightings = Sightings(position + np.array([0.01, 0, 0]), np.full(position.shape[:2], weight))
+        found.append(equations(sightings, motion, sampled, sampled.position(x), points))
+    np.testing.assert_allclose(found[0].matrix, found[1].matrix, rtol=1e-9, atol=1e-9 * np.abs(found[1].matrix).max())
+    np.testing.assert_allclose(found[0].points, found[1].points, atol=1e-9)
+    assert found[0].cost == pytest.approx(found[1].cost, rel=1e-9)
+
+
+def test_what_is_not_seen_at_all_may_be_anywhere_within_reach():
+    """A spin about a principal axis: along it no place of the centre of mass is told from another."""
+    start = Rotation(30.0, np.eye(3), np.array([0.0, 0.0, 0.07]), np.diag([1.0, 2.0, 2.5]))
+    path = Polynomial(0, 0.0, 60.0)
+    motion, sampled = start.at(TIME), path.at(TIME)
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    position = X[:3] + points @ np.swapaxes(motion.attitude, 1, 2)
+    sightings = Sightings(position, np.ones((N, 5)))
+    found = equations(sightings, motion, sampled, sampled.position(X[:3]), points)
+    y = found.covariance(sampled, reach=20.0)
+    assert np.sqrt(y[10, 10]) == pytest.approx(20.0, rel=1e-3)
+    assert np.sqrt(y[8, 8]) < 1.0
+    offset, _ = found.offset_covariance(y, np.arange(5))
+    assert np.sqrt(offset[2, 2]) == pytest.approx(20.0, rel=1e-3)

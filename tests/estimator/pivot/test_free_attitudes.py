@@ -1,0 +1,181 @@
+"""Gauss–Newton with free attitudes, against the dense problem with every unknown, and scipy's least_squares."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.pivot.free_attitudes import Body, improve, offset_by_points
+from synthetic import differences, roots, turned_back
+
+N, M = 9, 7  # frames, features: two bodies that see frames and features of their own, and one feature both
+FEATURES = [np.array([0, 1, 2, 3]), np.array([3, 4, 5, 6])]
+FRAMES = [np.arange(0, 5), np.arange(5, 9)]
+NOISE = 0.05
+PATH = Polynomial(1, 0.0, 8.0)
+
+
+def scene(full, seed=0, start=0.02):
+    """Noisy sightings, and bodies and path that are off by about `start`."""
+    rng = np.random.default_rng(seed)
+    x = np.array([4.0, -19.0, 3.0, 0.5, 0.2, -0.3])
+    sampled = PATH.at(np.arange(float(N)))
+    origin = sampled.position(x)
+    position, used, bodies = np.zeros((N, M, 3)), np.zeros((N, M), dtype=bool), []
+    for features, frames in zip(FEATURES, FRAMES, strict=True):
+        points, attitude = rng.normal(size=(4, 3)) * 2, Rotation.random(len(frames), random_state=seed).as_matrix()
+        block = np.ix_(frames, features)
+        position[block] = origin[frames][:, None] + points @ np.swapaxes(attitude, 1, 2)
+        used[block] = True
+        turn = Rotation.from_rotvec(start * rng.normal(size=(len(frames), 3))).as_matrix()
+        bodies.append(Body(features, frames, points + start * rng.normal(size=(4, 3)), attitude @ turn))
+    used[2, 1] = False
+    position += NOISE * rng.normal(size=position.shape)
+    weight = np.where(used, rng.uniform(0.5, 2, (N, M)), 0.0)
+    precision = None
+    if full:
+        factor = rng.normal(size=(N, M, 3, 3))
+        precision = factor @ np.swapaxes(factor, 2, 3) + 0.3 * np.eye(3)
+    sightings = Sightings(np.where(used[..., None], position, 0.0), weight, precision)
+    return sightings, sampled, tuple(bodies), x + start * rng.normal(size=6)
+
+
+def whitened(sightings, sampled, bodies, x):
+    """Residuals of unit variance as a function of all unknowns: δx (6,), δb and φ of each body."""
+    root = roots(sightings.weight, sightings.precision)
+
+    def function(unknowns):
+        origin, rest, values = sampled.position(x + unknowns[:6]), unknowns[6:], []
+        for body in bodies:
+            m, n = len(body.features), len(body.frames)
+            points = body.points + rest[: 3 * m].reshape(m, 3)
+            turn = Rotation.from_rotvec(rest[3 * m : 3 * (m + n)].reshape(n, 3)).as_matrix()
+            rest = rest[3 * (m + n) :]
+            model = origin[body.frames][:, None] + points @ np.swapaxes(body.attitude @ turn, 1, 2)
+            block = np.ix_(body.frames, body.features)
+            values.append((root[block] @ (sightings.position[block] - model)[..., None]).ravel())
+        return np.concatenate(values)
+
+    return function, 6 + sum(3 * (len(body.features) + len(body.frames)) for body in bodies)
+
+
+def distances(points):
+    points = points.reshape(-1, 3)
+    return np.linalg.norm(points[:-1] - points[1:], axis=1)
+
+
+def points_of(bodies):
+    """Where the points of each body stand among the unknowns."""
+    place, found = 6, []
+    for body in bodies:
+        m, n = len(body.features), len(body.frames)
+        found.append(np.arange(place, place + 3 * m))
+        place += 3 * (m + n)
+    return found
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
+def test_a_step_is_that_of_the_dense_equations(full):
+    """With rotations, points and path stacked; the axes of a body are held by the pseudo-inverse."""
+    sightings, sampled, bodies, x = scene(full)
+    found = improve(bodies, sightings, sampled, x)
+    # The rotations were turned to their best before the step: take these.
+    turned = tuple(
+        Body(body.features, body.frames, body.points, new.attitude)
+        for body, new in zip(bodies, found.bodies, strict=True)
+    )
+    function, size = whitened(sightings, sampled, turned, x)
+    residual, J = function(np.zeros(size)), differences(function, np.zeros(size))
+    covariance = np.linalg.pinv(J.T @ J, rcond=1e-9, hermitian=True)
+    assert np.linalg.matrix_rank(J, tol=1e-5) == size - 3 * len(bodies)
+    change = -covariance @ J.T @ residual
+    np.testing.assert_allclose(found.x - x, change[:6], atol=1e-6)
+    np.testing.assert_allclose(found.covariance, covariance[:6, :6], rtol=1e-5, atol=1e-6 * covariance[0, 0])
+    assert found.squares.sum() == pytest.approx(residual @ residual, rel=1e-9)
+    offsets = []
+    for body, new, own in zip(bodies, found.bodies, points_of(bodies), strict=True):
+        held = differences(lambda p, b=body: turned_back(p.reshape(-1, 3), b.points), body.points.ravel(), 1e-5)
+        # In the axes that the points hold after the step, if it turned them.
+        old, moved = (points - points.mean(axis=0) for points in (body.points, new.points))
+        held = Rotation.align_vectors(moved, old)[0].as_matrix() @ held
+        offsets.append(held @ np.eye(size)[own])
+        # The points themselves are free to turn; their distances are not.
+        step = (new.points - body.points).ravel()
+        lengths = differences(distances, body.points.ravel())
+        np.testing.assert_allclose(lengths @ step, lengths @ change[own], atol=1e-6)
+    # A finite turn is not quite that of the linear step: 0.02 rad squared.
+    by_all = np.concatenate(offsets)
+    expected = by_all @ covariance @ by_all.T
+    np.testing.assert_allclose(found.offset_covariance, expected, atol=1e-3 * expected.max())
+    expected = by_all @ covariance[:, :6]
+    np.testing.assert_allclose(found.offset_path, expected, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
+def test_steps_end_where_scipys_least_squares_does(full):
+    sightings, sampled, bodies, x = scene(full, seed=1)
+    function, size = whitened(sightings, sampled, bodies, x)
+    best = least_squares(function, np.zeros(size), xtol=1e-15, ftol=1e-15, gtol=1e-12)
+    for _ in range(30):
+        found = improve(bodies, sightings, sampled, x)
+        bodies, start, x = found.bodies, x, found.x
+    np.testing.assert_allclose(start, x, atol=1e-9)
+    assert found.step < 1e-12
+    assert found.squares.sum() == pytest.approx(2 * best.cost, rel=1e-9)
+    base = scene(full, seed=1)[3]
+    np.testing.assert_allclose(x, base + best.x[:6], atol=1e-5)
+
+
+def test_only_weights_relative_to_each_other_matter_for_the_step():
+    sightings, sampled, bodies, x = scene(full=False)
+    one = improve(bodies, sightings, sampled, x)
+    two = improve(bodies, sightings.weighted(1e-6 * sightings.weight), sampled, x)
+    np.testing.assert_allclose(two.x, one.x, rtol=1e-9)
+    np.testing.assert_allclose(two.covariance, 1e6 * one.covariance, rtol=1e-6)
+
+
+def test_many_frames_are_summed_as_few():
+    """More frames than a chunk holds, against the same frames given as two bodies' worth of weight."""
+    rng = np.random.default_rng(0)
+    n, points = 6000, rng.normal(size=(4, 3))
+    attitude = Rotation.random(60, random_state=0).as_matrix()[np.arange(n) % 60]
+    position = np.array([4.0, -19.0, 3.0]) + points @ np.swapaxes(attitude, 1, 2)
+    position += NOISE * rng.normal(size=(60, 4, 3))[np.arange(n) % 60]
+    body = Body(np.arange(4), np.arange(n), points, attitude)
+    assert len(list(body.chunks())) > 1
+    path = Polynomial(0, 0.0, 1.0)
+    many = improve((body,), Sightings(position, np.ones((n, 4))), path.at(np.zeros(n)), np.array([4.0, -19, 3]))
+    few_body = Body(np.arange(4), np.arange(60), points, attitude[:60])
+    few = improve(
+        (few_body,), Sightings(position[:60], np.full((60, 4), n / 60)), path.at(np.zeros(60)), np.array([4.0, -19, 3])
+    )
+    np.testing.assert_allclose(many.x, few.x, rtol=1e-10)
+    np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-8)
+    np.testing.assert_allclose(many.offset_covariance, few.offset_covariance, rtol=1e-8)
+
+
+def test_offset_by_points_is_the_difference_of_scipys_alignment():
+    points = np.random.default_rng(3).normal(size=(5, 3)) + np.array([3.0, -1, 2])
+    expected = differences(lambda p: turned_back(p.reshape(-1, 3), points), points.ravel(), 1e-5)
+    np.testing.assert_allclose(offset_by_points(points), expected, atol=1e-8)
+    # A turn of everything about the origin is not seen in held axes; a shift is seen as it is.
+    turn = np.cross([0.1, 0.2, -0.3], points).ravel()
+    np.testing.assert_allclose(offset_by_points(points) @ turn, 0, atol=1e-12)
+    np.testing.assert_allclose(offset_by_points(points) @ np.tile([1.0, 2, 3], 5), [1, 2, 3], atol=1e-12)
+
+
+def test_what_cannot_be_seen_is_named():
+    """Attitudes that never change: a shift of the path and one of all points are the same."""
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    position = np.tile(np.array([4.0, -19, 3]) + points, (6, 1, 1))
+    body = Body(np.arange(4), np.arange(6), points, np.tile(np.eye(3), (6, 1, 1)))
+    path = Polynomial(0, 0.0, 5.0)
+    found = improve((body,), Sightings(position, np.ones((6, 4))), path.at(np.arange(6.0)), np.array([4.0, -19, 3]))
+    assert np.linalg.matrix_rank(found.blind) == 3
+    # Where the path goes, the body's offset goes the other way; in held axes this is a shift.
+    np.testing.assert_allclose(found.offset_blind, -found.blind, atol=1e-6 * np.abs(found.blind).max())
+    np.testing.assert_allclose(found.x, [4, -19, 3], atol=1e-9)
+    sightings, sampled, bodies, x = scene(full=False)
+    assert improve(bodies, sightings, sampled, x).blind.shape == (6, 0)

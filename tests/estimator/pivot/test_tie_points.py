@@ -1,0 +1,236 @@
+"""Bodies tied by one or two features, or some in a line: against the same sightings as one body with common axes."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.pivot.free_attitudes import Body, improve, offset_by_points
+from baryscope.estimator.pivot.tie_points import tie
+from baryscope.estimator.tracks import FeatureTracks
+from free_paths import (
+    BOTH,
+    NOISE,
+    TEN,
+    found_by,
+    in_orbit,
+    rms,
+    squared_error,
+    squared_error_of_cluster,
+    turning,
+    with_positions,
+)
+from synthetic import make_case
+
+PATH = Polynomial(1, 0.0, 11.0)
+X = np.array([4.0, -19.0, 3.0, 0.5, 0.2, -0.3])
+FINE = 1e-3  # m, of each coordinate
+POINTS = 2 * np.random.default_rng(0).normal(size=(8, 3))
+SHARED = {"one": [3], "two": [3, 4], "three in a line": [3, 4, 5]}
+
+
+def scene(groups, points, seed=0):
+    """Sightings of points by turns, 12 frames a group; a body of its own axes for each, and one for all.
+
+    The body turns by a radian or so while a group is seen: alone, its frames hardly tell where its centre is.
+    """
+    rng = np.random.default_rng(seed)
+    n, m = 12 * len(groups), len(points)
+    sampled = PATH.at(np.linspace(0.0, 11.0, n))
+    spin, roll = (Rotation.from_rotvec(np.outer(0.1 * np.arange(n), axis)) for axis in ([1.0, 0, 0], [0, 0.6, 0.8]))
+    attitude = (spin * roll).as_matrix()
+    position = sampled.position(X)[:, None] + points @ np.swapaxes(attitude, 1, 2)
+    position += FINE * rng.normal(size=position.shape)
+    weight, bodies = np.zeros((n, m)), []
+    for index, features in enumerate(groups):
+        frames, turn = np.arange(12 * index, 12 * index + 12), Rotation.random(random_state=index).as_matrix()
+        weight[np.ix_(frames, features)] = 1.0
+        bodies.append(Body(np.array(features), frames, points[features] @ turn.T, attitude[frames] @ turn.T))
+    whole = Body(np.arange(m), np.arange(n), points, attitude)
+    return Sightings(position * (weight[..., None] > 0), weight), sampled, tuple(bodies), whole
+
+
+def settled(bodies, sightings, sampled):
+    x = X
+    for _ in range(4):
+        found = improve(bodies, sightings, sampled, x)
+        bodies, x = found.bodies, found.x
+    return found
+
+
+def in_line(points):
+    points = points.copy()
+    points[3:6] = np.array([0.5, 1, 2]) + np.outer([1.0, 2, 3], [1, 0.5, -0.3])
+    return points
+
+
+@pytest.mark.parametrize("kind", SHARED)
+def test_tied_bodies_are_as_good_as_one(kind):
+    shared = SHARED[kind]
+    points = in_line(POINTS) if kind == "three in a line" else POINTS
+    first, second = [0, 1, 2, *shared], [*shared, *range(shared[-1] + 1, 8)]
+    sightings, sampled, bodies, whole = scene([first, second], points)
+    apart, one = settled(bodies, sightings, sampled), settled((whole,), sightings, sampled)
+    found, made, refused = tie(apart, FINE**2)
+    assert [made[0].bodies, made[0].features.tolist(), len(made), refused] == [(0, 1), shared, 1, ()]
+    deviation = FINE * np.sqrt(np.diag(one.covariance))
+    assert np.trace(apart.covariance) > 1.1 * np.trace(one.covariance)
+    # What is left is of second order: a deviation of a millimetre in the metres of the points.
+    np.testing.assert_allclose((found.x - one.x) / deviation, 0.0, atol=0.01)
+    np.testing.assert_allclose(found.covariance, one.covariance, atol=2e-3 * one.covariance.max())
+    joint = one.points_covariance[0] + one.points_path[0] @ one.covariance @ one.points_path[0].T
+    for k, (body, features) in enumerate(zip(found.bodies, (first, second), strict=True)):
+        rows = (3 * np.array(features)[:, None] + np.arange(3)).ravel()
+        # The same offset, in axes that the body's points hold, seen from the body's axes S.
+        turn = Rotation.align_vectors(body.points, whole.points[features])[0].as_matrix()
+        held = turn @ offset_by_points(one.bodies[0].points[features])
+        expected = held @ joint[np.ix_(rows, rows)] @ held.T
+        own = slice(3 * k, 3 * k + 3)
+        np.testing.assert_allclose(found.offset_covariance[own, own], expected, atol=5e-3 * expected.max())
+        expected = -held @ one.points_path[0][rows] @ one.covariance
+        np.testing.assert_allclose(found.offset_path[own], expected, atol=5e-3 * np.abs(expected).max())
+    a, b = (body.points[rows] for body, rows in zip(found.bodies, made[0].rows, strict=True))
+    np.testing.assert_allclose(a @ a.T, b @ b.T, atol=20 * FINE**2)
+
+
+def test_features_that_changed_do_not_tie():
+    """F3 of the second body is another point, 1 % farther away, under the same name."""
+    points = np.concatenate([POINTS, POINTS[3:4] * 1.01])
+    sightings, sampled, bodies, _ = scene([[0, 1, 2, 3], [8, 4, 5, 6]], points)
+    apart = settled(bodies, sightings, sampled)
+    first, second = apart.bodies
+    renamed = replace(apart, bodies=(first, replace(second, features=np.array([3, 4, 5, 6]))))
+    found, made, refused = tie(renamed, FINE**2)
+    assert found is renamed
+    assert made == ()
+    assert [one.features.tolist() for one in refused] == [[3]]
+
+
+def test_features_that_are_the_same_tie_although_others_changed():
+    points = np.concatenate([POINTS, POINTS[4:5] * 1.01])
+    sightings, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 8, 5, 6]], points)
+    apart = settled(bodies, sightings, sampled)
+    first, second = apart.bodies
+    renamed = replace(apart, bodies=(first, replace(second, features=np.array([3, 4, 5, 6]))))
+    _, made, refused = tie(renamed, FINE**2)
+    assert [one.features.tolist() for one in made] == [[3]]
+    assert [one.features.tolist() for one in refused] == [[4]]
+
+
+def test_many_shared_features_tie_in_groups():
+    """Bodies that share 300 features in a line: all their products would be a matrix of 90,000 rows."""
+    on_line = np.array([0.5, 1, 2]) + np.outer(np.linspace(-3, 3, 300), [1, 0.5, -0.3])
+    points = np.concatenate([POINTS, on_line])
+    line = list(range(8, 308))
+    sightings, sampled, bodies, whole = scene([[0, 1, 2, *line], [*line, 4, 5, 6]], points)
+    apart, one = settled(bodies, sightings, sampled), settled((whole,), sightings, sampled)
+    found, made, refused = tie(apart, FINE**2)
+    assert [len(tie.features) for tie in made] == [300]
+    assert refused == ()
+    gained = np.trace(apart.covariance) - np.trace(found.covariance)
+    assert gained > 0.9 * (np.trace(apart.covariance) - np.trace(one.covariance))
+
+
+@BOTH
+def test_a_name_that_was_given_twice_is_told(method):
+    time, R = turning(120)
+    clusters = [(0.0, 59.0, [0, 1, 2, 3]), (61.0, 120.0, [3, 4, 5, 6])]
+    case = make_case(time, R, in_orbit(time), TEN, noise=NOISE, clusters=clusters)
+    position = case.tracks.position.copy()
+    position[60:, 3] += R[60:] @ (0.1 * TEN[3])
+    found = found_by(method, with_positions(case, position), "relative-orbit")
+    assert found.diagnostics["rejected_share"] < 0.01
+    assert found.diagnostics["remarks"] == ["F3: not the same in clusters 0 and 1, which are not tied by it"]
+    assert squared_error(found, case) < 4.5**2
+    # `ml`, which sees one body, tells the two points apart; clusters have a feature under its name.
+    names = [list(cluster["features"]) for cluster in found.diagnostics["clusters"]]
+    assert names == [["F0", "F1", "F2", "F3"], ["F3 (2)" if method == "ml" else "F3", "F4", "F5", "F6"]]
+
+
+def test_a_name_that_was_given_to_another_point_for_a_while():
+    """`ml` finds that the third cluster sees the first one's F3 again, and the second one another."""
+    time, R = turning(120)
+    clusters = [(0.0, 39.0, [0, 1, 2, 3]), (41.0, 79.0, [3, 4, 5, 6]), (80.0, 120.0, [3, 7, 8, 9])]
+    case = make_case(time, R, in_orbit(time), TEN, noise=NOISE, seed=3, clusters=clusters)
+    position = case.tracks.position.copy()
+    position[40:80, 3] += R[40:80] @ (0.1 * TEN[3])
+    found = found_by("ml", with_positions(case, position), "relative-orbit")
+    names = {cluster["start"]: next(iter(cluster["features"])) for cluster in found.diagnostics["clusters"]}
+    assert names == {0.0: "F0", 41.0: "F3 (2)", 80.0: "F3"}
+    assert found.diagnostics["rejected_share"] < 0.01
+    assert squared_error(found, case) < 4.5**2
+
+
+def test_nothing_shared_nothing_tied():
+    sightings, sampled, bodies, _ = scene([[0, 1, 2, 3], [4, 5, 6, 7]], POINTS)
+    apart = settled(bodies, sightings, sampled)
+    assert tie(apart, FINE**2) == (apart, (), ())
+
+
+def test_a_tie_reaches_to_the_nearest_body_that_has_the_feature():
+    """The first and the third are tied by the second; the fourth shares with the first alone what no other has."""
+    groups = [[0, 1, 2, 3], [3, 4, 5, 6], [3, 7, 5, 4], [0, 6, 7, 4]]
+    sightings, sampled, bodies, _ = scene(groups, POINTS)
+    _, made, _ = tie(settled(bodies, sightings, sampled), FINE**2)
+    assert [one.bodies for one in made] == [(0, 1), (1, 2), (2, 3), (1, 3), (0, 3)]
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.5 * FINE])
+def test_features_in_a_line_with_the_centre_of_mass_tell_their_distances_alone(aside):
+    """Their angle seen from there is known to second order only: no linear model may use it."""
+    points = POINTS.copy()
+    points[3], points[4] = [2.0, aside, 0.0], [3.0, 0.0, -aside]
+    squares = []
+    for seed in range(40):
+        sightings, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 4, 5, 6, 7]], points, seed)
+        found, made, _ = tie(settled(bodies, sightings, sampled), FINE**2)
+        assert len(made[0].compared) == 2
+        error = found.x - X
+        squares.append(error @ np.linalg.solve(FINE**2 * found.covariance, error))
+    low, high = chi2.ppf([0.005, 0.995], 6 * 40) / 40
+    assert low < np.mean(squares) < high
+
+
+# Clusters that share one or two features in turn, and by how much the ties make the path better.
+CHAINS = {
+    "one": ([[0, 1, 2, 3], [3, 4, 5, 6], [6, 7, 8, 9]], 0.93),
+    "two": ([[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7]], 0.8),
+}
+DRAWS = 100
+
+
+def as_others(tracks):
+    """The same tracks, but features that return after a while are given other names."""
+    parts = [slice(0, 41), slice(41, 81), slice(81, 120)]
+    position = np.full((len(tracks.time), 3 * len(tracks.labels), 3), np.nan)
+    for k, part in enumerate(parts):
+        position[part, k * len(tracks.labels) : (k + 1) * len(tracks.labels)] = tracks.position[part]
+    return FeatureTracks(tracks.time, position, tuple(f"{label}-{k}" for k in range(3) for label in tracks.labels))
+
+
+@pytest.mark.parametrize("kind", CHAINS)
+def test_features_that_return_make_the_estimate_better_and_it_says_by_how_much(kind):
+    groups, gain = CHAINS[kind]
+    shared = [[f"F{k}" for k in one if k in other] for one, other in pairwise(groups)]
+    clusters = [(begin, begin + 39.0, features) for begin, features in zip((0.0, 41.0, 81.0), groups, strict=True)]
+    time, R = turning(120)
+    com = in_orbit(time)
+    errors, squares = [], []
+    for seed in range(DRAWS):
+        case = make_case(time, R, com, TEN, noise=NOISE, seed=seed, clusters=clusters)
+        found = found_by("pivot", case.tracks, "relative-orbit")
+        assert sorted(one["features"] for one in found.diagnostics["ties"]) == shared
+        alone = found_by("pivot", as_others(case.tracks), "relative-orbit")
+        assert alone.diagnostics["ties"] == []
+        errors.append([rms(found, case) ** 2, rms(alone, case) ** 2])
+        squares.append([squared_error(found, case), *(squared_error_of_cluster(found, case, k) for k in range(3))])
+    tied, untied = np.sqrt(np.mean(errors, axis=0))
+    assert tied < gain * untied
+    low, high = chi2.ppf([0.005, 0.995], 3 * DRAWS) / DRAWS
+    assert (low < np.mean(squares, axis=0)).all()
+    assert (np.mean(squares, axis=0) < high).all()
