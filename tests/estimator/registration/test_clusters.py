@@ -71,8 +71,9 @@ def test_a_chain_of_intervals_is_one_body_and_its_shape_the_truth(seen_in, turni
     (one,), _ = find_bodies(position, seen)
     assert one.body.features.tolist() == list(range(10))
     found, true = (p - p.mean(axis=0) for p in (one.body.points, features))
-    turn, distance = Rotation.align_vectors(found, true)
-    assert distance < 1e-6  # what the iteration of the mean shape leaves where not all features are seen together
+    turn = Rotation.align_vectors(found, true)[0]
+    # What the iteration of the mean shape leaves where not all features are seen together.
+    np.testing.assert_allclose(found, turn.apply(true), atol=1e-6)
     np.testing.assert_allclose(one.body.attitude @ turn.as_matrix(), turning, atol=1e-6)
 
 
