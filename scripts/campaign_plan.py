@@ -14,8 +14,7 @@ from pydantic import Field
 from baryscope.estimator.methods import METHODS
 from baryscope.estimator.options import ScrewOptions
 from baryscope.models.errors import InputError
-from baryscope.models.scenario import Scenario, load_scenario
-from baryscope.models.schema import FileModel, read_toml
+from baryscope.models.scenario import FileModel, Scenario, load_scenario, read_toml
 from baryscope.scripts.campaign_program import program_hash
 from baryscope.scripts.console import VERSION
 

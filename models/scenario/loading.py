@@ -1,0 +1,32 @@
+"""Scenarios from files, and the presets that come along."""
+
+from importlib.resources import files
+from pathlib import Path
+
+from baryscope.models.errors import InputError
+from baryscope.models.scenario.scenario import Scenario
+from baryscope.models.scenario.schema import read_toml
+
+
+def preset_names() -> list[str]:
+    """Names of the presets, sorted."""
+    folder = files("baryscope.models") / "presets"
+    return sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """A preset by name, or a scenario file by its path (anything with a folder or the ending .toml).
+
+    Raises:
+        InputError: one line that says where, what was found, what was expected.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml" and len(path.parts) <= 1:
+        names = preset_names()
+        if name_or_path not in names:
+            raise InputError(
+                f"scenario {name_or_path!r}: not a preset, expected one of {', '.join(names)} or a FILE.toml"
+            )
+        path = Path(str(files("baryscope.models") / "presets" / f"{name_or_path}.toml"))
+    data = read_toml(path, "a scenario in TOML")
+    return Scenario.parse({"name": path.stem} | data, str(path))

@@ -1,0 +1,99 @@
+"""A whole scenario: its tables put together, and what follows from them: sample times and the unit's parameters.
+
+The physics of a scenario (inertia, orbit, features, range) is checked by the same expressions as in the unit,
+see `baryscope.models.checks`.
+"""
+
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+
+from baryscope.models.scenario.orbit import Orbit, orbit_parameters
+from baryscope.models.scenario.schema import FileModel
+from baryscope.models.scenario.tables import Chaser, Features, Run, Sensor, Target, Tracking
+from baryscope.models.target import tumbling_target
+from baryscope.models.variables import Kind
+
+MIN_SAMPLES = 3
+MAX_SAMPLES = 10_000_000  # a slip of units in sample_time shall not fill the memory
+
+
+class Scenario(FileModel):
+    """A whole scenario.
+
+    Attributes:
+        name: its preset name, or the stem of its file.
+        description: one line for lists.
+    """
+
+    name: str = "scenario"
+    description: str = ""
+    target: Target
+    features: Features
+    orbit: Orbit
+    chaser: Chaser
+    tracking: Tracking = Tracking()
+    sensor: Sensor = Sensor()
+    run: Run = Run()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        known = self.features.labels
+        for index, interval in enumerate(self.tracking.intervals):
+            for label in interval.features:
+                if label not in known:
+                    raise ValueError(
+                        f"tracking.intervals[{index}].features: found {label!r}, "
+                        f"expected labels of features.points ({', '.join(known)})"
+                    )
+        sliding = self.sensor.outliers.sliding
+        if sliding > len(known):
+            raise ValueError(f"sensor.outliers.sliding: found {sliding}, expected at most the {len(known)} features")
+        if not MIN_SAMPLES <= self.duration / self.run.sample_time + 1 < MAX_SAMPLES:
+            raise ValueError(
+                f"run.sample_time: found {self.run.sample_time:g} s, "
+                f"expected {MIN_SAMPLES} to {MAX_SAMPLES} samples in the run's {self.duration:g} s"
+            )
+        failure = tumbling_target(len(self.features.points)).checks.failure(self.flat_parameters())
+        if failure is not None:
+            raise ValueError(failure)
+        return self
+
+    @property
+    def duration(self) -> float:
+        """Length of the run, s."""
+        return self.orbit.period if self.run.duration is None else self.run.duration
+
+    @property
+    def sample_times(self) -> NDArray[np.float64]:
+        """Times of the samples, s, from 0 to the last one within the duration."""
+        count = int(self.duration / self.run.sample_time * (1 + 1e-12)) + 1
+        return np.arange(count, dtype=np.float64) * self.run.sample_time
+
+    def parameters(self) -> dict[str, NDArray[np.float64]]:
+        """The unit's parameters by name, arrays in the shapes of the table of variables."""
+        J = np.array(self.target.inertia)
+        axes = {"x": 0, "y": 1, "z": 2}
+        values: dict[str, Any] = {
+            f"target.inertia.{i}{j}": J[axes[i], axes[j]] for i, j in ("xx", "yy", "zz", "xy", "xz", "yz")
+        }
+        values |= {
+            "target.features": [point.position for point in self.features.points],
+            "target.normals": [point.normal for point in self.features.points],
+            "target.attitude0": self.target.attitude,
+            "target.angularRate0": np.deg2rad(self.target.angular_rate_deg),
+            **orbit_parameters(self.orbit),
+            "chaser.position0": self.chaser.position,
+            "chaser.velocity0": self.chaser.velocity,
+            "gravityGradient": float(self.target.gravity_gradient),
+            "solver.tolerance": self.run.tolerance,
+        }
+        return {name: np.asarray(value, dtype=float) for name, value in values.items()}
+
+    def flat_parameters(self) -> NDArray[np.float64]:
+        """The unit's parameter vector p, in the order of the table of variables."""
+        values = self.parameters()
+        table = tumbling_target(len(self.features.points)).of_kind(Kind.PARAMETER)
+        return np.concatenate([values[variable.name].ravel() for variable in table])

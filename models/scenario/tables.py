@@ -1,0 +1,174 @@
+"""The tables of a scenario file: what each may hold, checked field by field by pydantic."""
+
+from math import inf, sqrt
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from baryscope.models.scenario.schema import (
+    Degrees,
+    FileModel,
+    Metres,
+    PositionVector,
+    Seconds,
+    Unit,
+    Vector,
+    VelocityVector,
+)
+
+NORMAL_LENGTH = 1e-9
+
+Row = tuple[float, float, float]
+
+
+class Target(FileModel):
+    """[target]: the body and how it turns at time 0."""
+
+    inertia: Annotated[tuple[Row, Row, Row], Unit("kg m²")]
+    attitude: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    angular_rate_deg: Annotated[Vector, Unit("deg/s")]
+    gravity_gradient: bool = False
+
+    @field_validator("inertia")
+    @classmethod
+    def _symmetric(cls, rows: tuple[Row, Row, Row]) -> tuple[Row, Row, Row]:
+        J = np.array(rows)
+        if not np.allclose(J, J.T, rtol=1e-12, atol=0):
+            i, j = next((i, j) for i, j in ((0, 1), (0, 2), (1, 2)) if not np.isclose(J[i, j], J[j, i], 1e-12, 0))
+            raise ValueError(
+                f"found {J[i, j]:g} in row {i + 1}, column {j + 1} but {J[j, i]:g} in row {j + 1}, column {i + 1}, "
+                "expected a symmetric tensor in kg m²"
+            )
+        return rows
+
+
+class FeaturePoint(FileModel):
+    """One feature: a point on the body's surface and the outward normal there, body axes, origin at the CoM."""
+
+    label: str = Field(min_length=1)
+    position: PositionVector
+    normal: Vector
+
+    @field_validator("normal")
+    @classmethod
+    def _unit_length(cls, normal: Vector) -> Vector:
+        length = sqrt(sum(c * c for c in normal))
+        if length < NORMAL_LENGTH:
+            raise ValueError(f"found {list(normal)}, expected a direction (any length above zero)")
+        x, y, z = (c / length for c in normal)
+        return (x, y, z)
+
+
+class Features(FileModel):
+    """[features]: what can be tracked on the target."""
+
+    points: tuple[FeaturePoint, ...] = Field(min_length=3)
+
+    @field_validator("points")
+    @classmethod
+    def _distinct_labels(cls, points: tuple[FeaturePoint, ...]) -> tuple[FeaturePoint, ...]:
+        labels = [point.label for point in points]
+        repeated = next((label for label in labels if labels.count(label) > 1), None)
+        if repeated is not None:
+            raise ValueError(f"label {repeated!r} stands {labels.count(repeated)} times, expected once")
+        return points
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels, in the order of the unit's features."""
+        return tuple(point.label for point in self.points)
+
+
+class Chaser(FileModel):
+    """[chaser]: where the observer is at time 0, in LVLH, and the acceleration it holds."""
+
+    position: PositionVector
+    velocity: VelocityVector = (0.0, 0.0, 0.0)
+    acceleration: Annotated[Vector, Unit("m/s²")] = (0.0, 0.0, 0.0)
+
+
+class Interval(FileModel):
+    """A stretch of time in which one cluster of features is tracked."""
+
+    start: Seconds
+    end: Seconds
+    features: tuple[str, ...] = Field(min_length=1)
+
+    @field_validator("end")
+    @classmethod
+    def _forward(cls, end: float, info: ValidationInfo) -> float:
+        start = info.data.get("start", -inf)
+        if end <= start:
+            raise ValueError(f"found {end:g} s, expected a time after start, {start:g} s")
+        return end
+
+
+class Tracking(FileModel):
+    """[tracking]: which features are followed when; no intervals means all of them, always.
+
+    Times outside every interval are blackouts. With `visibility = "facing"` a feature is seen only while the
+    angle between its normal and the direction to the chaser is at most `max_incidence_deg`.
+    """
+
+    intervals: tuple[Interval, ...] = ()
+    visibility: Literal["all", "facing"] = "all"
+    max_incidence_deg: Degrees = Field(default=75.0, gt=0, le=90)
+
+
+class StereoRig(FileModel):
+    """[sensor.stereo]: a rectified pair of cameras at the chaser, which looks at the target's CoM.
+
+    The noise is one standard deviation of each pixel coordinate. The baseline is normal to the boresight, turned about
+    it as `baryscope.models.directions.axes_along` says.
+    """
+
+    focal_length: Annotated[float, Unit("px"), Field(gt=0)]
+    baseline: Annotated[Metres, Field(gt=0)]
+    pixel_noise: Annotated[float, Unit("px"), Field(gt=0)]
+
+
+class Outliers(FileModel):
+    """[sensor.outliers]: sightings that are wrong, not only noisy; none unless asked for.
+
+    A `share` of all sightings is off by a random vector of rms length `size`, each by its own. Another share,
+    `swapped`, stands under the label of another feature that is seen: pairs change places for a `stretch` of time. And
+    some features, `sliding` of them, leave their places at a random time and go along the surface at `sliding_speed`.
+    """
+
+    share: float = Field(default=0.0, ge=0, lt=1)
+    size: Annotated[Metres, Field(gt=0)] = 2.0
+    swapped: float = Field(default=0.0, ge=0, lt=1)
+    stretch: Annotated[Seconds, Field(gt=0)] = 10.0
+    sliding: int = Field(default=0, ge=0)
+    sliding_speed: Annotated[float, Unit("m/s"), Field(gt=0)] = 0.005
+
+
+class Sensor(FileModel):
+    """[sensor]: noise of the positions, the share of sightings that are lost, and those that are wrong.
+
+    The noise is isotropic and Gaussian (one standard deviation per axis), or that of a stereo rig.
+    """
+
+    noise: Annotated[Metres, Field(ge=0)] = 0.02
+    stereo: StereoRig | None = None
+    dropout: float = Field(default=0.0, ge=0, lt=1)
+    outliers: Outliers = Outliers()
+
+    @model_validator(mode="after")
+    def _one_noise(self) -> Self:
+        if self.stereo is not None and "noise" in self.model_fields_set:
+            raise ValueError(
+                f"sensor.noise: found {self.noise:g} m beside sensor.stereo, expected one of them "
+                "(a rig has its pixel_noise)"
+            )
+        return self
+
+
+class Run(FileModel):
+    """[run]: how long, how often, and the seed of everything random."""
+
+    duration: Annotated[float | None, Unit("s"), Field(gt=0)] = None  # None: one orbit
+    sample_time: Annotated[Seconds, Field(gt=0)] = 1.0
+    seed: int = Field(default=1, ge=0)
+    tolerance: float = 1e-13  # keeps the attitude to 1e-9 rad over an orbit in steps of any length
