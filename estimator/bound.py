@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import Cluster, verdict
-from baryscope.estimator.adjustment.observations import Sightings, cross_matrices
+from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.dynamics.paths import Path, trajectory_of
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
+from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.ml.likelihood import Equations, equations
-from baryscope.estimator.pivot.free_attitudes import turn_by_points
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path

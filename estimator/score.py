@@ -12,10 +12,11 @@ import time as clock
 import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
-from baryscope.estimator.adjustment.reweighting import FAINT, screen
+from baryscope.estimator.adjustment.reweighting import FAINT
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.registration.clusters import PosedBody, find_bodies
+from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError

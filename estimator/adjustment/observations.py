@@ -1,18 +1,9 @@
-"""Sightings of features, and what they say of a rigid body's poses and points: the normal equations' pieces.
-
-The model is p = g + R b: a feature at b in the body's axes B, whose origin g, the centre of mass, and attitude R move.
-With small changes, φ the rotation vector in B and τ = Rᵀ δg, the residual in B changes by −(τ + δb − b × φ). So each
-sighting of weight P (its inverse covariance, turned into B) adds to the frame's 6 × 6 matrix of (φ, τ), to the
-feature's 3 × 3 matrix, and couples the two. The paper has none of this; it is the standard Gauss–Newton step of bundle
-adjustment (Triggs et al. 2000), written for points in space.
-"""
+"""Observations of features in C, with their weights and precisions."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-
-from baryscope.estimator.dynamics.rotation import exp_rotation
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -60,146 +51,9 @@ class Sightings:
         return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, self.precision, residual))
 
 
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """What n frames of m sightings add to the normal equations of poses (φ, τ), in B, and of points b.
-
-    turn, shift (n, 3, 3): the frames' blocks of φ and of τ; turn_shift (n, 3, 3) couples them. point (m, 3, 3): the
-    features' blocks, summed over the frames. Right-hand sides: turn_side, shift_side (n, 3), point_side (m, 3).
-    squares: the weighted squared residuals, (n, m).
-    """
-
-    turn: FloatArray
-    turn_shift: FloatArray
-    shift: FloatArray
-    point: FloatArray
-    turn_side: FloatArray
-    shift_side: FloatArray
-    point_side: FloatArray
-    squares: FloatArray
-    _weight: FloatArray
-    _arms: FloatArray
-    _precision: FloatArray | None
-
-    def turn_points(self) -> FloatArray:
-        """How each frame's φ is coupled to the points, (n, 3, 3 m)."""
-        n, m = self._weight.shape
-        if self._precision is None:
-            arms = np.ascontiguousarray(np.swapaxes(self._arms, 0, 1)).reshape(3, 3 * m)
-            return np.asarray(arms * np.repeat(self._weight, 3, axis=1)[:, None, :])
-        return np.ascontiguousarray((self._arms @ self._precision).transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
-
-    def unknowns_points(self, turn: FloatArray | None, shift: FloatArray) -> FloatArray:
-        """How unknowns are coupled to the points, (p, 3 m), for poses that change by turn and shift (n, 3, p)."""
-        n, m = self._weight.shape
-        p = shift.shape[2]
-        if self._precision is None:
-            by_shift = (self._weight.T @ shift.reshape(n, 3 * p)).reshape(m, 3, p)
-            if turn is not None:
-                by_turn = (self._weight.T @ turn.reshape(n, 3 * p)).reshape(m, 3, p)
-                by_shift = by_shift + np.swapaxes(self._arms, 1, 2) @ by_turn
-            return np.asarray(by_shift.reshape(3 * m, p).T)
-        moved = np.broadcast_to(shift[:, None], (n, m, 3, p))
-        if turn is not None:
-            moved = moved + np.swapaxes(self._arms, 1, 2) @ turn[:, None]
-        return np.asarray(np.einsum("kmij,kmjp->pmi", self._precision, moved, optimize=True).reshape(p, 3 * m))
-
-
-def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
-    """The normal equations' pieces at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, points (m, 3) in B."""
-    w = sightings.weight
-    n, m = w.shape
-    arms = cross_matrices(points)  # (m, 3, 3)
-    residual = (sightings.position - origin[:, None]) @ attitude - points
-    if sightings.precision is None:
-        weighted = w[:, :, None] * residual
-        turn = turn_information(w, arms)
-        turn_shift = (w @ arms.reshape(m, 9)).reshape(n, 3, 3)
-        shift = w.sum(axis=1)[:, None, None] * np.eye(3)
-        point = w.sum(axis=0)[:, None, None] * np.eye(3)
-        precision = None
-        turn_side = _cross_sums(points.T @ weighted)
-    else:
-        R = attitude[:, None]
-        precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ sightings.precision @ R)
-        weighted = (precision @ residual[..., None])[..., 0]
-        levers = arms @ precision
-        turn = np.einsum("kmij,mlj->kil", levers, arms, optimize=True)
-        turn_shift = levers.sum(axis=1)
-        shift, point = precision.sum(axis=1), precision.sum(axis=0)
-        turn_side = np.einsum("mij,kmj->ki", arms, weighted, optimize=True)
-    return Pieces(
-        turn=turn,
-        turn_shift=turn_shift,
-        shift=shift,
-        point=point,
-        turn_side=turn_side,
-        shift_side=np.einsum("kmi->ki", weighted),
-        point_side=weighted.reshape(n, 3 * m).sum(axis=0).reshape(m, 3),
-        squares=np.einsum("kmi,kmi->km", weighted, residual),
-        _weight=w,
-        _arms=arms,
-        _precision=precision,
-    )
-
-
-def best_turned(sightings: Sightings, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> FloatArray:
-    """The attitudes (n, 3, 3) after one Newton step at given points and origin, arguments as those of `pieces`."""
-    if sightings.precision is None:
-        turn = turn_information(sightings.weight, cross_matrices(points))
-        weighted = sightings.weight[:, :, None] * (sightings.position - origin[:, None])
-        side = _cross_sums((points.T @ weighted) @ attitude)
-    else:
-        found = pieces(sightings, attitude, origin, points)
-        turn, side = found.turn, found.turn_side
-    return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ side[:, :, None])[:, :, 0]))
-
-
-def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:
-    """Σ w [b]× [b]×ᵀ of each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
-    squares = np.einsum("mij,mkj->mik", arms, arms)
-    return np.asarray((weight @ squares.reshape(-1, 9)).reshape(-1, 3, 3))
-
-
-def _cross_sums(moments: FloatArray) -> FloatArray:
-    """Σ b × r (n, 3) from Σ b rᵀ (n, 3, 3)."""
-    return np.stack(
-        [
-            moments[:, 1, 2] - moments[:, 2, 1],
-            moments[:, 2, 0] - moments[:, 0, 2],
-            moments[:, 0, 1] - moments[:, 1, 0],
-        ],
-        axis=1,
-    )
-
-
 def as_slice(index: slice | IntArray | BoolArray) -> slice | IntArray | BoolArray:
     """An index of rows that follow each other as a slice, which copies nothing; others as they are."""
     if isinstance(index, slice) or index.dtype == np.bool_ or not len(index):
         return index
     first, stop = int(index[0]), int(index[-1]) + 1
     return slice(first, stop) if stop - first == len(index) and np.all(np.diff(index) == 1) else index
-
-
-def cross_matrices(vectors: FloatArray) -> FloatArray:
-    """[v]× (m, 3, 3) of vectors (m, 3)."""
-    matrix = np.zeros((len(vectors), 3, 3))
-    matrix[:, 2, 1], matrix[:, 0, 2], matrix[:, 1, 0] = vectors.T
-    matrix[:, 1, 2], matrix[:, 2, 0], matrix[:, 0, 1] = -vectors.T
-    return matrix
-
-
-def symmetric_inverses(matrix: FloatArray) -> FloatArray:
-    """Inverses (n, 3, 3) of symmetric positive definite 3 × 3 matrices, by cofactors; zero where singular."""
-    xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
-    yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
-    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    determinant = xx * a + xy * b + xz * c
-    sound = determinant > 1e-12 * (xx + yy + zz) ** 3 / 27
-    scale = np.where(sound, 1 / np.where(sound, determinant, 1.0), 0.0)
-    inverse = np.empty_like(matrix)
-    inverse[:, 0, 0], inverse[:, 1, 1], inverse[:, 2, 2] = a, xx * zz - xz * xz, xx * yy - xy * xy
-    inverse[:, 0, 1] = inverse[:, 1, 0] = b
-    inverse[:, 0, 2] = inverse[:, 2, 0] = c
-    inverse[:, 1, 2] = inverse[:, 2, 1] = xy * xz - xx * yz
-    return np.asarray(scale[:, None, None] * inverse)

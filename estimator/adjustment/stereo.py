@@ -10,7 +10,8 @@ to the estimated point. For covariances that do not grow with range the change i
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import Sightings, cross_matrices
+from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
+from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
@@ -303,21 +304,3 @@ def _moved(x: ca.SX, h: ca.SX, weights: FloatArray, slopes: list[ca.SX]) -> ca.S
 def _product(p: ca.SX, q: ca.SX) -> ca.SX:
     """The quaternion product p ⊗ q, scalar first."""
     return ca.vertcat(p[0] * q[0] - ca.dot(p[1:], q[1:]), p[0] * q[1:] + q[0] * p[1:] + ca.cross(p[1:], q[1:]))
-
-
-def exp_rotation(vector: FloatArray) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
-    flat = np.atleast_2d(vector).reshape(-1, 3)
-    half = 0.5 * np.linalg.norm(flat, axis=1)
-    # sin(a)/a without a division by zero
-    quaternion = np.column_stack([np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * flat])
-    return matrix_from_quaternion(quaternion).reshape(*vector.shape, 3)
-
-
-def log_rotation(matrix: FloatArray) -> FloatArray:
-    """Rotation vectors (n, 3) in rad of rotation matrices (n, 3, 3), of angles up to π."""
-    q = quaternion_from_matrix(matrix)
-    q = np.where(q[:, :1] < 0, -q, q)
-    sine = np.linalg.norm(q[:, 1:], axis=1)
-    angle = 2 * np.arctan2(sine, q[:, 0])
-    return np.asarray(np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)[:, None] * q[:, 1:])

@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
-from baryscope.estimator.adjustment.reweighting import FAINT, GATE, screen
+from baryscope.estimator.adjustment.reweighting import FAINT, GATE
 from baryscope.estimator.adjustment.stereo import sightings_of
 from baryscope.estimator.dynamics.paths import trajectory_of
 from baryscope.estimator.ekf.bank import (
@@ -38,9 +38,10 @@ from baryscope.estimator.ekf.motion import ROTATION, PathProcess, derivatives, f
 from baryscope.estimator.ekf.smoother import SmoothedPath, smoothed_path
 from baryscope.estimator.ekf.start import start_from
 from baryscope.estimator.ekf.state import State
+from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.free_attitudes import offset_by_points
 from baryscope.estimator.registration.intervals import cut_intervals
+from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError

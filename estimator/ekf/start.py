@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.dynamics.rotation import log_rotation
+from baryscope.estimator.geometry.so3 import log_rotation
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.adjustment.observations import cross_matrices
 from baryscope.estimator.adjustment.reweighting import GATE
 from baryscope.estimator.ekf.motion import ROTATION, PathProcess, attitude_of
 from baryscope.estimator.ekf.state import Measured, State
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 5  # of an update at most

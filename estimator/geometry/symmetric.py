@@ -31,3 +31,19 @@ def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, F
     scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     return scale, values, vectors
+
+
+def symmetric_inverses(matrix: FloatArray) -> FloatArray:
+    """Inverses (n, 3, 3) of symmetric positive definite 3 × 3 matrices, by cofactors; zero where singular."""
+    xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
+    yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
+    a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    determinant = xx * a + xy * b + xz * c
+    sound = determinant > 1e-12 * (xx + yy + zz) ** 3 / 27
+    scale = np.where(sound, 1 / np.where(sound, determinant, 1.0), 0.0)
+    inverse = np.empty_like(matrix)
+    inverse[:, 0, 0], inverse[:, 1, 1], inverse[:, 2, 2] = a, xx * zz - xz * xz, xx * yy - xy * xy
+    inverse[:, 0, 1] = inverse[:, 1, 0] = b
+    inverse[:, 0, 2] = inverse[:, 2, 0] = c
+    inverse[:, 1, 2] = inverse[:, 2, 1] = xy * xz - xx * yz
+    return np.asarray(scale[:, None, None] * inverse)

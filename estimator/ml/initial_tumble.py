@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import Sightings, cross_matrices, turn_information
+from baryscope.estimator.adjustment.normal_equations import turn_information
+from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.adjustment.reweighting import MEDIAN
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, exp_rotation, log_rotation
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
-from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 from baryscope.models.scenario import Orbit
 

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import Pieces, Sightings, pieces
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, Pieces, pieces
+from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes
+from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_pseudo_inverse
-from baryscope.estimator.pivot.free_attitudes import CHUNK_SIZE, offset_by_points
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

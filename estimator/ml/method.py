@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.diagnostics import assessed, clusters_of, doubtful, missing_covariance
-from baryscope.estimator.adjustment.observations import Sightings, cross_matrices
+from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.adjustment.reweighting import FAINT, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to, sightings_of
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.likelihood import Equations, equations

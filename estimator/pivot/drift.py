@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import cross_matrices, symmetric_inverses, turn_information
+from baryscope.estimator.adjustment.normal_equations import turn_information
 from baryscope.estimator.dynamics.paths import SampledPath
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.registration.clusters import PosedBody
 
 FloatArray = NDArray[np.float64]

@@ -13,44 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.observations import (
-    Sightings,
-    as_slice,
-    best_turned,
-    cross_matrices,
-    pieces,
-    symmetric_inverses,
-)
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, best_turned, pieces
+from baryscope.estimator.adjustment.observations import Sightings, as_slice
 from baryscope.estimator.dynamics.paths import SampledPath
-from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.gauge import offset_by_points
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-
-CHUNK_SIZE = 200_000  # numbers in a chunk's largest array, about: what the cache holds
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """Features that are seen together: one rigid body in axes S of its own.
-
-    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S.
-    """
-
-    features: IntArray
-    frames: IntArray
-    points: FloatArray
-    attitude: FloatArray
-
-    def chunks(self) -> Iterator[slice]:
-        """Slices of its frames whose work fits the cache."""
-        size = max(64, CHUNK_SIZE // (9 * len(self.features)))
-        return (slice(first, first + size) for first in range(0, len(self.frames), size))
-
-    def moved(self, change: FloatArray) -> "Body":
-        """With other points: a long step (3 m,) may turn the axes that they hold, and is turned back."""
-        moves = change.reshape(-1, 3)
-        return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +70,7 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
     for body in bodies:
         own = sightings.features(body.features)
         attitude = np.empty_like(body.attitude)
-        for part in body.chunks():
+        for part in _chunks(body):
             frames = as_slice(body.frames[part])
             attitude[part] = best_turned(own.frames(frames), body.attitude[part], origin[frames], body.points)
         turned.append(replace(body, attitude=attitude))
@@ -139,21 +111,10 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
     )
 
 
-def offset_by_points(points: FloatArray) -> FloatArray:
-    """How the centroid of points (m, 3) changes with them in axes that they hold themselves, (3, 3 m).
-
-    A turn of all points about their centroid is a turn of the axes, in which the centroid is then seen turned.
-    """
-    centroid = points.mean(axis=0)
-    mean = np.tile(np.eye(3), len(points)) / len(points)
-    return np.asarray(mean + cross_matrices(centroid[None])[0] @ turn_by_points(points))
-
-
-def turn_by_points(points: FloatArray) -> FloatArray:
-    """How the axes that points (m, 3) hold turn with them, (3, 3 m): as the points do about their centroid, at best."""
-    arms = cross_matrices(points - points.mean(axis=0))
-    inertia = np.einsum("mij,mkj->ik", arms, arms)
-    return np.asarray(np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1))
+def _chunks(body: Body) -> Iterator[slice]:
+    """Slices of a body's frames whose work fits the cache."""
+    size = max(64, CHUNK_SIZE // (9 * len(body.features)))
+    return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
 
 def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
@@ -161,7 +122,7 @@ def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squa
     total = _Sums(
         np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
     )
-    for part in body.chunks():
+    for part in _chunks(body):
         frames = as_slice(body.frames[part])
         attitude = body.attitude[part]
         found = pieces(own.frames(frames), attitude, origin[frames], body.points)

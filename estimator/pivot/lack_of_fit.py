@@ -8,11 +8,14 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.diagnostics import doubtful, missing_covariance
-from baryscope.estimator.adjustment.observations import Sightings, cross_matrices, pieces, symmetric_inverses
+from baryscope.estimator.adjustment.normal_equations import pieces
+from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
-from baryscope.estimator.pivot.free_attitudes import Body, improve
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.pivot.free_attitudes import improve
 from baryscope.estimator.pivot.refinement import FEW_FRAMES, Pivot, thinned
+from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
 

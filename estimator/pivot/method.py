@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import assessed, clusters_of
 from baryscope.estimator.adjustment.observations import Sightings
-from baryscope.estimator.adjustment.reweighting import FAINT, screen
+from baryscope.estimator.adjustment.reweighting import FAINT
 from baryscope.estimator.adjustment.stereo import sightings_of
 from baryscope.estimator.dynamics.paths import Path, Polynomial, trajectory_of
 from baryscope.estimator.options import PathOptions
@@ -21,6 +21,7 @@ from baryscope.estimator.pivot.lack_of_fit import departure, with_faint_directio
 from baryscope.estimator.pivot.refinement import ROUNDING, Pivot, choose_degree, least_variance, refined, start_of
 from baryscope.estimator.pivot.tie_points import Tie
 from baryscope.estimator.registration.clusters import PosedBody, find_bodies
+from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError

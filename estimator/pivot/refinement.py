@@ -11,8 +11,9 @@ from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.dynamics.paths import Path, Polynomial, SampledPath
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
-from baryscope.estimator.pivot.free_attitudes import Body, Solution, improve
+from baryscope.estimator.pivot.free_attitudes import Solution, improve
 from baryscope.estimator.pivot.tie_points import Tie, tie
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import PosedBody
 from baryscope.models.errors import ComputationError
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.stats import chi2
 
+from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
-from baryscope.estimator.pivot.free_attitudes import Solution, offset_by_points
+from baryscope.estimator.pivot.free_attitudes import Solution
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import align
-from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import Interval, cut_intervals
 from baryscope.estimator.registration.procrustes import OFF_LINE, register
 from baryscope.models.errors import ComputationError

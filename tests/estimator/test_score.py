@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import PosedBody, find_bodies
 from baryscope.estimator.score import solve_score
 from baryscope.models.errors import ComputationError, InputError

@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.observations import (
-    Sightings,
-    as_slice,
-    best_turned,
-    cross_matrices,
-    pieces,
-    symmetric_inverses,
-)
+from baryscope.estimator.adjustment.normal_equations import best_turned, pieces
+from baryscope.estimator.adjustment.observations import Sightings, as_slice
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from synthetic import differences, roots
 
 N, M = 4, 5

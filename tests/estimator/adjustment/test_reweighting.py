@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.reweighting import GATE, reweighted, screen
+from baryscope.estimator.adjustment.reweighting import GATE, reweighted
+from baryscope.estimator.registration.screening import screen
 from synthetic import ENVISAT, attitude, box_features, make_case
 
 N, M, NOISE = 1000, 8, 0.02

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ml.initial_tumble import fit_tumble
-from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 from synthetic import ENVISAT, Orbit, attitude
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.dynamics.paths import Polynomial, RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
-from baryscope.estimator.pivot.free_attitudes import Body
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import PosedBody
 from synthetic import Orbit
 

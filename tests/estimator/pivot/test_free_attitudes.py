@@ -7,7 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.pivot.free_attitudes import Body, improve, offset_by_points
+from baryscope.estimator.geometry.gauge import offset_by_points
+from baryscope.estimator.pivot.free_attitudes import improve
+from baryscope.estimator.registration.body import Body
 from synthetic import differences, roots, turned_back
 
 N, M = 9, 7  # frames, features: two bodies that see frames and features of their own, and one feature both

@@ -10,8 +10,10 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.observations import Sightings
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.pivot.free_attitudes import Body, improve, offset_by_points
+from baryscope.estimator.geometry.gauge import offset_by_points
+from baryscope.estimator.pivot.free_attitudes import improve
 from baryscope.estimator.pivot.tie_points import tie
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FeatureTracks
 from free_paths import (
     BOTH,

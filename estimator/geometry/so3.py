@@ -1,0 +1,34 @@
+"""Rotations in SO(3): cross-product matrices, and the exponential map with its inverse."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
+
+FloatArray = NDArray[np.float64]
+
+
+def exp_rotation(vector: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    flat = np.atleast_2d(vector).reshape(-1, 3)
+    half = 0.5 * np.linalg.norm(flat, axis=1)
+    # sin(a)/a without a division by zero
+    quaternion = np.column_stack([np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * flat])
+    return matrix_from_quaternion(quaternion).reshape(*vector.shape, 3)
+
+
+def log_rotation(matrix: FloatArray) -> FloatArray:
+    """Rotation vectors (n, 3) in rad of rotation matrices (n, 3, 3), of angles up to π."""
+    q = quaternion_from_matrix(matrix)
+    q = np.where(q[:, :1] < 0, -q, q)
+    sine = np.linalg.norm(q[:, 1:], axis=1)
+    angle = 2 * np.arctan2(sine, q[:, 0])
+    return np.asarray(np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)[:, None] * q[:, 1:])
+
+
+def cross_matrices(vectors: FloatArray) -> FloatArray:
+    """[v]× (m, 3, 3) of vectors (m, 3)."""
+    matrix = np.zeros((len(vectors), 3, 3))
+    matrix[:, 2, 1], matrix[:, 0, 2], matrix[:, 1, 0] = vectors.T
+    matrix[:, 1, 2], matrix[:, 2, 0], matrix[:, 0, 1] = -vectors.T
+    return matrix

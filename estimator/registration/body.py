@@ -1,0 +1,29 @@
+"""A rigid body: features that are seen together, their points in axes of their own, and its attitude in every frame."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.geometry.gauge import turn_by_points
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Features that are seen together: one rigid body in axes S of its own.
+
+    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S.
+    """
+
+    features: IntArray
+    frames: IntArray
+    points: FloatArray
+    attitude: FloatArray
+
+    def moved(self, change: FloatArray) -> "Body":
+        """With other points: a long step (3 m,) may turn the axes that they hold, and is turned back."""
+        moves = change.reshape(-1, 3)
+        return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))
