@@ -27,8 +27,8 @@ def build_wasm(scenario: Scenario, path: str | Path, *, progress: Progress | Non
 
     The module imports nothing, and exports its memory, `malloc`, `free`, `_initialize` (to be called first), the
     fmi2* functions, `unit_instantiate()`, which calls fmi2Instantiate, and `unit_message()`, the last message of the
-    unit. scripts/step_unit.mjs is an example. The table, in JSON, has the path's name with .json: for every variable
-    name, kind, unit, description, shape and first value reference (the others follow, in row-major order).
+    unit. scripts/examples/step_unit.mjs is an example. The table, in JSON, has the path's name with .json: for every
+    variable name, kind, unit, description, shape and first value reference (the others follow, in row-major order).
 
     Args:
         scenario: gives the number of features and the start values.

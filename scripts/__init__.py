@@ -1,1 +1,1 @@
-"""The command line, one file per subcommand, and scripts to copy from."""
+"""What is run: the command line, programs to copy, and benchmarks."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from baryscope.scripts import app
+from baryscope.scripts.cli import app
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = ["README.md", "docs/unit.md"]

@@ -12,7 +12,7 @@ from baryscope.fmu.check_units import exponents_of_name
 from baryscope.fmu.checker import check_unit
 from baryscope.models.errors import InputError
 from baryscope.models.variables import UNITS
-from baryscope.scripts.app import main
+from baryscope.scripts.cli.app import main
 from mutations import MUTATIONS_2, MUTATIONS_3, flag, mutated, rewritten, wrong_unit_of_a_state
 
 

@@ -29,7 +29,7 @@ from baryscope.fmu.platforms import (
     library_of_this_machine,
 )
 from baryscope.models.errors import ComputationError
-from baryscope.scripts.build import build
+from baryscope.scripts.cli.build import build
 
 STEPS, STEP = 600, 0.1  # s
 AGREEMENT = 1e-9  # relative: each platform has its own sine and cosine

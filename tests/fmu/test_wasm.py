@@ -12,11 +12,11 @@ from baryscope.fmu import Session
 from baryscope.fmu.wasm import build_wasm
 from baryscope.models.errors import InputError
 from baryscope.models.variables import Kind, variable_table
-from baryscope.scripts.build import build
+from baryscope.scripts.cli.build import build
 
 STEPS, STEP = 600, 0.1  # s
 AGREEMENT = 1e-9  # relative: WebAssembly brings its own sine and cosine
-EXAMPLE = Path(__file__).parents[2] / "scripts" / "step_unit.mjs"
+EXAMPLE = Path(__file__).parents[2] / "scripts" / "examples" / "step_unit.mjs"
 
 
 @pytest.fixture(scope="module")

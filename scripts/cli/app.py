@@ -1,0 +1,87 @@
+"""`baryscope`: the subcommands put together, and how errors reach the user."""
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import TextIO
+
+from cyclopts import App, CycloptsError
+
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.scripts.cli.bound import bound
+from baryscope.scripts.cli.build import build
+from baryscope.scripts.cli.campaign import campaign
+from baryscope.scripts.cli.check import check
+from baryscope.scripts.cli.compare import compare
+from baryscope.scripts.cli.console import VERSION
+from baryscope.scripts.cli.estimate import estimate_file
+from baryscope.scripts.cli.scenarios import scenarios
+from baryscope.scripts.cli.simulate import simulate_scenario
+
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+app = App(
+    name="baryscope",
+    help="Find the centre of mass of a tumbling object from the tracks of features on its surface.",
+    version=VERSION,
+    exit_on_error=False,
+    print_error=False,
+    result_action="return_value",
+    suppress_keyboard_interrupt=False,
+)
+app.command(compare)
+app.command(build)
+app.command(check)
+app.command(simulate_scenario, name="simulate")
+app.command(estimate_file, name="estimate")
+app.command(campaign)
+app.command(bound)
+app.command(scenarios)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; errors are one line on standard error.
+
+    Returns:
+        0 when done, 2 for bad input, 1 for what could not be computed, 130 when interrupted.
+    """
+    warnings.showwarning = _show_warning
+    try:
+        app(arguments)
+    except (InputError, CycloptsError) as error:
+        return _complain(error, BAD_INPUT)
+    except ComputationError as error:
+        return _complain(error, FAILED)
+    except KeyboardInterrupt as interrupt:
+        usual = "interrupted; files that were not finished are not there"
+        return _complain(interrupt if interrupt.args else usual, INTERRUPTED)
+    except BrokenPipeError:  # the reader of our output has gone; it has seen what it wanted
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        if os.environ.get("BARYSCOPE_DEBUG"):
+            raise
+        return _complain(f"internal error, {type(error).__name__}: {error} (BARYSCOPE_DEBUG=1 shows where)", FAILED)
+    return 0
+
+
+def _complain(error: object, code: int) -> int:
+    print(f"baryscope: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """In the place of Python's own, which shows file and source line."""
+    print(f"baryscope: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

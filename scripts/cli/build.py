@@ -1,0 +1,58 @@
+"""`baryscope build`: the co-simulation unit of a scenario."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from baryscope.fmu import build_fmu
+from baryscope.fmu.wasm import build_wasm
+from baryscope.models.errors import InputError
+from baryscope.models.scenario import load_scenario
+from baryscope.scripts.cli.console import err, out, step
+
+
+def build(
+    *,
+    scenario: str = "envisat",
+    fmi: Literal[2, 3] = 2,
+    platforms: Literal["host", "all", "wasm"] = "host",
+    scalar: Annotated[bool, Parameter(negative=())] = False,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+) -> None:
+    """Build the unit of a scenario, for Co-Simulation and Model Exchange, for this machine or for others.
+
+    Parameters
+    ----------
+    scenario
+        A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
+    fmi
+        The version of FMI: 2 for 2.0, or 3 for 3.0.
+    platforms
+        `host` for this machine; `all` for Linux and macOS on x86-64 and aarch64 and Windows on x86-64 in one FMU;
+        `wasm` for a WebAssembly module with a table of its variables, FILE.json, instead of an FMU. The last two
+        need `pip install 'baryscope[cross]'`; the first time, `all` takes a few minutes.
+    scalar
+        In FMI 3, describe every scalar by itself, for importers that cannot read arrays; in FMI 2 there are no arrays.
+    output
+        The FMU to write; the scenario's name with .fmu (.wasm for `wasm`) unless given.
+    """
+    flown = load_scenario(scenario)
+    suffix = ".wasm" if platforms == "wasm" else ".fmu"
+    path = output or Path(f"{flown.name}{suffix}")
+    if path.suffix != suffix:
+        raise InputError(f"{path}: ends in {path.suffix!r}, expected {suffix}")
+    if platforms == "wasm" and fmi != 2:
+        raise InputError(f"--fmi {fmi}: the WebAssembly module is of FMI 2, expected --fmi 2")
+    with step("building the unit") as report:
+
+        def progress(left: tuple[str, ...], share: float) -> None:
+            report(share)
+            if left and platforms != "host":
+                err.print(f"compiling for {', '.join(left)}", soft_wrap=True)
+
+        if platforms == "wasm":
+            build_wasm(flown, path, progress=progress)
+        else:
+            build_fmu(flown, path, fmi=fmi, scalar=scalar, platforms=platforms, progress=progress)
+    out.print(f"{path}: {len(flown.features.points)} features, {path.stat().st_size / 1000:.0f} kB", soft_wrap=True)

@@ -1,0 +1,28 @@
+"""`baryscope check`: whether an FMU, ours or anyone's, is what it says."""
+
+from pathlib import Path
+
+from baryscope.fmu.check_finding import Severity
+from baryscope.fmu.checker import check_unit
+from baryscope.models.errors import ComputationError
+from baryscope.scripts.cli.console import out
+
+
+def check(unit: Path) -> None:
+    """Check an FMU: fmpy's validation, then token, starts, units, dependencies and capabilities against the binary.
+
+    Prints one line a finding, `error: …` or `warning: …`, or `no findings`. Ends with 1 if there are errors.
+
+    Parameters
+    ----------
+    unit
+        The FMU, of FMI 2 or 3.
+    """
+    findings = check_unit(unit)
+    for finding in findings:
+        out.print(str(finding), soft_wrap=True)
+    if not findings:
+        out.print("no findings")
+    errors = sum(finding.severity == Severity.ERROR for finding in findings)
+    if errors:
+        raise ComputationError(f"{unit}: {errors} error{'s' * (errors > 1)} found")

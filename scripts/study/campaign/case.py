@@ -1,0 +1,173 @@
+"""One draw of a campaign: fly a scenario with random attitude and noise, estimate, and compare with truth and bound.
+
+`run_one` is pure but for the wall times, which stand apart: equal cases give equal lines, in whatever process.
+"""
+
+import time as clock
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.result import Estimate
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.scenario import Outliers, Scenario
+from baryscope.scripts.cli.simulate import Flight, fly
+from baryscope.study.campaign.plan import options_of
+
+FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One draw: the scenario as data, and all that the draw depends on; unit: an FMU for as many features."""
+
+    scenario: dict[str, Any]
+    number: int
+    seed: int
+    methods: tuple[str, ...]
+    vary: tuple[str, ...]
+    unit: str
+
+
+def drawn(case: Case) -> Scenario:
+    """The scenario of a draw, with its attitude, its true anomaly (if the case varies them) and the seed of its noise.
+
+    They come from SeedSequence([seed, number]) alone: a draw of one scenario and that of the same number of another
+    have the same attitude and the same noise. Attitudes are uniform over all rotations. The angular rate is that of
+    the scenario in body axes, so the angular momentum points anywhere.
+
+    Raises:
+        InputError: the scenario does not allow the draw.
+    """
+    of_attitude, of_anomaly, of_noise = np.random.SeedSequence([case.seed, case.number]).spawn(3)
+    quaternion = np.random.default_rng(of_attitude).standard_normal(4)
+    anomaly = 360.0 * np.random.default_rng(of_anomaly).random()
+    data = {name: dict(value) if isinstance(value, dict) else value for name, value in case.scenario.items()}
+    if "attitude" in case.vary:
+        data["target"]["attitude"] = (quaternion / np.linalg.norm(quaternion)).tolist()
+    if "anomaly" in case.vary:
+        data["orbit"]["true_anomaly_deg"] = float(anomaly)
+    data["run"] = data.get("run", {}) | {"seed": int(of_noise.generate_state(1, np.uint32)[0])}
+    return Scenario.parse(data, f"{case.scenario['name']}, draw {case.number}")
+
+
+def run_one(case: Case) -> dict[str, Any]:
+    """The line of a draw: errors in m of each method, its own deviation, NEES; the bound; or why there is none.
+
+    Failures are values here, so that one draw cannot end a campaign.
+    """
+    wall: dict[str, float] = {}
+    line: dict[str, Any] = {"scenario": case.scenario["name"], "case": case.number}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        scenario, failure = _attempt(lambda: drawn(case))
+        flight, line["bound"] = None, {}
+        if scenario is not None:
+            begin = clock.perf_counter()
+            flight, failure = _attempt(lambda: fly(scenario, Path(case.unit)))
+            wall["flight"] = clock.perf_counter() - begin
+            line["bound"] = _bounds(scenario)
+            wall["bound"] = clock.perf_counter() - begin - wall["flight"]
+        if flight is None or scenario is None:
+            line["methods"] = {label: {"failure": failure} for label in case.methods}
+        else:
+            line["methods"] = {label: _judged(label, scenario, flight, wall) for label in case.methods}
+    if caught:
+        line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
+    return line | {"wall": wall}
+
+
+def _attempt(work: Callable[[], T]) -> tuple[T | None, str]:
+    """What the work gives, or why it could not be done."""
+    try:
+        return work(), ""
+    except (ComputationError, InputError) as error:
+        return None, str(error)
+    except Exception as error:
+        return None, f"internal error, {type(error).__name__}: {error}"
+
+
+def _bounds(scenario: Scenario) -> dict[str, Any]:
+    """The bound's rms of the path and of the CoM in body axes, m; reference: of the path, had nothing been wrong."""
+    bound, reason = _attempt(lambda: cramer_rao_bound(scenario))
+    if bound is None:
+        return {"failure": reason}
+    reference = bound
+    if scenario.sensor.outliers != Outliers():
+        sensor = scenario.sensor.model_copy(update={"outliers": Outliers()})
+        reference = cramer_rao_bound(scenario.model_copy(update={"sensor": sensor}))
+    return {
+        "path": bound.position_deviation,
+        "offset": bound.offset_deviation,
+        "reference": reference.position_deviation,
+        "verdict": bound.verdict,
+    }
+
+
+def _judged(label: str, scenario: Scenario, flight: Flight, wall: dict[str, float]) -> dict[str, Any]:
+    """How well one method did."""
+    method, options = options_of(label)
+    begin = clock.perf_counter()
+    result, failure = _attempt(lambda: estimate(flight.tracks, method=method, orbit=scenario.orbit, options=options))
+    wall[label] = clock.perf_counter() - begin
+    if result is None:
+        return {"failure": failure}
+    facts = result.diagnostics
+    error = result.position - flight.truth["target.position"]
+    distance = np.linalg.norm(error, axis=1)
+    judged = {
+        "rms": _finite(np.sqrt(np.mean(distance**2))),
+        "max": _finite(distance.max()),
+        "own": _finite(facts.get("position_deviation")),
+        "nees": None if result.covariance is None else _nees(error, result.covariance),
+        "converged": facts.get("converged"),
+        "rejected": facts.get("rejected_share"),
+    }
+    if judged["rms"] is None:
+        return judged | {"failure": "gave a path that is not finite"}
+    offset, _ = _attempt(lambda: _offset(result, scenario))
+    return judged | (offset or {})
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if value is not None and np.isfinite(value) else None
+
+
+def _nees(error: FloatArray, covariance: FloatArray) -> list[float | None]:
+    """eᵀ P⁻¹ e at the first, the middle and the last frame, each of three degrees of freedom."""
+    n = len(error)
+    return [_normalised(error[k], covariance[k]) for k in (0, n // 2, n - 1)]
+
+
+def _normalised(error: FloatArray, covariance: FloatArray) -> float | None:
+    try:
+        return _finite(error @ np.linalg.solve(covariance, error))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _offset(result: Estimate, scenario: Scenario) -> dict[str, Any]:
+    """Error (m) and NEES of the CoM in the axes that the features of the longest cluster hold; nothing if not given.
+
+    True and estimated features are laid on each other; what is left between the two CoMs is the error.
+    """
+    clusters = [cluster for cluster in result.diagnostics["clusters"] if "centre_of_mass_covariance" in cluster]
+    if not clusters:
+        return {}
+    cluster = max(clusters, key=lambda item: int(item["frames"]))
+    places = {point.label: point.position for point in scenario.features.points}
+    estimated = np.array(list(cluster["features"].values()))
+    true = np.array([places[label] for label in cluster["features"]])
+    R, _ = Rotation.align_vectors(estimated - estimated.mean(axis=0), true - true.mean(axis=0))
+    error = np.array(cluster["centre_of_mass"]) - R.apply(-true.mean(axis=0))
+    nees = _normalised(error, np.array(cluster["centre_of_mass_covariance"]))
+    return {"offset": _finite(np.linalg.norm(error)), "offset_nees": nees}

@@ -1,0 +1,176 @@
+"""The table of a comparison, and the summary that is kept of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from baryscope.estimator.bound import Bound
+from baryscope.estimator.methods import METHODS
+from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.result import Estimate
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.files import replacing
+from baryscope.models.scenario import Orbit, Scenario
+from baryscope.scripts.cli.console import VERSION
+
+HEADINGS = ("method", "axes or path", "rms, mm", "max, mm", "own, mm", "seen", "time")
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one method made of the tracks.
+
+    Attributes:
+        method: its name in the list of methods.
+        axes: axes in which it registered the tracks, or the kind of path that it assumed.
+        stem: stem of the names of its files.
+        estimate: the result; None where the method could not be carried out.
+        error: (n,), distance from the true CoM at every time, m.
+        failure: why there is no result.
+    """
+
+    method: str
+    axes: str
+    stem: str
+    estimate: Estimate | None = None
+    error: NDArray[np.float64] | None = None
+    failure: str = ""
+
+    @property
+    def title(self) -> str:
+        """The method and its axes, in words."""
+        return (
+            f"{self.method}, {self.axes} axes" if self.axes in ("inertial", "lvlh") else f"{self.method}, {self.axes}"
+        )
+
+    def cells(self) -> tuple[str, ...]:
+        """Its row in the table."""
+        if self.estimate is None or self.error is None:
+            return (self.method, self.axes, "-", "-", "-", "-", "-")
+        facts = self.estimate.diagnostics
+        return (
+            self.method,
+            self.axes,
+            _millimetres(np.sqrt(np.mean(self.error**2))),
+            _millimetres(self.error.max()),
+            _millimetres(facts["position_deviation"]) if "position_deviation" in facts else "-",
+            f"{100 * facts['covered_share']:.0f} %",
+            f"{facts['wall_time']:.2f} s",
+        )
+
+
+def _millimetres(metres: float) -> str:
+    return f"{1000 * metres:.2f}"
+
+
+def bound_cells(bound: Bound) -> tuple[str, ...]:
+    """The bound's row in the table."""
+    worst = float(np.sqrt(np.trace(bound.position_covariance, axis1=1, axis2=2).max()))
+    return (
+        "Cramér–Rao bound",
+        "relative-orbit",
+        _millimetres(bound.position_deviation),
+        _millimetres(worst),
+        "-",
+        "-",
+        "-",
+    )
+
+
+def outcome_table(scenario: Scenario, outcomes: list[Outcome], bound: Bound | None) -> Table:
+    """The comparison as a table for the terminal."""
+    title = f"Error of the centre of mass, {scenario.name}, {scenario.duration:.0f} s"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+    for heading in HEADINGS:
+        table.add_column(heading, justify="left" if heading in HEADINGS[:2] else "right", no_wrap=True)
+    for outcome in outcomes:
+        table.add_row(*outcome.cells())
+    if bound is not None:
+        table.add_section()
+        table.add_row(*bound_cells(bound))
+    return table
+
+
+def write_summary(
+    scenario: Scenario, tracks: FeatureTracks, outcomes: list[Outcome], bound: Bound | None, path: Path
+) -> None:
+    """Write a comparison as Markdown: what was flown, the table, and what each method chose."""
+    rows = [outcome.cells() for outcome in outcomes] + ([bound_cells(bound)] if bound is not None else [])
+    picture = ["![errors of all methods](comparison.png)", ""] if (path.parent / "comparison.png").exists() else []
+    lines = [
+        f"# {scenario.name}: {scenario.description}",
+        "",
+        f"Made by baryscope {VERSION}: {tracks.time.size} frames over {tracks.time[-1]:.0f} s, "
+        f"{int(tracks.seen.sum())} sightings of {len(tracks.labels)} features, {_noise(scenario)}, "
+        f"seed {scenario.run.seed}.",
+        f"Nothing was seen in {100 * np.mean(~tracks.seen.any(axis=1)):.0f} % of the frames; errors are taken at "
+        "all of them.",
+        "",
+        "| " + " | ".join(HEADINGS) + " |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: |",
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        *picture,
+        "rms and max are those of the error over all frames, own the rms error that the method's covariance says, seen "
+        "the share of the frames at which the method has an attitude of its own to go by.",
+    ]
+    for outcome in outcomes:
+        lines += ["", f"## {outcome.title}", "", *_details(outcome, (path.parent / f"{outcome.stem}.png").exists())]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _noise(scenario: Scenario) -> str:
+    rig = scenario.sensor.stereo
+    if rig is None:
+        return f"noise {scenario.sensor.noise:g} m per axis"
+    return f"noise {rig.pixel_noise:g} px of a rig with {rig.baseline:g} m baseline and f = {rig.focal_length:g} px"
+
+
+def _details(outcome: Outcome, pictured: bool) -> list[str]:
+    if outcome.estimate is None:
+        return [f"Could not be carried out: {outcome.failure}."]
+    picture = [f"![path and error]({outcome.stem}.png)", ""] if pictured else []
+    return [
+        *picture,
+        *(f"- {line}" for line in in_short(outcome.estimate)),
+        f"- files: {outcome.stem}.csv, {outcome.stem}.json",
+    ]
+
+
+def in_short(result: Estimate) -> list[str]:
+    """What a method chose and how good it thinks it is, in a few lines."""
+    facts = result.diagnostics
+    chosen = facts["options"]
+    if isinstance(METHODS[facts["method"]].options(), ScrewOptions):
+        own = ", ".join(chosen["chosen_from_data"]) or "none"
+        return [
+            f"lag {chosen['lag']:g} s, cut-off {chosen['cutoff']:.3g} Hz, degree {chosen['degree']} "
+            f"(chosen from the data: {own})",
+            f"rms of the registration {facts['residual_rms']:.3g} m, of the path's fit {facts['fit_rms']:.3g} m, "
+            f"of the segments between successive axes {facts['segment_length_rms']:.3g} m",
+        ]
+    noise = (
+        f"noise {facts['residual_rms']:.3g} m per axis"
+        if facts["residual_rms"] is not None
+        else f"noise √{facts['variance_factor']:.3g} of what the tracks say"
+    )
+    lines = [
+        f"trajectory {chosen['trajectory']}; {noise}; {100 * facts['rejected_share']:.2g} % of the sightings rejected"
+        + (f", features {', '.join(facts['rejected_features'])}" if facts["rejected_features"] else ""),
+        f"centre of mass {facts['verdict']}; path ±{facts['position_deviation']:.2g} m rms",
+    ]
+    if not facts.get("converged", True):
+        lines.append("did not converge: take the result for a first guess")
+    return lines + [f"note: {remark}" for remark in facts["remarks"]]
+
+
+def write_orbit(orbit: Orbit, path: Path) -> None:
+    """Write an orbit file, as `baryscope estimate --orbit` reads it."""
+    rows = [f"{name} = {value!r}" for name, value in orbit.model_dump().items()]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(["[orbit]", *rows]) + "\n", encoding="utf-8")

@@ -1,0 +1,99 @@
+"""The command line as a user meets it: exit codes, one line for an error, nothing half written."""
+
+import subprocess
+import sys
+
+import pytest
+
+from baryscope.models.scenario import preset_names
+from baryscope.scripts.cli import app, scenarios
+
+
+def complaint(capsys, code, *arguments):
+    """Run the command line, expect this exit code and one line on standard error, and return the line."""
+    assert app.main(list(map(str, arguments))) == code
+    captured = capsys.readouterr()
+    lines = captured.err.splitlines()
+    assert len(lines) == 1, captured.err
+    assert lines[0].startswith("baryscope: ")
+    assert captured.out == ""
+    return lines[0]
+
+
+def test_help_names_every_command(capsys):
+    assert app.main(["--help"]) == 0
+    text = capsys.readouterr().out
+    for command in ("compare", "build", "simulate", "estimate", "scenarios"):
+        assert command in text
+
+
+@pytest.mark.parametrize("command", ["compare", "build", "simulate", "estimate"])
+def test_help_of_a_command_describes_its_options(capsys, command):
+    assert app.main([command, "--help"]) == 0
+    assert "-o" in capsys.readouterr().out
+
+
+def test_version(capsys):
+    assert app.main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == app.VERSION
+
+
+def test_scenarios_has_a_line_for_each_preset(capsys):
+    assert app.main(["scenarios"]) == 0
+    text = capsys.readouterr().out
+    for name in preset_names():
+        assert name in text
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["fly"], "fly"),
+    (["estimate"], "argument"),
+    (["estimate", "x.csv", "--method", "magic"], "magic"),
+    (["estimate", "x.csv", "--lag", "long"], "long"),
+    (["compare", "--methods", "screw-gpa,magic"], "'magic', expected some of screw-raw"),
+    (["compare", "--methods", ","], "found none"),
+    (["compare", "--scenario", "mir"], "'mir': not a preset, expected one of"),
+    (["build", "--colour", "red"], "--colour"),
+    (["build", "-o", "unit.zip"], "'.zip', expected .fmu"),
+    (["simulate", "-o", "tracks.xls"], "'.xls', expected .csv"),
+    (["estimate", "tracks.nc"], "'.nc', expected .csv"),
+    (["simulate", "--fmu", "none.fmu", "-o", "x.csv"], "none.fmu: No such file"),
+])  # fmt: skip
+def test_wrong_arguments_exit_with_2(capsys, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert words in complaint(capsys, 2, *arguments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_in_the_way_of_the_folder(capsys, tmp_path):
+    path = tmp_path / "out"
+    path.write_text("mine")
+    assert "is a file, expected a folder" in complaint(capsys, 2, "compare", "-o", path)
+    assert path.read_text() == "mine"
+
+
+def test_an_interrupt_is_one_line(capsys, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scenarios, "preset_names", interrupted)
+    assert "interrupted" in complaint(capsys, 130, "scenarios")
+
+
+def test_an_unforeseen_error_is_one_line_unless_debugging(capsys, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError("oh\nno")
+
+    monkeypatch.setattr(app, "app", broken)
+    assert "internal error, ZeroDivisionError: oh no" in complaint(capsys, 1, "scenarios")
+    monkeypatch.setenv("BARYSCOPE_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        app.main(["scenarios"])
+
+
+def test_the_installed_command_exits_with_the_code(tmp_path):
+    command = [sys.executable, "-m", "baryscope.scripts.cli.app", "estimate", str(tmp_path / "none.csv")]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert "none.csv: No such file" in result.stderr

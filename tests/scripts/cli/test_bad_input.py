@@ -1,0 +1,81 @@
+"""Every malformed file, given to the command line: exit code 2, one line, nothing written."""
+
+import pytest
+
+from baryscope.scripts.cli import app
+from malformed import ORBITS, SCENARIOS, TRACKS, spoil
+
+
+def refusal(capsys, tmp_path, *arguments):
+    """The one line on standard error; whatever stood in the folder before still stands there alone."""
+    before = sorted(tmp_path.iterdir())
+    assert app.main([str(argument) for argument in arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert captured.err.startswith("baryscope: ")
+    assert sorted(tmp_path.iterdir()) == before
+    return captured.err
+
+
+@pytest.mark.parametrize("case", TRACKS)
+def test_tracks(capsys, tmp_path, case):
+    content, mentions = TRACKS[case]
+    path = tmp_path / "tracks.csv"
+    if content is not None:
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    line = refusal(capsys, tmp_path, "estimate", path, "-o", tmp_path / "out.csv")
+    for mention in ["tracks.csv", *mentions]:
+        assert mention in line
+
+
+@pytest.mark.parametrize("command", ["compare", "build", "simulate"])
+@pytest.mark.parametrize("replacements, mentions", SCENARIOS)
+def test_scenario(capsys, tmp_path, command, replacements, mentions):
+    path = tmp_path / "mine.toml"
+    path.write_text(spoil(*replacements), encoding="utf-8")
+    suffix = {"compare": "", "build": ".fmu", "simulate": ".csv"}[command]
+    line = refusal(capsys, tmp_path, command, "--scenario", path, "-o", tmp_path / f"out{suffix}")
+    for mention in [str(path), *mentions]:
+        assert mention in line
+
+
+@pytest.mark.parametrize("text, expected", ORBITS)
+def test_orbit(capsys, tmp_path, text, expected):
+    tracks, orbit = tmp_path / "tracks.csv", tmp_path / "orbit.toml"
+    tracks.write_text("time,feature,x,y,z\n0,a,1,2,3\n")
+    orbit.write_text(text, encoding="utf-8")
+    line = refusal(capsys, tmp_path, "estimate", tracks, "--orbit", orbit, "--axes", "lvlh")
+    assert f"{orbit}: {expected}" in line
+
+
+def test_lvlh_axes_without_an_orbit(capsys, tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("time,feature,x,y,z\n0,a,1,2,3\n")
+    assert "needs the target's orbit" in refusal(capsys, tmp_path, "estimate", path, "--axes", "lvlh")
+
+
+CHOICES = [
+    (["--method", "magic"], "--method: found 'magic', expected one of screw-raw"),
+    (["--method", "ml", "--lag", "3"], "--lag: found with --method ml, expected one of screw-raw, screw-ls, screw-gpa"),
+    (["--axes", "inertial", "--sigma", "0.1"], "--sigma: found with --method screw-gpa, expected one of pivot, ml"),
+    (["--trajectory", "relative-orbit"], "--trajectory relative-orbit: needs the target's orbit"),
+    (["--trajectory", "spline"], "trajectory is 'spline', expected fixed, polynomial, polynomial:N or relative-orbit"),
+    (["--trajectory", "polynomial:99"], "expected a degree of 0 to 20"),
+    (["--sigma", "0"], "sigma is 0.0, expected a deviation in m > 0"),
+    (["--method", "ml", "--torque", "gravity-gradient"], "needs the target's orbit"),
+    (["--method", "score", "--trajectory", "polynomial:2"], "expected fixed"),
+]
+
+
+@pytest.mark.parametrize("choice, expected", CHOICES)
+def test_choices_that_do_not_go_together(capsys, tmp_path, choice, expected):
+    path = tmp_path / "tracks.csv"
+    path.write_text("time,feature,x,y,z\n0,a,1,2,3\n")
+    before = sorted(tmp_path.iterdir())
+    assert app.main(["estimate", str(path), *choice]) == 2
+    # What only the method can tell comes after the steps that it took to get there.
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith("baryscope: ")
+    assert expected in line
+    assert sorted(tmp_path.iterdir()) == before

@@ -1,0 +1,346 @@
+"""`baryscope campaign`: pure runs, any number of workers, going on after whatever happened, and right numbers."""
+
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baryscope.fmu import build_fmu
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.scenario import load_scenario
+from baryscope.scripts.cli import app, campaign
+from baryscope.study.campaign.case import Case, drawn, run_one
+from baryscope.study.campaign.folder import HEADER, RUNS, begin, read_plan, read_runs
+from baryscope.study.campaign.plan import plan_of
+from baryscope.study.campaign.pool import THREADS, results_of
+from malformed import GOOD_SCENARIO
+
+COMMAND = [sys.executable, "-m", "baryscope.scripts.cli.app"]
+
+
+@pytest.fixture(scope="module")
+def scenario_file(tmp_path_factory):
+    """A small body whose features are all seen for 60 s, a tenth of them wrong."""
+    head, rest = GOOD_SCENARIO.split("[tracking]")
+    sensor = rest[rest.index("[sensor]") :].replace("duration = 100.0", "duration = 60.0")
+    text = head + sensor.replace("noise = 0.02", "noise = 0.02\noutliers = { share = 0.1 }")
+    path = tmp_path_factory.mktemp("scenario") / "small.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def unit(scenario_file, tmp_path_factory):
+    return build_fmu(load_scenario(str(scenario_file)), tmp_path_factory.mktemp("unit") / "unit.fmu")
+
+
+@pytest.fixture(scope="module")
+def plan(scenario_file):
+    return plan_of([str(scenario_file)], None, "screw-gpa,pivot", draws=4, seed=3, vary="attitude,anomaly")
+
+
+def case_of(plan, unit, number):
+    return Case(plan.entries[0].data, number, plan.seed, plan.methods, plan.vary, str(unit))
+
+
+def without_wall(run):
+    return {name: value for name, value in run.items() if name != "wall"}
+
+
+def options(scenario_file, folder, *more, **changed):
+    usual = {"scenario": scenario_file, "methods": "screw-gpa,pivot", "draws": 4, "seed": 3, "output": folder} | changed
+    return ["campaign", *(f"--{name}={value}" for name, value in usual.items()), *more]
+
+
+@pytest.fixture(scope="module")
+def finished(scenario_file, unit, tmp_path_factory):
+    """The folder of a campaign that one worker carried out."""
+    folder = tmp_path_factory.mktemp("campaign") / "one"
+    assert app.main(options(scenario_file, folder, "--workers", "1")) == 0
+    return folder
+
+
+# ---- one run ----
+
+
+def test_a_run_is_pure(plan, unit):
+    first, again, other = (run_one(case_of(plan, unit, number)) for number in (2, 2, 1))
+    assert json.dumps(without_wall(first)) == json.dumps(without_wall(again))
+    assert without_wall(first)["methods"] != without_wall(other)["methods"]
+
+
+def test_a_run_says_how_far_off_each_method_is(plan, unit):
+    run = run_one(case_of(plan, unit, 0))
+    assert (run["scenario"], run["case"]) == ("small", 0)
+    assert set(run["methods"]) == {"screw-gpa", "screw-gpa-lvlh", "pivot"}
+    found = run["methods"]["pivot"]
+    assert 0.2 < found["rms"] / run["bound"]["path"] < 5
+    assert found["max"] >= found["rms"]
+    assert 0.05 < found["rejected"] < 0.15
+    assert len(found["nees"]) == 3
+    assert max(*found["nees"], found["offset_nees"]) < 30
+    assert run["bound"]["reference"] < run["bound"]["path"]
+    assert run["methods"]["screw-gpa"].get("nees") is None
+    assert run["wall"].keys() == {"flight", "bound", "screw-gpa", "screw-gpa-lvlh", "pivot"}
+
+
+def test_draws_have_attitudes_of_their_own_and_are_alike_in_all_scenarios(plan, unit):
+    draws = [drawn(case_of(plan, unit, number)) for number in range(300)]
+    quaternions = np.array([draw.target.attitude for draw in draws])
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1)
+    # Uniform over all rotations: q qᵀ has the mean ¼ I; its elements deviate by 0.02 over 300 draws.
+    np.testing.assert_allclose(quaternions.T @ quaternions / 300, np.eye(4) / 4, atol=0.08)
+    assert len({draw.run.seed for draw in draws}) == 300
+    assert {draw.target.angular_rate_deg for draw in draws} == {(1.0, 2.0, 3.0)}
+    other = replace(case_of(plan, unit, 7), scenario=case_of(plan, unit, 7).scenario | {"name": "other"})
+    assert (drawn(other).target, drawn(other).run) == (draws[7].target, draws[7].run)
+
+
+@pytest.mark.parametrize("vary", [(), ("attitude",), ("anomaly",)])
+def test_only_what_is_to_vary_varies(plan, unit, vary):
+    base = load_scenario(plan.source.split()[-1])
+    draw = drawn(replace(case_of(plan, unit, 0), vary=vary))
+    assert (draw.target != base.target) == ("attitude" in vary)
+    assert (draw.orbit != base.orbit) == ("anomaly" in vary)
+    assert draw.run.seed != base.run.seed
+    assert draw.features == base.features
+
+
+@pytest.mark.parametrize("scenario, number", [("slow-clusters", 5), ("slow-outliers-30", 94)])
+def test_draws_on_which_the_peer_took_a_poor_inertia_for_path_noise(scenario, number, tmp_path):
+    """It chose metres of process noise, from where no pass came back: 26 and 0.14 m off on a path that has none."""
+    plan = plan_of([scenario], "reach", "ekf", draws=100, seed=1, vary="attitude,anomaly")
+    case = case_of(plan, tmp_path / "unit.fmu", number)
+    build_fmu(drawn(case), tmp_path / "unit.fmu")
+    run = run_one(case)
+    assert run["methods"]["ekf"]["rms"] < 3 * run["bound"]["path"]
+    assert run["methods"]["ekf"]["converged"]
+
+
+def test_a_method_that_fails_is_a_value(plan, unit, monkeypatch):
+    def refused(*_, **__):
+        raise ComputationError("too little turns")
+
+    def broken(*_, **__):
+        raise ZeroDivisionError("oh")
+
+    for error, words in ((refused, "too little turns"), (broken, "internal error, ZeroDivisionError: oh")):
+        monkeypatch.setattr("baryscope.study.campaign.case.estimate", error)
+        assert run_one(case_of(plan, unit, 0))["methods"]["pivot"] == {"failure": words}
+
+
+def test_a_scenario_that_a_draw_makes_impossible_is_a_value(plan, unit):
+    data = plan.entries[0].data | {"sensor": {"noise": -1.0}}
+    run = run_one(replace(case_of(plan, unit, 0), scenario=data))
+    assert "sensor.noise" in run["methods"]["pivot"]["failure"]
+    assert run["bound"] == {}
+
+
+# ---- workers ----
+
+
+def test_the_result_does_not_depend_on_the_number_of_workers(finished, scenario_file, tmp_path, capsys):
+    assert app.main(options(scenario_file, tmp_path / "two", "--workers", "2")) == 0
+    lines = []
+    for folder in (finished, tmp_path / "two"):
+        runs = [json.loads(line) for line in (folder / RUNS).read_text(encoding="utf-8").splitlines()]
+        lines.append({json.dumps(without_wall(run), sort_keys=True) for run in runs})
+        assert len(runs) == 4
+    assert lines[0] == lines[1]
+    tables = [(folder / "summary.md").read_text(encoding="utf-8") for folder in (finished, tmp_path / "two")]
+    without_times = [[line.rsplit("|", 2)[0] for line in table.splitlines()] for table in tables]
+    assert without_times[0] == without_times[1]
+    assert max(map(len, capsys.readouterr().out.split("NEES should be")[0].splitlines())) <= 90
+
+
+def test_a_worker_has_one_thread_and_the_parent_keeps_its_own(monkeypatch):
+    monkeypatch.setenv(THREADS[0], "7")
+    assert set(results_of(os.getenv, THREADS, 1)) == {"1"}
+    assert os.environ[THREADS[0]] == "7"
+
+
+def test_a_worker_that_is_killed_does_not_keep_us_waiting():
+    with pytest.raises(ComputationError, match="a worker process has ended with the code 9"):
+        list(results_of(os._exit, [9, 9], 1))
+    assert not multiprocessing.active_children()
+
+
+def test_closing_ends_the_workers():
+    results = results_of(time.sleep, [0, 60, 60], 2)
+    assert next(results) is None
+    begin = time.perf_counter()
+    results.close()
+    assert time.perf_counter() - begin < 3
+    assert not multiprocessing.active_children()
+
+
+# ---- going on ----
+
+
+def copied(finished, folder, lines):
+    folder.mkdir()
+    (folder / HEADER).write_bytes((finished / HEADER).read_bytes())
+    (folder / RUNS).write_bytes(lines)
+    return folder
+
+
+@pytest.fixture
+def no_workers(monkeypatch):
+    """Runs are carried out here; which ones is told."""
+    asked = []
+
+    def here(function, cases, workers):
+        for case in cases:
+            asked.append(case.number)
+            yield function(case)
+
+    monkeypatch.setattr(campaign, "results_of", here)
+    return asked
+
+
+@pytest.mark.parametrize("torn", [b'{"scenario": "small", "ca', b'{"scenario": "sm\n', b"\0\0\0\n"])
+def test_a_torn_last_line_is_dropped_and_run_again(finished, scenario_file, tmp_path, no_workers, torn):
+    lines = (finished / RUNS).read_bytes().splitlines(keepends=True)
+    folder = copied(finished, tmp_path / "torn", b"".join(lines[:2]) + torn)
+    assert app.main(options(scenario_file, folder)) == 0
+    assert no_workers == [2, 3]
+    whole = [without_wall(json.loads(line)) for line in (folder / RUNS).read_text(encoding="utf-8").splitlines()]
+    assert whole == [without_wall(json.loads(line)) for line in lines]
+
+
+def test_what_is_complete_runs_nothing(finished, scenario_file, tmp_path, no_workers, capsys):
+    folder = copied(finished, tmp_path / "done", (finished / RUNS).read_bytes())
+    assert app.main(options(scenario_file, folder)) == 0
+    assert no_workers == []
+    assert "all 4 runs are there" in capsys.readouterr().err
+    assert app.main(["campaign", "--report", "-o", str(folder)]) == 0
+    assert "small: a small body, 4 draws" in capsys.readouterr().out
+
+
+def test_more_draws_go_on(finished, scenario_file, tmp_path, no_workers):
+    folder = copied(finished, tmp_path / "more", (finished / RUNS).read_bytes())
+    assert app.main([*options(scenario_file, folder, draws=6)]) == 0
+    assert no_workers == [4, 5]
+    assert read_plan(folder).draws == 6
+    assert app.main(options(scenario_file, folder)) == 0
+    assert len(no_workers) == 2
+
+
+@pytest.mark.parametrize("change, words", [
+    ({"seed": 4}, "seed 3, expected 4"),
+    ({"methods": "pivot"}, "methods screw-gpa,screw-gpa-lvlh,pivot, expected pivot"),
+    ({"vary": "none"}, "vary attitude,anomaly, expected none"),
+    ({"scenario": "envisat"}, "scenarios small, expected envisat"),
+])  # fmt: skip
+def test_other_options_are_refused(finished, scenario_file, no_workers, capsys, change, words):
+    before = {path: path.read_bytes() for path in finished.iterdir()}
+    assert app.main(options(scenario_file, finished, **change)) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert {path: path.read_bytes() for path in finished.iterdir()} == before
+    assert no_workers == []
+
+
+def test_another_version_or_scenario_is_refused(plan, tmp_path):
+    begin(tmp_path / "c", replace(plan, version="0.0.1"), restart=False)
+    with pytest.raises(InputError, match=r"version 0\.0\.1, expected "):
+        begin(tmp_path / "c", plan, restart=False)
+    begin(tmp_path / "c", replace(plan, program="of yesterday"), restart=True)
+    with pytest.raises(InputError, match=f"program of yesterday, expected {plan.program}"):
+        begin(tmp_path / "c", plan, restart=False)
+    entry = plan.entries[0]
+    other = replace(plan, entries=(replace(entry, data=entry.data | {"sensor": {"noise": 0.03}}),))
+    begin(tmp_path / "d", other, restart=False)
+    with pytest.raises(InputError, match="another scenario small"):
+        begin(tmp_path / "d", plan, restart=False)
+
+
+def test_restart_begins_anew(finished, scenario_file, tmp_path, no_workers):
+    folder = copied(finished, tmp_path / "again", (finished / RUNS).read_bytes())
+    assert app.main(options(scenario_file, folder, "--restart", seed=4, draws=1)) == 0
+    assert no_workers == [0]
+    assert len((folder / RUNS).read_text(encoding="utf-8").splitlines()) == 1
+
+
+def alive(group):
+    """Processes of a group that have not ended, on systems that list them in /proc."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, its_group = path.read_text().rsplit(")", 1)[1].split()[:3]
+            if int(its_group) == group and state != "Z":
+                found.append(path)
+    return found
+
+
+@contextmanager
+def interruptible(command):
+    """A process group of its own that an interrupt reaches, also where the tests run behind `&`; none of it is left."""
+
+    def heed():
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, start_new_session=True, preexec_fn=heed
+    ) as process:
+        try:
+            yield process
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def test_the_same_interrupt_as_a_terminals_keeps_what_is_there(scenario_file, tmp_path):
+    """SIGINT to the whole group: exit code 130, one line that says how to go on, whole lines, no workers left."""
+    folder = tmp_path / "cut"
+    arguments = options(scenario_file, folder, workers=2, draws=10_000)
+    runs = folder / RUNS
+    with interruptible([*COMMAND, *arguments]) as process:
+        while process.poll() is None and (not runs.exists() or runs.read_bytes().count(b"\n") < 3):
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+        for _ in range(200):  # the standard library's tracker of resources ends a little later
+            if not alive(process.pid):
+                break
+            time.sleep(0.05)
+        assert not alive(process.pid)
+    assert process.returncode == 130, error
+    assert f"kept in {folder}; the same command goes on" in error.splitlines()[-1]
+    assert "Traceback" not in error
+    plan = read_plan(folder)
+    assert len(read_runs(folder, plan)) == runs.read_bytes().count(b"\n") >= 3
+
+
+@pytest.mark.parametrize("spoilt, words", [
+    ("not json\n", "line 1 is not the JSON of a run"),
+    ('{"scenario": "small", "case": 0}\n', "line 1 is not the JSON of a run"),
+    ('{"scenario": "big", "case": 0, "bound": {}, "methods": {}, "wall": {}}\n', "line 1 is of big, draw 0"),
+    ('{"scenario": "small", "case": 9, "bound": {}, "methods": {}, "wall": {}}\n', "line 1 is of small, draw 9"),
+])  # fmt: skip
+def test_a_line_that_is_no_run_is_refused(finished, scenario_file, tmp_path, capsys, spoilt, words):
+    content = spoilt.encode() + (finished / RUNS).read_bytes()
+    folder = copied(finished, tmp_path / "spoilt", content)
+    assert app.main(options(scenario_file, folder)) == 2
+    assert f"{folder / RUNS}: {words}" in capsys.readouterr().err
+    assert (folder / RUNS).read_bytes() == content
+
+
+@pytest.mark.parametrize("header", ["", "[]", "{", '{"seed": 1}', '{"entries": 3}'])
+def test_a_header_that_is_none_is_refused(tmp_path, scenario_file, capsys, header):
+    (tmp_path / HEADER).write_text(header, encoding="utf-8")
+    for arguments in (["campaign", "--report", "-o", str(tmp_path)], options(scenario_file, tmp_path)):
+        assert app.main(arguments) == 2
+        error = capsys.readouterr().err
+        assert f"{tmp_path / HEADER}" in error
+        assert "expected the header of a campaign" in error
