@@ -15,7 +15,7 @@ from baryscope.estimator.screws import gpa, least_squares, raw
 from baryscope.estimator.screws.pipeline import ScrewFunction, estimate_by_screws
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 
 @dataclass(frozen=True)

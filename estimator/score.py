@@ -21,7 +21,7 @@ from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 
 def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:

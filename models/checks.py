@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from baryscope.models.attitude import inertia_tensor
 from baryscope.models.frames import Symbol
+from baryscope.models.keplerian import Elements
 
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
 COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
@@ -82,7 +83,7 @@ def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     return (
         *_inertia_checks(parameters),
         *_feature_checks(parameters),
-        *orbit_checks(parameters),
+        *orbit_checks(Elements.named(parameters)),
         *_other_checks(parameters),
     )
 
@@ -145,10 +146,9 @@ def _feature_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     )
 
 
-def orbit_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+def orbit_checks(elements: Elements) -> tuple[Check, ...]:
     """The conditions on the orbit alone."""
-    e, a = parameters["orbit.eccentricity"], parameters["orbit.semiMajorAxis"]
-    mu = parameters["orbit.gravitationalParameter"]
+    a, e, mu = elements.semi_major_axis, elements.eccentricity, elements.gravitational_parameter
     return (
         Check("orbit.semiMajorAxis", "orbit.semi_major_axis", "a length above 0 m", "value", a, a),
         Check(

@@ -1,13 +1,79 @@
-"""The target's own orbit: the conic, its rates, and Kepler's equation, as CasADi expressions."""
+"""The target's own orbit: its elements, the conic, its rates, and Kepler's equation, as CasADi expressions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
 import casadi as ca
 
-from baryscope.models.frames import Symbol
+from baryscope.models.frames import Symbol, rotation_I_P
 
 KEPLER_ITERATIONS = 8
+
+PARAMETERS = (
+    "orbit.semiMajorAxis",
+    "orbit.eccentricity",
+    "orbit.inclination",
+    "orbit.raan",
+    "orbit.argumentOfPeriapsis",
+    "orbit.trueAnomaly0",
+    "orbit.gravitationalParameter",
+)  # what the unit calls the elements, in the order of its table of variables
+ELEMENT_COUNT = len(PARAMETERS)
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Keplerian elements at time 0, SI: the symbolic twin of `baryscope.models.orbit.Orbit`, field by field.
+
+    Attributes:
+        semi_major_axis: a, m.
+        eccentricity: e.
+        inclination: rad.
+        raan: right ascension of the ascending node, rad.
+        argument_of_periapsis: rad.
+        true_anomaly: at time 0, rad.
+        gravitational_parameter: μ, m³/s².
+    """
+
+    semi_major_axis: Symbol
+    eccentricity: Symbol
+    inclination: Symbol
+    raan: Symbol
+    argument_of_periapsis: Symbol
+    true_anomaly: Symbol
+    gravitational_parameter: Symbol
+
+    @classmethod
+    def of(cls, column: Symbol) -> Self:
+        """From a column of seven, in the order of the fields; `Orbit.elements` is its value."""
+        return cls(*ca.vertsplit(column))
+
+    @classmethod
+    def symbols(cls) -> tuple[Symbol, Self]:
+        """A new column of seven symbols, an input for functions, and the elements in it."""
+        column = ca.SX.sym("elements", ELEMENT_COUNT)
+        return column, cls.of(column)
+
+    @classmethod
+    def named(cls, parameters: Mapping[str, Symbol]) -> Self:
+        """From the unit's parameters, by their names in the table of variables."""
+        return cls(*(parameters[name] for name in PARAMETERS))
+
+    @property
+    def ellipse(self) -> "Ellipse":
+        """Size and pace of the orbit."""
+        return Ellipse.of(self.semi_major_axis, self.eccentricity, self.gravitational_parameter)
+
+    @property
+    def R_I_P(self) -> Symbol:
+        """Attitude of the perifocal axes."""
+        return rotation_I_P(self.raan, self.inclination, self.argument_of_periapsis)
+
+    @property
+    def mean_motion(self) -> Symbol:
+        """n = √(μ/a³), rad/s."""
+        return ca.sqrt(self.gravitational_parameter / self.semi_major_axis**3)
 
 
 @dataclass(frozen=True)
@@ -64,11 +130,6 @@ def conic(orbit: Ellipse, true_anomaly: Symbol) -> Conic:
     )
 
 
-def mean_motion(semi_major_axis: Symbol, mu: Symbol) -> Symbol:
-    """n = √(μ/a³), rad/s."""
-    return ca.sqrt(mu / semi_major_axis**3)
-
-
 def eccentric_anomaly(mean_anomaly: Symbol, eccentricity: Symbol) -> Symbol:
     """E in rad from Kepler's equation E − e sin E = M, for −π ≤ M ≤ π.
 
@@ -86,23 +147,19 @@ def eccentric_anomaly(mean_anomaly: Symbol, eccentricity: Symbol) -> Symbol:
     return E
 
 
-def eccentric_anomaly_after(
-    time: Symbol, semi_major_axis: Symbol, eccentricity: Symbol, mu: Symbol, true_anomaly0: Symbol
-) -> tuple[Symbol, Symbol]:
-    """E(t) in rad, from −π to π, and the number of whole turns beside it, from θ(0)."""
-    e = eccentricity
-    theta0, turns0 = whole_turns(true_anomaly0)
+def eccentric_anomaly_after(time: Symbol, elements: Elements) -> tuple[Symbol, Symbol]:
+    """E(t) in rad, from −π to π, and the number of whole turns beside it, t in s after the elements' time."""
+    e = elements.eccentricity
+    theta0, turns0 = whole_turns(elements.true_anomaly)
     E0 = 2 * ca.atan2(ca.sqrt((1 - e) / (1 + e)) * ca.sin(theta0 / 2), ca.cos(theta0 / 2))
-    M, turns = whole_turns(E0 - e * ca.sin(E0) + mean_motion(semi_major_axis, mu) * time)
+    M, turns = whole_turns(E0 - e * ca.sin(E0) + elements.mean_motion * time)
     return eccentric_anomaly(M, e), turns + turns0
 
 
-def true_anomaly_after(
-    time: Symbol, semi_major_axis: Symbol, eccentricity: Symbol, mu: Symbol, true_anomaly0: Symbol
-) -> Symbol:
-    """θ(t) in rad, unwrapped, from θ(0)."""
-    e = eccentricity
-    E, turns = eccentric_anomaly_after(time, semi_major_axis, e, mu, true_anomaly0)
+def true_anomaly_after(time: Symbol, elements: Elements) -> Symbol:
+    """θ(t) in rad, unwrapped, t in s after the elements' time."""
+    e = elements.eccentricity
+    E, turns = eccentric_anomaly_after(time, elements)
     return 2 * ca.atan2(ca.sin(E / 2), ca.sqrt((1 - e) / (1 + e)) * ca.cos(E / 2)) + 2 * ca.pi * turns
 
 

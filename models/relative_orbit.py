@@ -16,6 +16,7 @@ from baryscope.models.differences import Pair
 from baryscope.models.errors import ComputationError
 from baryscope.models.frames import Symbol
 from baryscope.models.keplerian import (
+    Elements,
     Ellipse,
     conic,
     eccentric_anomaly,
@@ -23,8 +24,8 @@ from baryscope.models.keplerian import (
     true_anomaly_after,
     whole_turns,
 )
+from baryscope.models.orbit import Orbit
 from baryscope.models.relative_motion import target_from_chaser
-from baryscope.models.scenario import Orbit, orbit_parameters
 
 FloatArray = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ def relative_transition(orbit: Orbit, time: ArrayLike, epoch: float = 0.0) -> Fl
     Returns:
         Φ, (n, 6, 6), such that `state(time) = Φ @ state(epoch)`; SI, in LVLH.
     """
-    return _transition_function()(_row(time), [epoch], _elements(orbit))
+    return _transition_function()(_row(time), [epoch], orbit.elements)
 
 
 def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float = 0.0) -> FloatArray:
@@ -66,7 +67,7 @@ def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float
         ComputationError: with this state the chaser is on no ellipse.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        path = _path_function()(_row(time), [epoch], _elements(orbit), state0)
+        path = _path_function()(_row(time), [epoch], orbit.elements, state0)
     if not np.isfinite(path).all():
         raise ComputationError(f"relative state {np.asarray(state0).tolist()} in m and m/s: the chaser's orbit is open")
     return path
@@ -76,24 +77,19 @@ def _row(time: ArrayLike) -> FloatArray:
     return np.asarray(time, dtype=np.float64)[None, :]
 
 
-def _elements(orbit: Orbit) -> list[float]:
-    return list(orbit_parameters(orbit).values())
-
-
 @cache
 def _transition_function() -> ColumnFunction:
     """(time, epoch, elements) → Φ."""
-    time, epoch, elements = ca.SX.sym("time"), ca.SX.sym("epoch"), ca.SX.sym("elements", 7)
-    a, e, _, _, _, anomaly0, mu = ca.vertsplit(elements)
-    orbit = Ellipse.of(a, e, mu)
-    start, end = (true_anomaly_after(t, a, e, mu, anomaly0) for t in (epoch, time))
+    time, epoch, (column, elements) = ca.SX.sym("time"), ca.SX.sym("epoch"), Elements.symbols()
+    e, orbit = elements.eccentricity, elements.ellipse
+    start, end = (true_anomaly_after(t, elements) for t in (epoch, time))
     transition = (
         _unscaling(orbit, end)
         @ _modes(e, end, orbit.rate * (time - epoch))
         @ _mode_amplitudes(e, start)
         @ _scaling(orbit, start)
     )
-    return ColumnFunction("relative_transition", [time, epoch, elements], transition)
+    return ColumnFunction("relative_transition", [time, epoch, column], transition)
 
 
 def _scaling(orbit: Ellipse, true_anomaly: Symbol) -> Symbol:
@@ -164,22 +160,21 @@ def _path_function() -> ColumnFunction:
     Everything is computed in the inertial axes that L has at the epoch; base is the target, other the chaser.
     """
     time, epoch = ca.SX.sym("time"), ca.SX.sym("epoch")
-    elements, state = ca.SX.sym("elements", 7), ca.SX.sym("state", 6)
-    a, e, _, _, _, anomaly0, mu = ca.vertsplit(elements)
-    here = conic(Ellipse.of(a, e, mu), true_anomaly_after(epoch, a, e, mu, anomaly0))
+    (column, elements), state = Elements.symbols(), ca.SX.sym("state", 6)
+    here = conic(elements.ellipse, true_anomaly_after(epoch, elements))
     offset, drift = target_from_chaser(state[:3], state[3:], here, ca.SX.eye(3))
     position = Pair(ca.vertcat(here.radius, 0, 0), -offset)
     velocity = Pair(ca.vertcat(here.radial_rate, here.radius * here.anomaly_rate, 0), -drift)
 
-    E0, E = (eccentric_anomaly_after(t, a, e, mu, anomaly0)[0] for t in (epoch, time))
-    position, velocity = _propagate(position, velocity, mu, E - E0, time - epoch)
+    E0, E = (eccentric_anomaly_after(t, elements)[0] for t in (epoch, time))
+    position, velocity = _propagate(position, velocity, elements.gravitational_parameter, E - E0, time - epoch)
 
     up = position.base / ca.norm_2(position.base)
     R_L_K = ca.horzcat(up, ca.vertcat(-up[1], up[0], 0), ca.vertcat(0, 0, 1)).T
     anomaly_rate = here.anomaly_rate * here.radius**2 / ca.dot(position.base, position.base)
     rho = R_L_K @ position.excess
     rho_rate = R_L_K @ velocity.excess - ca.cross(ca.vertcat(0, 0, anomaly_rate), rho)
-    return ColumnFunction("relative_path", [time, epoch, elements, state], ca.vertcat(rho, rho_rate))
+    return ColumnFunction("relative_path", [time, epoch, column, state], ca.vertcat(rho, rho_rate))
 
 
 def _propagate(position: Pair, velocity: Pair, mu: Symbol, turn: Symbol, elapsed: Symbol) -> tuple[Pair, Pair]:

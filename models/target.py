@@ -26,8 +26,8 @@ from baryscope.models.attitude import (
     symmetric_inverse,
 )
 from baryscope.models.checks import CheckSet, parameter_checks
-from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
-from baryscope.models.keplerian import Conic, Ellipse, conic, mean_motion
+from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quaternion, rotation_I_L
+from baryscope.models.keplerian import Conic, Elements, Ellipse, conic
 from baryscope.models.quadratic import QuadraticForm, quadratic_form
 from baryscope.models.relative_motion import relative_acceleration, target_from_chaser
 from baryscope.models.variables import Kind, Variable, variable_table
@@ -162,18 +162,13 @@ def _flat(value: Symbol) -> Symbol:
 
 def _constants(parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
     """What the equations need of the parameters, computed once a run."""
-    ellipse = Ellipse.of(
-        parameters["orbit.semiMajorAxis"],
-        parameters["orbit.eccentricity"],
-        parameters["orbit.gravitationalParameter"],
-    )
+    elements = Elements.named(parameters)
+    ellipse = elements.ellipse
     J = inertia_tensor(parameters)
     return {
         "inertia": J,
         "inverse_inertia": symmetric_inverse(J),
-        "R_I_P": rotation_I_P(
-            parameters["orbit.raan"], parameters["orbit.inclination"], parameters["orbit.argumentOfPeriapsis"]
-        ),
+        "R_I_P": elements.R_I_P,
         "semi_latus_rectum": ellipse.semi_latus_rectum,
         "eccentricity": ellipse.eccentricity,
         "rate": ellipse.rate,
@@ -216,7 +211,7 @@ def _initial_state(parameters: Mapping[str, Symbol]) -> Symbol:
 
 def _nominal_state(parameters: Mapping[str, Symbol]) -> Symbol:
     """Sizes of the states: a component that crosses zero is held to the tolerance of its vector."""
-    n = mean_motion(parameters["orbit.semiMajorAxis"], parameters["orbit.gravitationalParameter"])
+    n = Elements.named(parameters).mean_motion
     spin = ca.fmax(ca.norm_2(parameters["target.angularRate0"]), n)
     reach = ca.norm_2(parameters["chaser.position0"])
     speed = ca.fmax(ca.norm_2(parameters["chaser.velocity0"]), n * reach)

@@ -33,10 +33,8 @@ def propagate_kepler(r0, v0, mu, time):
 
 def inertial_states(orbit, chaser_position_L, chaser_velocity_L):
     """Inertial position and velocity of target and chaser at time 0, from elements and the LVLH state."""
-    R_I_P = Rotation.from_euler(
-        "ZXZ", [orbit.raan_deg, orbit.inclination_deg, orbit.argument_of_periapsis_deg], degrees=True
-    ).as_matrix()
-    theta, e, mu = np.deg2rad(orbit.true_anomaly_deg), orbit.eccentricity, orbit.gravitational_parameter
+    R_I_P = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, orbit.argument_of_periapsis]).as_matrix()
+    theta, e, mu = orbit.true_anomaly, orbit.eccentricity, orbit.gravitational_parameter
     p = orbit.semi_major_axis * (1 - e**2)
     up = R_I_P @ [np.cos(theta), np.sin(theta), 0]
     r = p / (1 + e * np.cos(theta)) * up
@@ -139,7 +137,7 @@ class TorqueFree:
 def relative_kepler(orbit, state, time, epoch=0.0):
     """[ρ; ρ̇] in LVLH at each time from that at the epoch: two Kepler orbits subtracted, in extended precision."""
     mu, a, e = (np.longdouble(x) for x in (orbit.gravitational_parameter, orbit.semi_major_axis, orbit.eccentricity))
-    theta, p = np.longdouble(np.deg2rad(orbit.true_anomaly_deg)), a * (1 - e**2)
+    theta, p = np.longdouble(orbit.true_anomaly), a * (1 - e**2)
     c, s = np.cos(theta), np.sin(theta)
     target = propagate_kepler(
         p / (1 + e * c) * np.array([c, s, 0]), np.sqrt(mu / p) * np.array([-s, e + c, 0]), mu, epoch

@@ -63,15 +63,15 @@ class Orbit:
 
     def model(self):  # type: ignore[no-untyped-def]
         """The same orbit as baryscope's own."""
-        from baryscope.models.scenario import Orbit as ModelOrbit
+        from baryscope.models.orbit import Orbit as ModelOrbit
 
         return ModelOrbit(
             semi_major_axis=self.semi_major_axis,
             eccentricity=self.eccentricity,
-            inclination_deg=np.rad2deg(self.inclination),
-            raan_deg=np.rad2deg(self.raan),
-            argument_of_periapsis_deg=np.rad2deg(self.periapsis),
-            true_anomaly_deg=np.rad2deg(self.anomaly),
+            inclination=self.inclination,
+            raan=self.raan,
+            argument_of_periapsis=self.periapsis,
+            true_anomaly=self.anomaly,
         )
 
 

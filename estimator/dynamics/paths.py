@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_path, relative_transition
-from baryscope.models.scenario import Orbit
 
 FloatArray = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ class RelativeOrbit:
     @property
     def scale(self) -> FloatArray:
         """(ρ, ρ̇) is this times x, (6,)."""
-        return np.repeat([1.0, 2 * np.pi / self.orbit.period], 3)
+        return np.repeat([1.0, self.orbit.mean_motion], 3)
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s; between nodes ARC apart, where there are more times, by a cubic spline."""
@@ -121,7 +121,7 @@ class RelativeOrbit:
     def _nodes(self, time: FloatArray) -> FloatArray:
         """Evenly spaced times around the given ones, or these themselves where they are few."""
         begin, end = float(time.min()), float(time.max())
-        count = int(np.ceil((end - begin) * self.orbit.highest_rate / ARC)) + 1
+        count = int(np.ceil((end - begin) * self.orbit.periapsis_rate / ARC)) + 1
         return time if len(time) < 4 * count or count < 4 else np.linspace(begin, end, count)
 
 

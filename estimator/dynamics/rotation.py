@@ -22,9 +22,9 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quate
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
-from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L, rotation_I_P
-from baryscope.models.keplerian import Ellipse, conic, true_anomaly_after
-from baryscope.models.scenario import Orbit, orbit_parameters
+from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L
+from baryscope.models.keplerian import Elements, conic, true_anomaly_after
+from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
@@ -180,7 +180,7 @@ def _highest_rate(start: Rotation) -> float:
     J, w = start.inertia, start.rate
     lowest = max(float(np.linalg.eigvalsh(J)[0]), 1e-6)
     rate = float(np.sqrt(max(float(w @ J @ w), 0.0) / lowest))
-    return rate if start.orbit is None else rate + 2 * start.orbit.highest_rate
+    return rate if start.orbit is None else rate + 2 * start.orbit.periapsis_rate
 
 
 def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:
@@ -211,18 +211,17 @@ def _constants(start: Rotation) -> FloatArray:
     """The inertia's columns, then what the orbit needs."""
     if start.orbit is None:
         return start.inertia.T.ravel()
-    return np.concatenate([start.inertia.T.ravel(), list(orbit_parameters(start.orbit).values())])
+    return np.concatenate([start.inertia.T.ravel(), start.orbit.elements])
 
 
 def _true_anomaly(start: Rotation) -> float:
-    return 0.0 if start.orbit is None else float(_anomaly_function()(start.epoch, _constants(start)[9:]))
+    return 0.0 if start.orbit is None else float(_anomaly_function()(start.epoch, start.orbit.elements))
 
 
 @cache
 def _anomaly_function() -> ca.Function:
-    time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
-    a, e, _, _, _, anomaly0, mu = ca.vertsplit(elements)
-    return ca.Function("anomaly", [time, elements], [true_anomaly_after(time, a, e, mu, anomaly0)])
+    time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
+    return ca.Function("anomaly", [time, column], [true_anomaly_after(time, elements)])
 
 
 @cache
@@ -280,9 +279,9 @@ def _rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
     J = ca.reshape(c[:9], 3, 3)
     torque, anomaly_rate = ca.SX(3, 1), ca.SX(0)
     if pulled:
-        a, e, inclination, raan, periapsis, _, mu = ca.vertsplit(c[9:])
-        place = conic(Ellipse.of(a, e, mu), anomaly)
-        R_I_L = rotation_I_L(rotation_I_P(raan, inclination, periapsis), anomaly)
+        elements = Elements.of(c[9:])
+        place = conic(elements.ellipse, anomaly)
+        R_I_L = rotation_I_L(elements.R_I_P, anomaly)
         torque = gravity_gradient_torque(J, rotation_from_quaternion(q).T @ R_I_L[:, 0], place.stiffness)
         anomaly_rate = place.anomaly_rate
     return ca.vertcat(quaternion_rate(q, w), angular_acceleration(J, symmetric_inverse(J), w, torque), anomaly_rate)

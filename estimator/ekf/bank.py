@@ -8,7 +8,7 @@ import numpy as np
 from baryscope.estimator.ekf.filter import Noise
 from baryscope.estimator.ekf.motion import gravity_pull, white_noise
 from baryscope.estimator.tracks import FloatArray
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 PRICE = 3.0  # of log-likelihood, that a process noise or a torque has to bring to be preferred to none
 ORDERS = (1, 2, 3)  # of the derivative of the path that noise drives, where nothing is known of it

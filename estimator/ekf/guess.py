@@ -15,7 +15,7 @@ from baryscope.estimator.ekf.state import Measured
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 WIDER = 10.0  # times the deviations that the last pass gave, to start the next one with
 FAR = 3.0  # radii of the features, one deviation of the centre of mass from their centroid at first

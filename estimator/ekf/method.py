@@ -45,7 +45,7 @@ from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 PASSES = 8  # over the first frames, and over all, at most
 LEARN = 200  # of the first frames that show something, by which the process noise is chosen

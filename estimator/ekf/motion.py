@@ -13,10 +13,10 @@ from baryscope.estimator.ekf.columns import Columns
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion
-from baryscope.models.keplerian import Ellipse, conic, true_anomaly_after
+from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_path, relative_transition
-from baryscope.models.scenario import Orbit, orbit_parameters
 
 FloatArray = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def white_noise(order: int, size: int, time: FloatArray) -> FloatArray:
 
 def gravity_pull(orbit: Orbit, time: FloatArray) -> FloatArray:
     """What the gravity gradient pulls by at times (n,): √(3 μ/r³) û, (n, 3), 1/s, û from the Earth up, in C."""
-    pull_L = _pull()(time[None, :], list(orbit_parameters(orbit).values()))
+    pull_L = _pull()(time[None, :], orbit.elements)
     return np.asarray(lvlh_attitude(orbit, time)[:, :, 0] * pull_L)
 
 
@@ -135,10 +135,9 @@ def rotated(
 @cache
 def _pull() -> ColumnFunction:
     """(time, elements) → √(3 μ/r³)."""
-    time, elements = ca.SX.sym("time"), ca.SX.sym("elements", 7)
-    a, e, _, _, _, anomaly0, mu = ca.vertsplit(elements)
-    place = conic(Ellipse.of(a, e, mu), true_anomaly_after(time, a, e, mu, anomaly0))
-    return ColumnFunction("pull", [time, elements], ca.sqrt(3 * place.stiffness))
+    time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
+    place = conic(elements.ellipse, true_anomaly_after(time, elements))
+    return ColumnFunction("pull", [time, column], ca.sqrt(3 * place.stiffness))
 
 
 @cache

@@ -20,7 +20,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, log_r
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

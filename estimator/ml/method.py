@@ -29,7 +29,7 @@ from baryscope.estimator.pivot.refinement import Pivot, least_variance
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 

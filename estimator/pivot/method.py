@@ -25,7 +25,7 @@ from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 BoolArray = NDArray[np.bool_]
 

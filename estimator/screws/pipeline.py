@@ -20,7 +20,7 @@ from baryscope.estimator.screws.tuning import Trial, choose_cutoff, choose_lag, 
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -4,7 +4,7 @@
 """
 
 from baryscope.models.scenario.loading import load_scenario, preset_names
-from baryscope.models.scenario.orbit import Orbit, orbit_parameters
+from baryscope.models.scenario.orbit import OrbitTable, load_orbit, write_orbit
 from baryscope.models.scenario.scenario import Scenario
 from baryscope.models.scenario.schema import FileModel, read_toml
 from baryscope.models.scenario.tables import (
@@ -26,7 +26,7 @@ __all__ = [
     "Features",
     "FileModel",
     "Interval",
-    "Orbit",
+    "OrbitTable",
     "Outliers",
     "Run",
     "Scenario",
@@ -34,8 +34,9 @@ __all__ = [
     "StereoRig",
     "Target",
     "Tracking",
+    "load_orbit",
     "load_scenario",
-    "orbit_parameters",
     "preset_names",
     "read_toml",
+    "write_orbit",
 ]

@@ -1,24 +1,18 @@
-"""The table of an orbit, in scenario files and in files of its own."""
+"""Orbits in files: the table [orbit] with its angles in degrees, and `Orbit`, in SI, made from it and written to it."""
 
-from functools import cache
-from math import pi, sqrt
+from math import inf, nextafter
 from pathlib import Path
 from typing import Annotated, Self
 
-import casadi as ca
 import numpy as np
-from pydantic import model_validator
 
-from baryscope.models.checks import CheckSet, orbit_checks
-from baryscope.models.scenario.schema import Degrees, FileModel, Metres, Unit, read_toml
-from baryscope.models.variables import Kind, variable_table
-
-EARTH_MU = 3.986004418e14  # m³/s², WGS 84
-EARTH_RADIUS = 6378137.0  # m, WGS 84
+from baryscope.models.files import replacing
+from baryscope.models.orbit import EARTH_MU, Orbit
+from baryscope.models.scenario.schema import Degrees, FileModel, Metres, ReadFrom, Unit, UnitTable, read_toml
 
 
-class Orbit(FileModel):
-    """[orbit]: the target's Keplerian elements at time 0."""
+class OrbitTable(UnitTable):
+    """[orbit]: the target's Keplerian elements at time 0, as a file states them."""
 
     semi_major_axis: Metres
     eccentricity: float
@@ -28,62 +22,76 @@ class Orbit(FileModel):
     true_anomaly_deg: Degrees = 0.0
     gravitational_parameter: Annotated[float, Unit("m³/s²")] = EARTH_MU
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        failure = _orbit_check_set().failure(np.array(list(orbit_parameters(self).values())))
-        if failure is not None:
-            raise ValueError(failure)
-        periapsis = self.semi_major_axis * (1 - self.eccentricity)
-        if abs(self.gravitational_parameter / EARTH_MU - 1) < 0.01 and periapsis < EARTH_RADIUS:
-            raise ValueError(
-                f"orbit.semi_major_axis: found {self.semi_major_axis:g} m, which puts the periapsis "
-                f"{periapsis:g} m from the Earth's centre, expected metres and an orbit above the surface"
-            )
-        return self
-
-    @property
-    def period(self) -> float:
-        """Time of one revolution, s."""
-        return 2 * pi * sqrt(self.semi_major_axis**3 / self.gravitational_parameter)
-
-    @property
-    def highest_rate(self) -> float:
-        """How fast the true anomaly goes at periapsis, rad/s."""
-        e = self.eccentricity
-        return 2 * pi / self.period * sqrt((1 + e) / (1 - e) ** 3)
-
     @classmethod
-    def load(cls, path: Path) -> "Orbit":
-        """Read an orbit TOML file: one table, [orbit].
+    def of(cls, value: Orbit) -> Self:
+        """The table of an orbit. A table that is converted to SI and back holds the digits it had."""
+        return cls(
+            semi_major_axis=value.semi_major_axis,
+            eccentricity=value.eccentricity,
+            inclination_deg=degrees_of(value.inclination),
+            raan_deg=degrees_of(value.raan),
+            argument_of_periapsis_deg=degrees_of(value.argument_of_periapsis),
+            true_anomaly_deg=degrees_of(value.true_anomaly),
+            gravitational_parameter=value.gravitational_parameter,
+        )
+
+    def to_si(self) -> Orbit:
+        """The orbit in m, rad and m³/s².
 
         Raises:
-            InputError: one line that says where, what was found, what was expected.
+            InputError: an element is not possible.
         """
-        data = read_toml(path, "an orbit in TOML")
-        return OrbitFile.parse(data, str(path)).orbit
+        return Orbit(
+            semi_major_axis=self.semi_major_axis,
+            eccentricity=self.eccentricity,
+            inclination=float(np.deg2rad(self.inclination_deg)),
+            raan=float(np.deg2rad(self.raan_deg)),
+            argument_of_periapsis=float(np.deg2rad(self.argument_of_periapsis_deg)),
+            true_anomaly=float(np.deg2rad(self.true_anomaly_deg)),
+            gravitational_parameter=self.gravitational_parameter,
+        )
+
+
+OrbitField = Annotated[Orbit, ReadFrom(OrbitTable)]
 
 
 class OrbitFile(FileModel):
     """A file that holds nothing but an orbit."""
 
-    orbit: Orbit
+    orbit: OrbitField
 
 
-def orbit_parameters(orbit: Orbit) -> dict[str, float]:
-    """The unit's orbit parameters (m, rad, m³/s²) by name, in the order of the table of variables."""
-    return {
-        "orbit.semiMajorAxis": orbit.semi_major_axis,
-        "orbit.eccentricity": orbit.eccentricity,
-        "orbit.inclination": float(np.deg2rad(orbit.inclination_deg)),
-        "orbit.raan": float(np.deg2rad(orbit.raan_deg)),
-        "orbit.argumentOfPeriapsis": float(np.deg2rad(orbit.argument_of_periapsis_deg)),
-        "orbit.trueAnomaly0": float(np.deg2rad(orbit.true_anomaly_deg)),
-        "orbit.gravitationalParameter": orbit.gravitational_parameter,
-    }
+def load_orbit(path: Path) -> Orbit:
+    """Read an orbit TOML file: one table, [orbit].
+
+    Raises:
+        InputError: one line that says where, what was found, what was expected.
+    """
+    return OrbitFile.parse(read_toml(path, "an orbit in TOML"), str(path)).orbit
 
 
-@cache
-def _orbit_check_set() -> CheckSet:
-    names = [v.name for v in variable_table(3) if v.kind == Kind.PARAMETER and v.name.startswith("orbit.")]
-    elements = ca.SX.sym("elements", len(names))
-    return CheckSet.over(elements, orbit_checks(dict(zip(names, ca.vertsplit(elements), strict=True))))
+def write_orbit(orbit: Orbit, path: Path) -> None:
+    """Write an orbit TOML file, which `load_orbit` reads back to the same orbit.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    rows = [f"{name} = {value!r}" for name, value in OrbitTable.of(orbit).model_dump().items()]
+    with replacing(path) as temporary:
+        temporary.write_text("\n".join(["[orbit]", *rows]) + "\n", encoding="utf-8")
+
+
+def degrees_of(angle: float) -> float:
+    """An angle in degrees: of the numbers that convert to exactly this angle in rad, the one with the fewest digits.
+
+    Where there is none (a degree's last bit can be worth more than one of the radian's), the nearest.
+    """
+    nearest = float(np.rad2deg(angle))
+    close = [nearest]
+    for direction in (-inf, inf):
+        neighbour = nearest
+        for _ in range(2):
+            neighbour = nextafter(neighbour, direction)
+            close.append(neighbour)
+    exact = [degrees for degrees in close if np.deg2rad(degrees) == angle]
+    return min(exact or [nearest], key=lambda degrees: len(repr(degrees)))

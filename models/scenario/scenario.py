@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from baryscope.models.scenario.orbit import Orbit, orbit_parameters
+from baryscope.models.orbit import orbit_parameters
+from baryscope.models.scenario.orbit import OrbitField
 from baryscope.models.scenario.schema import FileModel
 from baryscope.models.scenario.tables import Chaser, Features, Run, Sensor, Target, Tracking
 from baryscope.models.target import tumbling_target
@@ -26,13 +27,14 @@ class Scenario(FileModel):
     Attributes:
         name: its preset name, or the stem of its file.
         description: one line for lists.
+        orbit: in SI units, whatever the file's degrees; all other tables hold what the file says.
     """
 
     name: str = "scenario"
     description: str = ""
     target: Target
     features: Features
-    orbit: Orbit
+    orbit: OrbitField
     chaser: Chaser
     tracking: Tracking = Tracking()
     sensor: Sensor = Sensor()

@@ -4,16 +4,16 @@ A field's unit stands in its annotation (`Metres = Annotated[float, Unit("m")]`)
 """
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Self, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from baryscope.models.errors import InputError
 from baryscope.models.files import read_text
@@ -76,6 +76,45 @@ class FileModel(BaseModel):
             others = sum(detail is not first and detail["type"] != doubled for detail in details)
             more = f" (and {others} more)" if others else ""
             raise InputError(" ".join(f"{source}: {_describe(first, cls)}{more}".splitlines())) from error
+
+
+class UnitTable(FileModel):
+    """A table in the units that people write, which stands for a value in SI units."""
+
+    def to_si(self) -> Any:
+        """The value.
+
+        Raises:
+            InputError: it is not possible.
+        """
+        raise NotImplementedError
+
+    @classmethod
+    def of(cls, value: Any) -> Self:
+        """The table of a value."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class ReadFrom:
+    """Marks a field that holds a value in SI units and stands in the file as a table: `Annotated[Orbit, ReadFrom(…)]`.
+
+    The field takes a table or the value itself, and is written as the table.
+    """
+
+    table: type[UnitTable]
+
+    def __get_pydantic_core_schema__(self, source: type, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def read(given: Any, of_table: Callable[[Any], UnitTable]) -> Any:
+            return given if isinstance(given, source) else of_table(given).to_si()
+
+        return core_schema.no_info_wrap_validator_function(
+            read,
+            handler.generate_schema(self.table),
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                lambda value: self.table.of(value).model_dump()
+            ),
+        )
 
 
 def read_toml(path: Path, expected: str) -> dict[str, Any]:
@@ -168,7 +207,8 @@ def _walk(location: Sequence[int | str], model: type[BaseModel]) -> tuple[FieldI
             if part not in known:
                 return None, object
             field = known[part]
-            expected = _bare(field.annotation)
+            table = next((item.table for item in field.metadata if isinstance(item, ReadFrom)), None)
+            expected = table or _bare(field.annotation)
     return field, expected
 
 

@@ -12,11 +12,11 @@ from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import ScrewOptions
 from baryscope.fmu import build_fmu
 from baryscope.models.errors import ComputationError, InputError
-from baryscope.models.scenario import Scenario, load_scenario
+from baryscope.models.scenario import Scenario, load_scenario, write_orbit
 from baryscope.scripts.cli.console import err, out, step
 from baryscope.scripts.cli.simulate import Flight, fly, write_truth
 from baryscope.study.pictures import draw_comparison, draw_outcome, pictures_possible
-from baryscope.study.report import Outcome, outcome_table, write_orbit, write_summary
+from baryscope.study.report import Outcome, outcome_table, write_summary
 
 
 def compare(

@@ -12,7 +12,7 @@ from baryscope.estimator.registration.procrustes import Reference
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
-from baryscope.models.scenario import Orbit
+from baryscope.models.scenario import load_orbit
 from baryscope.scripts.cli.console import out, step
 from baryscope.scripts.cli.simulate import csv_path
 from baryscope.study.report import in_short
@@ -82,7 +82,7 @@ def estimate_file(
         raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
     if trajectory == "relative-orbit" and orbit is None:
         raise InputError("--trajectory relative-orbit: needs the target's orbit, expected --orbit ORBIT.toml")
-    known_orbit = None if orbit is None else Orbit.load(orbit)
+    known_orbit = None if orbit is None else load_orbit(orbit)
     with step(f"reading {tracks}"):
         data = FeatureTracks.read_csv(csv_path(tracks))
     with step(f"estimating by {method}: {METHODS[method].summary}"):

@@ -14,7 +14,7 @@ from baryscope.estimator.options import ScrewOptions
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.files import replacing
-from baryscope.models.scenario import Orbit, Scenario
+from baryscope.models.scenario import Scenario
 from baryscope.scripts.cli.console import VERSION
 
 HEADINGS = ("method", "axes or path", "rms, mm", "max, mm", "own, mm", "seen", "time")
@@ -167,10 +167,3 @@ def in_short(result: Estimate) -> list[str]:
     if not facts.get("converged", True):
         lines.append("did not converge: take the result for a first guess")
     return lines + [f"note: {remark}" for remark in facts["remarks"]]
-
-
-def write_orbit(orbit: Orbit, path: Path) -> None:
-    """Write an orbit file, as `baryscope estimate --orbit` reads it."""
-    rows = [f"{name} = {value!r}" for name, value in orbit.model_dump().items()]
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(["[orbit]", *rows]) + "\n", encoding="utf-8")

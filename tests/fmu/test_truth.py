@@ -1,5 +1,7 @@
 """What the unit computes, against closed forms and independent integrations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import simpson
@@ -23,9 +25,7 @@ CONSERVATION_TOLERANCE = 1e-10  # relative
     ],
 )
 def test_path_of_the_com_is_the_difference_of_two_kepler_orbits(envisat, envisat_fmu, eccentricity, position, velocity):
-    orbit = envisat.orbit.model_copy(
-        update={"semi_major_axis": 9.0e6, "eccentricity": eccentricity, "true_anomaly_deg": 40.0, "raan_deg": 30.0}
-    )
+    orbit = replace(envisat.orbit, semi_major_axis=9.0e6, eccentricity=eccentricity, true_anomaly=0.7, raan=0.5)
     chaser = envisat.chaser.model_copy(update={"position": tuple(position), "velocity": tuple(velocity)})
     scenario = envisat.model_copy(update={"orbit": orbit, "chaser": chaser})
 

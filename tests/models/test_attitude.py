@@ -1,5 +1,7 @@
 """Rigid rotation against Jacobi's elliptic functions, scipy's integrator, and closed forms of the torques."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -143,9 +145,9 @@ def test_libration_under_the_gravity_gradient():
     """In pitch, α̈ = −3 n² (B − A)/C α on a circular orbit; of third order in α = 1e-3 rad."""
     A, B, C, tilt = 2.0, 3.5, 4.0, 1e-3
     envisat = load_scenario("envisat")
-    orbit = envisat.orbit.model_copy(update={"eccentricity": 0.0, "argument_of_periapsis_deg": 0.0})
+    orbit = replace(envisat.orbit, eccentricity=0.0, argument_of_periapsis=0.0)
     n = 2 * np.pi / orbit.period
-    R_I_L0 = Rotation.from_euler("ZXZ", [orbit.raan_deg, orbit.inclination_deg, 0], degrees=True)
+    R_I_L0 = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, 0])
     q = (R_I_L0 * Rotation.from_euler("z", tilt)).as_quat(scalar_first=True)
     target = envisat.target.model_copy(
         update={

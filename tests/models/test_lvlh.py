@@ -5,7 +5,7 @@ import pytest
 
 import oracles
 from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.scenario import Orbit
+from baryscope.models.orbit import Orbit
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.05, 0.2])
@@ -13,10 +13,10 @@ def test_lvlh_axes(eccentricity):
     orbit = Orbit(
         semi_major_axis=9.0e6,
         eccentricity=eccentricity,
-        inclination_deg=98.55,
-        raan_deg=120.0,
-        argument_of_periapsis_deg=90.0,
-        true_anomaly_deg=200.0,
+        inclination=1.72,
+        raan=2.1,
+        argument_of_periapsis=1.6,
+        true_anomaly=3.5,
     )
     time = np.linspace(-5000.0, 20_000.0, 26)
     R_I_L = lvlh_attitude(orbit, time)

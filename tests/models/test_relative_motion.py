@@ -1,5 +1,7 @@
 """The equations of relative motion against the difference of two Kepler orbits."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -47,13 +49,12 @@ def flown(scenario, samples=25, misprint=False):
 def scenario_with(eccentricity, inclination_deg, position, velocity):
     """Envisat at rest in I, so that only the relative motion is integrated."""
     envisat = load_scenario("envisat")
-    orbit = envisat.orbit.model_copy(
-        update={
-            "semi_major_axis": 9.0e6,
-            "eccentricity": eccentricity,
-            "inclination_deg": inclination_deg,
-            "true_anomaly_deg": 40.0,
-        }
+    orbit = replace(
+        envisat.orbit,
+        semi_major_axis=9.0e6,
+        eccentricity=eccentricity,
+        inclination=np.deg2rad(inclination_deg),
+        true_anomaly=0.7,
     )
     return envisat.model_copy(
         update={

@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 import oracles
 from baryscope.models.errors import ComputationError
 from baryscope.models.keplerian import Ellipse, conic
+from baryscope.models.orbit import Orbit
 from baryscope.models.relative_motion import relative_acceleration
 from baryscope.models.relative_orbit import relative_path, relative_transition
-from baryscope.models.scenario import Orbit
 
 MU = 3.986004418e14
 PERIGEE = 7.0e6
@@ -32,19 +32,15 @@ def orbit(eccentricity, true_anomaly_deg=200.0):
     return Orbit(
         semi_major_axis=PERIGEE / (1 - eccentricity),
         eccentricity=eccentricity,
-        inclination_deg=98.0,
-        raan_deg=40.0,
-        true_anomaly_deg=true_anomaly_deg,
+        inclination=np.deg2rad(98.0),
+        raan=np.deg2rad(40.0),
+        true_anomaly=np.deg2rad(true_anomaly_deg),
     )
-
-
-def mean_motion(orbit):
-    return 2 * np.pi / orbit.period
 
 
 def in_orbit_units(transition, orbit):
     """Φ for velocities in units of n × length, so that all of its elements are numbers of the same kind."""
-    unit = np.repeat([1.0, 1 / mean_motion(orbit)], 3)
+    unit = np.repeat([1.0, 1 / orbit.mean_motion], 3)
     return transition * unit[:, None] / unit
 
 
@@ -87,7 +83,7 @@ def test_transition_is_that_of_the_linearised_equations(eccentricity, turns, ano
 
 def test_transition_on_a_circular_orbit_is_clohessy_wiltshires():
     flown = orbit(0.0)
-    n, time, epoch = mean_motion(flown), np.linspace(-9000.0, 9000.0, 37), 500.0
+    n, time, epoch = flown.mean_motion, np.linspace(-9000.0, 9000.0, 37), 500.0
     t = time - epoch
     c, s, one, zero = np.cos(n * t), np.sin(n * t), np.ones_like(t), np.zeros_like(t)
     expected = np.array(
@@ -121,8 +117,8 @@ def test_transition_of_the_papers_example(eccentricity, time, expected):
     flown = Orbit(
         semi_major_axis=(500e3 + 6378136.3) / (1 - eccentricity),
         eccentricity=eccentricity,
-        inclination_deg=30.0,
-        true_anomaly_deg=45.0,
+        inclination=np.deg2rad(30.0),
+        true_anomaly=np.deg2rad(45.0),
         gravitational_parameter=6.6740831e-11 * 5.97237e24,
     )
     start = [-10, 100, -10, -0.1, 0.1, -0.1]
@@ -146,12 +142,12 @@ def test_transitions_are_symplectic(flown, time):
     """In ρ and the inertial velocity ρ̇ + θ̇ e_z × ρ the motion is that of a Hamiltonian: Φᵀ Ω Φ = Ω, det Φ = 1."""
     moment = time * flown.period
     phi = in_orbit_units(relative_transition(flown, [moment], 0.0), flown)[0]
-    theta0 = np.deg2rad(flown.true_anomaly_deg)
+    theta0 = flown.true_anomaly
     target, _ = oracles.inertial_states(flown, np.zeros(3), np.zeros(3))
     r, v = (np.asarray(x, dtype=float) for x in oracles.propagate_kepler(*target, MU, moment))
     start, end = np.eye(6), np.eye(6)
     for matrix, rate in ((start, rates_of(flown, theta0)[1]), (end, np.linalg.norm(np.cross(r, v)) / (r @ r))):
-        matrix[3:, :3] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]]) * rate / mean_motion(flown)
+        matrix[3:, :3] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0]]) * rate / flown.mean_motion
     canonical = end @ phi @ np.linalg.inv(start)
     omega = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.eye(3), np.zeros((3, 3))]])
     atol = 1e-10 * np.abs(canonical).max() ** 2
@@ -211,7 +207,7 @@ def test_near_the_target_path_and_transition_agree(eccentricity):
     time = np.linspace(-2, 2, 33) * flown.period
     linear = relative_transition(flown, time) @ (1e-6 * STATE)
     exact = relative_path(flown, 1e-6 * STATE, time)
-    unit = np.repeat([1.0, 1 / mean_motion(flown)], 3)
+    unit = np.repeat([1.0, 1 / flown.mean_motion], 3)
     assert np.abs((exact - linear) * unit).max() < 1e-10 * np.abs(linear * unit).max()
 
 

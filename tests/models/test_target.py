@@ -29,8 +29,8 @@ def test_outputs_at_the_start(name):
     orbit, J = scenario.orbit, np.array(scenario.target.inertia)
     omega = np.deg2rad(scenario.target.angular_rate_deg)
     R_I_B = Rotation.from_quat(scenario.target.attitude, scalar_first=True)
-    angles = [orbit.raan_deg, orbit.inclination_deg, orbit.argument_of_periapsis_deg + orbit.true_anomaly_deg]
-    R_I_L = Rotation.from_euler("ZXZ", angles, degrees=True)
+    angles = [orbit.raan, orbit.inclination, orbit.argument_of_periapsis + orbit.true_anomaly]
+    R_I_L = Rotation.from_euler("ZXZ", angles)
     com = -R_I_L.apply(scenario.chaser.position)
 
     points = np.array([point.position for point in scenario.features.points])
@@ -42,7 +42,7 @@ def test_outputs_at_the_start(name):
     np.testing.assert_array_equal(outputs["target.angularRate"], omega)
     np.testing.assert_array_equal(outputs["chaser.position"], scenario.chaser.position)
     np.testing.assert_array_equal(outputs["chaser.velocity"], scenario.chaser.velocity)
-    assert outputs["orbit.trueAnomaly"] == np.deg2rad(orbit.true_anomaly_deg)
+    assert outputs["orbit.trueAnomaly"] == orbit.true_anomaly
     assert outputs["target.rotationalEnergy"] == pytest.approx(omega @ J @ omega / 2, rel=1e-14)
     np.testing.assert_allclose(outputs["target.angularMomentum"], R_I_B.apply(J @ omega), rtol=1e-12)
     assert x.size == sum(STATE_SIZES) == 14

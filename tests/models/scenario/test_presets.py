@@ -190,9 +190,7 @@ def test_inertia_of_the_upper_stage_is_that_of_a_thin_shell():
 def test_angular_momentum_of_tiangong_leans_as_published():
     """23.1° ± 2.5° from the orbit's normal (Lin et al. 2019)."""
     tiangong = load_scenario("tiangong")
-    normal = Rotation.from_euler("ZX", [tiangong.orbit.raan_deg, tiangong.orbit.inclination_deg], degrees=True).apply(
-        [0, 0, 1]
-    )
+    normal = Rotation.from_euler("ZX", [tiangong.orbit.raan, tiangong.orbit.inclination]).apply([0, 0, 1])
     momentum = Rotation.from_quat(tiangong.target.attitude, scalar_first=True).apply(
         np.array(tiangong.target.inertia) @ tiangong.target.angular_rate_deg
     )

@@ -2,10 +2,12 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from baryscope.models.errors import InputError
-from baryscope.models.scenario import Orbit, load_scenario, preset_names
+from baryscope.models.orbit import Orbit
+from baryscope.models.scenario import load_orbit, load_scenario, preset_names
 from malformed import ORBITS, SCENARIOS
 
 
@@ -34,16 +36,16 @@ def test_malformed_scenario(write_scenario, replacements, mentions):
 def test_malformed_orbit(tmp_path, text, expected):
     path = tmp_path / "orbit.toml"
     path.write_text(text, encoding="utf-8")
-    assert refusal(lambda: Orbit.load(path)) == f"{path}: {expected}"
+    assert refusal(lambda: load_orbit(path)) == f"{path}: {expected}"
 
 
 def test_orbit_file_with_nothing_but_the_needed(tmp_path):
     path = tmp_path / "orbit.toml"
     path.write_text("[orbit]\nsemi_major_axis = 7150000\neccentricity = 0\ninclination_deg = 98\n", encoding="utf-8")
-    assert Orbit.load(path) == Orbit(semi_major_axis=7.15e6, eccentricity=0.0, inclination_deg=98.0)
+    assert load_orbit(path) == Orbit(semi_major_axis=7.15e6, eccentricity=0.0, inclination=np.pi / 180 * 98.0)
 
 
-@pytest.mark.parametrize("load", [lambda path: load_scenario(str(path)), Orbit.load], ids=["scenario", "orbit"])
+@pytest.mark.parametrize("load", [lambda path: load_scenario(str(path)), load_orbit], ids=["scenario", "orbit"])
 @pytest.mark.parametrize(
     "make, found",
     [

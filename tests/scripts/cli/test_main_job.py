@@ -14,11 +14,10 @@ from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.estimator.methods import METHODS
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import simulate
-from baryscope.models.scenario import load_scenario
+from baryscope.models.scenario import load_scenario, write_orbit
 from baryscope.scripts.benchmarks import benchmark, gpa_study
 from baryscope.scripts.cli import app
 from baryscope.study import pictures
-from baryscope.study.report import write_orbit
 
 SHORT = """
 [target]

@@ -1,0 +1,58 @@
+"""Orbit files: degrees there, radians in the program, and the same digits when written again."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import Orbit
+from baryscope.models.scenario import OrbitTable, load_orbit, write_orbit
+from baryscope.models.scenario.orbit import degrees_of
+
+FILE = """[orbit]
+semi_major_axis = 7150000.0
+eccentricity = 0.001
+inclination_deg = 98.55
+raan_deg = 120.1
+argument_of_periapsis_deg = -0.7
+true_anomaly_deg = 1234.5678901
+gravitational_parameter = 398600441800000.0
+"""
+
+
+def test_a_file_that_is_read_and_written_is_the_same(tmp_path):
+    first, second = tmp_path / "first.toml", tmp_path / "second.toml"
+    first.write_text(FILE, encoding="utf-8")
+    orbit = load_orbit(first)
+    assert orbit == Orbit(7150e3, 0.001, *(np.pi / 180 * np.array([98.55, 120.1, -0.7, 1234.5678901])))
+    write_orbit(orbit, second)
+    assert second.read_text(encoding="utf-8") == FILE
+
+
+@given(digits=st.integers(-(10**14), 10**14), shift=st.integers(0, 14))
+def test_degrees_of_up_to_fourteen_digits_come_back(digits, shift):
+    degrees = float(f"{digits}e-{shift}")
+    assert degrees_of(float(np.deg2rad(degrees))) == degrees
+
+
+@given(degrees=st.floats(-1e6, 1e6))
+def test_any_degrees_come_back_as_the_same_angle(degrees):
+    angle = float(np.deg2rad(degrees))
+    assert np.deg2rad(degrees_of(angle)) == angle
+
+
+@given(angle=st.floats(-1e4, 1e4))
+def test_any_angle_comes_back_to_its_last_bit(angle):
+    assert abs(np.deg2rad(degrees_of(angle)) - angle) <= np.spacing(abs(angle))
+
+
+def test_a_table_and_its_orbit():
+    table = OrbitTable(semi_major_axis=9e6, eccentricity=0.1, inclination_deg=63.4, raan_deg=359.9)
+    assert OrbitTable.of(table.to_si()) == table
+
+
+def test_a_folder_that_cannot_be_written_to(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot be written"):
+        write_orbit(Orbit(7e6, 0.0, 0.0), tmp_path / "file" / "orbit.toml")
