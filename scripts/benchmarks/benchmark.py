@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Session, build_fmu, simulate
-from baryscope.fmu.compiler import find_compiler
+from baryscope.fmu.generate import find_compiler
 from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.models.target import tumbling_target
 from baryscope.models.tracking import observe

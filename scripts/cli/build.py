@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from baryscope.fmu import build_fmu
-from baryscope.fmu.wasm import build_wasm
+from baryscope.fmu.generate import build_wasm
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.cli.console import err, out, step

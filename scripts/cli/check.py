@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from baryscope.fmu.check_finding import Severity
-from baryscope.fmu.checker import check_unit
+from baryscope.fmu.check import Severity, check_unit
 from baryscope.models.errors import ComputationError
 from baryscope.scripts.cli.console import out
 

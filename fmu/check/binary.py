@@ -1,0 +1,55 @@
+"""The checks that run a unit's binary; `python -m baryscope.fmu.check FOLDER RESULTS` is a process of its own.
+
+Whatever the binary does, crash or hang, happens to this process alone. Results are lines of JSON: what is being done,
+and what was found.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from baryscope.fmu.check.capabilities import PROBES
+from baryscope.fmu.check.dependencies import run_dependency_findings, start_dependency_findings
+from baryscope.fmu.check.description import interfaces, read_description
+from baryscope.fmu.check.finding import Finding, error
+from baryscope.fmu.check.instance import RefusedError
+from baryscope.fmu.check.ours import is_ours, model_findings
+
+ALL_PROBES = PROBES | {
+    "dependencies at the start": start_dependency_findings,
+    "dependencies in a run": run_dependency_findings,
+    "agreement with the model": model_findings,
+}
+
+
+def binary_findings(folder: Path, begin: Callable[[str], None] = lambda what: None) -> Iterator[Finding]:
+    """All checks that run the binary of an unpacked unit.
+
+    Args:
+        folder: where it was unpacked.
+        begin: told what is being done.
+    """
+    description = read_description(folder)
+    for name in interfaces(description):
+        for title, probe in ALL_PROBES.items():
+            if probe is model_findings and not is_ours(description):
+                continue
+            begin(f"{name}, {title}")
+            try:
+                yield from probe(folder, description, name)
+            except RefusedError as refusal:
+                yield error(f"{name}, {title}", str(refusal))
+                if probe is PROBES["instantiation"]:
+                    break
+
+
+def main(folder: Path, results: Path) -> None:
+    """Run the checks and write, line by line, what is being done and what was found."""
+    with results.open("w", encoding="utf-8") as stream:
+
+        def tell(**what: object) -> None:
+            print(json.dumps(what), file=stream, flush=True)
+
+        for finding in binary_findings(folder, lambda what: tell(doing=what)):
+            tell(severity=finding.severity, subject=finding.subject, message=finding.message)
+        tell(done=True)

@@ -1,0 +1,277 @@
+"""Checks of what modelDescription.xml declares against what the binary does: token, starts, capabilities."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baryscope.fmu.check.description import continuous_inputs, interfaces, is_float, size_of, states
+from baryscope.fmu.check.finding import Finding, error, warning
+from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
+
+Probe = Callable[[Path, Any, str], Iterator[Finding]]
+
+
+def token_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """The binary takes the token of the XML, and no other."""
+    Instance(folder, description, name).close()
+    try:
+        Instance(folder, description, name, token="{no unit has this token}").close()  # noqa: S106 - no password
+    except RefusedError:
+        return
+    yield warning("token", f"the {name} binary takes any token, so that it may be of another build than the XML")
+
+
+def start_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """Every variable can be read, and what has a start has exactly that value in the binary."""
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        for variable in description.modelVariables:
+            if variable.type in ("String", "Binary", "Clock"):
+                continue
+            try:
+                found = instance.get([variable])
+            except RefusedError as refusal:
+                yield error(variable.name, f"cannot be read in Initialization Mode of {name}: {refusal}")
+                continue
+            expected = _starts(variable)
+            if expected is not None and not np.array_equal(found, np.broadcast_to(expected, found.shape)):
+                yield error(variable.name, f"found start {_text(found)} in the binary, expected {_text(expected)}")
+            if not np.all(np.isfinite(found)):
+                yield error(variable.name, f"found {_text(found)} in Initialization Mode, expected finite values")
+
+
+def _starts(variable: Any) -> FloatArray | None:
+    """The start values that the binary must have, or None if there are none."""
+    exact = variable.initial == "exact" or variable.causality in ("input", "parameter", "structuralParameter")
+    if variable.start is None or not exact:
+        return None
+    numbers = {"true": 1.0, "false": 0.0}
+    values = [numbers[text] if text in numbers else float(text) for text in str(variable.start).split()]
+    return np.array(values) if len(values) in (1, size_of(variable)) else None
+
+
+def _text(values: FloatArray) -> str:
+    """Numbers with all their digits; of many, the first."""
+    texts = [repr(value) for value in values.ravel()[:4].tolist()]
+    return " ".join(texts) + (" …" if values.size > 4 else "")
+
+
+def setting_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """Parameters and inputs can be set where the standard says so, to the values they have."""
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        settable = [v for v in description.modelVariables if v.causality in ("input", "parameter") and _numeric(v)]
+        values = {variable.name: instance.get([variable]) for variable in settable}
+        for variable in settable:
+            yield from _set(instance, variable, values[variable.name], "Initialization Mode")
+        instance.run()
+        for variable in settable:
+            tuned = variable.variability == "tunable" and instance.co_simulation
+            if tuned or variable in continuous_inputs(description):
+                yield from _set(instance, variable, values[variable.name], "a run")
+
+
+def _set(instance: Instance, variable: Any, values: FloatArray, when: str) -> Iterator[Finding]:
+    try:
+        instance.set([variable], values)
+    except RefusedError as refusal:
+        what = f"{variable.variability} {variable.causality}"
+        yield error(variable.name, f"is declared as a {what}, but in {when} of {instance.interface} {refusal}")
+
+
+def _numeric(variable: Any) -> bool:
+    return variable.type not in ("String", "Binary", "Clock")
+
+
+def state_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """A saved state, also by way of bytes, continues as it did before."""
+    flags = interfaces(description)[name]
+    if not flags.canGetAndSetFMUstate:
+        if flags.canSerializeFMUstate:
+            yield error(f"{name}/canSerializeFMUstate", "is declared without canGetAndSetFMUstate")
+        return
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        _move(instance, 1)
+        state = instance.save()
+        expected = _move(instance, 3)
+        instance.restore(state)
+        instance.time -= 3 * duration(description) if instance.co_simulation else 0.0
+        if not np.array_equal(_move(instance, 3), expected):
+            yield error(f"{name}/canGetAndSetFMUstate", "after a saved state was put back the run went another way")
+        if flags.canSerializeFMUstate:
+            copy = instance.deserialise(instance.serialise(state))
+            instance.restore(copy)
+            instance.time -= 3 * duration(description) if instance.co_simulation else 0.0
+            if not np.array_equal(_move(instance, 3), expected):
+                yield error(f"{name}/canSerializeFMUstate", "after a serialised state was put back the run differed")
+            instance.forget(copy)
+        instance.forget(state)
+
+
+def _move(instance: Instance, steps: int) -> FloatArray:
+    """Some steps, or some change of the continuous states, and the outputs after it."""
+    for _ in range(steps):
+        if instance.co_simulation:
+            instance.step(duration(instance.description))
+        else:
+            states = instance.get_states()
+            instance.set_states(states + 1e-3 * instance.get_states(rates=True))
+    return instance.get([v for v in instance.description.modelVariables if v.causality == "output" and is_float(v)])
+
+
+def duration(description: Any) -> float:
+    """The communication step to try: the default experiment's, else a thousandth of its length or 100 of the unit's."""
+    experiment = description.defaultExperiment
+    if experiment is None:
+        return 0.01
+    if experiment.stepSize:
+        return float(experiment.stepSize)
+    length = float(experiment.stopTime or 1.0) - float(experiment.startTime or 0.0)
+    fixed = description.coSimulation.fixedInternalStepSize if description.coSimulation is not None else None
+    return min(length / 1000, 100 * float(fixed)) if fixed else length / 1000
+
+
+def step_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """Steps of unequal length, interpolated inputs and output derivatives, as far as they are declared."""
+    if name != "CoSimulation":
+        return
+    flags, h = description.coSimulation, duration(description)
+    outputs = [v for v in description.modelVariables if v.causality == "output" and is_float(v)]
+    inputs = [v for v in continuous_inputs(description) if is_float(v)]
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        instance.step(h)
+        if flags.canHandleVariableCommunicationStepSize:
+            yield from _told(f"{name}/canHandleVariableCommunicationStepSize", _unequal, instance, h)
+        order = int(flags.maxOutputDerivativeOrder or 0)
+        for each in range(1, order + 1):
+            yield from _told(f"{name}/maxOutputDerivativeOrder", instance.output_derivatives, outputs, each)
+        if order and outputs:
+            yield from _rate_findings(instance, outputs, h)
+        if flags.canInterpolateInputs and inputs and instance.second:
+            references = [variable.valueReference for variable in inputs]
+            arguments = references, [1] * len(references), [0.0] * len(references)
+            yield from _told(f"{name}/canInterpolateInputs", instance.call, "setRealInputDerivatives", *arguments)
+
+
+def _unequal(instance: Instance, h: float) -> None:
+    for factor in (0.5, 1.7, 0.01, 1.0):
+        instance.step(factor * h)
+
+
+def _told(subject: str, call: Callable[..., Any], *arguments: Any) -> Iterator[Finding]:
+    """What is declared can be called."""
+    try:
+        call(*arguments)
+    except RefusedError as refusal:
+        yield error(subject, f"is declared, but {refusal}")
+
+
+def _rate_findings(instance: Instance, outputs: list[Any], h: float) -> Iterator[Finding]:
+    """First output derivatives are those of the outputs: the mean of both ends against the change in between."""
+    small = 1e-3 * h
+    try:
+        before, rates = instance.get(outputs), instance.output_derivatives(outputs, 1)
+        instance.step(small)
+        after, later = instance.get(outputs), instance.output_derivatives(outputs, 1)
+    except RefusedError:
+        return  # reported already
+    if np.array_equal(after, before):
+        return  # the unit's own steps are longer than this one
+    change, expected = (after - before) / small, (rates + later) / 2
+    noise = 1e-4 * np.abs(expected) + 1e-10 * (np.abs(before) + np.abs(after)) / small + 1e-4 * np.abs(later - rates)
+    names = [output.name for output in outputs for _ in range(size_of(output))]
+    for place in np.flatnonzero(np.abs(change - expected) > noise + 1e-9):
+        yield error(
+            names[place], f"found output derivative {expected[place]:.9g}, expected {change[place]:.9g} by differences"
+        )
+
+
+def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """The vectors of states and derivatives hold the variables of ModelStructure/Derivatives in their order."""
+    if name != "ModelExchange" or not states(description):
+        return
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        vector = instance.get_states()
+        instance.set_states(vector + 0.01 * np.arange(1.0, vector.size + 1.0))  # all unlike one another
+        for rates, variables in ((False, states(description)), (True, [u.variable for u in description.derivatives])):
+            vector, values = instance.get_states(rates), instance.get(variables)
+            names = [variable.name for variable in variables for _ in range(size_of(variable))]
+            for place in np.flatnonzero(vector != values):
+                what = "derivatives" if rates else "states"
+                yield error(
+                    names[place],
+                    f"found {values[place]:.17g}, expected {vector[place]:.17g} as in the vector of {what}",
+                )
+
+
+def flow_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """In Co-Simulation, states change as their derivatives say: the mean of both ends against the change in between."""
+    if name != "CoSimulation" or not states(description) or description.coSimulation.fixedInternalStepSize:
+        return
+    if not description.coSimulation.canHandleVariableCommunicationStepSize:
+        return
+    variables, rates = states(description), [unknown.variable for unknown in description.derivatives]
+    h = 1e-3 * duration(description)
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        instance.run()
+        instance.step(duration(description))
+        before, first = instance.get(variables), instance.get(rates)
+        instance.step(h)
+        after, second = instance.get(variables), instance.get(rates)
+    if np.array_equal(after, before):
+        return  # the unit's own steps are longer than this one
+    change, expected = (after - before) / h, (first + second) / 2
+    noise = 1e-4 * (np.abs(expected) + np.abs(second - first)) + 1e-10 * np.abs(before) / h + 1e-9
+    names = [rate.name for rate in rates for _ in range(size_of(rate))]
+    for place in np.flatnonzero(np.abs(change - expected) > noise):
+        yield error(
+            names[place], f"found {expected[place]:.9g}, expected {change[place]:.9g}, by which its state changes"
+        )
+
+
+def instance_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """A second instance leaves the first alone, and memory functions are called only where that is declared."""
+    flags = interfaces(description)[name]
+    outputs = [v for v in description.modelVariables if v.causality == "output" and is_float(v)]
+    with Instance(folder, description, name) as first:
+        first.initialise()
+        first.run()
+        if not flags.canBeInstantiatedOnlyOncePerProcess:
+            before = first.get(outputs)
+            with Instance(folder, description, name) as second:
+                second.initialise()
+                second.run()
+                _move(second, 2)
+                if not np.array_equal(first.get(outputs), before):
+                    yield error(f"{name}/canBeInstantiatedOnlyOncePerProcess", "a second instance changed the first")
+        _move(first, 2)
+        if flags.canNotUseMemoryManagementFunctions and first.allocations:
+            subject = f"{name}/canNotUseMemoryManagementFunctions"
+            yield error(subject, f"is declared, but allocateMemory was called {first.allocations} times")
+        for category in description.logCategories:
+            if category.name:
+                subject = f"LogCategories/{category.name}"
+                yield from _told(subject, first.call, "setDebugLogging", True, [category.name])
+        first.call("terminate")
+        first.call("reset")
+
+
+PROBES: dict[str, Probe] = {
+    "instantiation": token_findings,
+    "start values": start_findings,
+    "setting values": setting_findings,
+    "saved states": state_findings,
+    "steps": step_findings,
+    "vectors of states": vector_findings,
+    "change of states": flow_findings,
+    "instances": instance_findings,
+}

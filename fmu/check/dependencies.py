@@ -1,0 +1,267 @@
+"""Checks of ModelStructure against the binary: what depends on what, and whether derivatives are derivatives.
+
+Dependencies are looked for at a few points near the start values, by directional derivatives where they are declared,
+by differences elsewhere. An influence that is not declared is an error; one that is declared and was not seen by exact
+derivatives, a warning.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baryscope.fmu.check.description import continuous_inputs, interfaces, is_float, size_of, states
+from baryscope.fmu.check.finding import Finding, error, listed, warning
+from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
+
+POINTS = 3
+DIFFERENCE = 1e-6  # of a variable's size
+NOISE = 1e-12  # of the largest influence on an unknown: less than this is rounding
+
+
+@dataclass
+class Influences:
+    """The largest influence that was seen of each known on each unknown, in units of the known's size."""
+
+    element: str
+    unknowns: list[Any]
+    knowns: list[Any]
+    largest: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.largest = np.zeros((_total(self.unknowns), _total(self.knowns)))
+
+    def see(self, columns: FloatArray) -> None:
+        """Take account of the influences at one more point."""
+        self.largest = np.maximum(self.largest, np.abs(np.nan_to_num(columns)))
+
+    def findings(self, declared: dict[str, set[str] | None], exact: bool) -> Iterator[Finding]:
+        """Differences between what was seen and what is declared; None declares a dependency on everything."""
+        strongest = self.largest.max(axis=1, initial=0.0)
+        threshold = strongest * (NOISE if exact else 1e-6)
+        seen = self.largest > np.maximum(threshold, 1e-300)[:, None]
+        rows, columns = _slices(self.unknowns), _slices(self.knowns)
+        for unknown, row in zip(self.unknowns, rows, strict=True):
+            names = declared.get(unknown.name)
+            if names is None:
+                continue
+            found = {known.name for known, column in zip(self.knowns, columns, strict=True) if seen[row, column].any()}
+            found.discard(unknown.name)  # an output that is a state
+            weak = {
+                known.name
+                for known, column in zip(self.knowns, columns, strict=True)
+                if self.largest[row, column].any()
+            }
+            where = f"in ModelStructure/{self.element}"
+            missing, idle = sorted(found - names), sorted(names - weak)
+            known_names = {known.name for known in self.knowns}
+            if missing:
+                yield error(unknown.name, f"depends on {listed(missing)}, expected {where} to say so")
+            idle = [name for name in idle if name in known_names]
+            if idle and exact:  # differences do not see what is weak
+                yield warning(unknown.name, f"{where} depends on {listed(idle)}, but no influence was seen")
+
+
+def start_dependency_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """InitialUnknowns, and directional derivatives in Initialization Mode."""
+    unknowns = [u.variable for u in description.initialUnknowns if is_float(u.variable)]
+    exactly = [v for v in description.modelVariables if v.initial == "exact" and v.variability != "constant"]
+    knowns = [v for v in exactly if v.type in _PERTURBED and v.causality != "structuralParameter"]
+    if not unknowns or not knowns:
+        return
+    exact = _offers_derivatives(description, name)
+    influences = Influences("InitialUnknowns", unknowns, knowns)
+    rng = np.random.default_rng(0)
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        for point in range(POINTS):
+            if point:
+                instance.restart()
+                perturb(instance, knowns, unknowns, rng, point)
+            if _speaks_for_both(description, name):
+                influences.see(_influences(instance, unknowns, knowns, instance.set, exact))
+            floats = [known for known in knowns if is_float(known)]
+            if exact and floats:
+                found = list(
+                    _derivative_findings(instance, unknowns, floats, instance.set, rng, f"{name} at the start")
+                )
+                yield from found
+                exact = not found  # once is enough, and then they are not to be relied on
+    if _speaks_for_both(description, name):
+        yield from influences.findings(_declared(description.initialUnknowns), exact)
+
+
+def run_dependency_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """Outputs and Derivatives, and directional derivatives in a run."""
+    groups = [
+        (element, [u for u in unknowns if is_float(u.variable)])
+        for element, unknowns in (("Outputs", description.outputs), ("Derivatives", description.derivatives))
+    ]
+    unknowns = [unknown.variable for _, group in groups for unknown in group]
+    inputs = [v for v in continuous_inputs(description) if is_float(v)]
+    state = [] if name == "CoSimulation" and not _offers_derivatives(description, name) else states(description)
+    knowns = [*inputs, *state]
+    if not unknowns or not knowns:
+        return
+    exact = _offers_derivatives(description, name)
+    influences = [Influences(element, [u.variable for u in group], knowns) for element, group in groups]
+    parameters = [v for v in description.modelVariables if v.causality == "parameter" and v.type in _PERTURBED]
+    rng = np.random.default_rng(1)
+    with Instance(folder, description, name) as instance:
+        for point in range(POINTS):
+            instance.initialise() if point == 0 else instance.restart()
+            perturb(instance, parameters, unknowns, rng, point)
+            instance.run()
+            _scatter(instance, inputs, rng)
+            setter = _setter(instance, inputs, state)
+            if _speaks_for_both(description, name):
+                columns = _influences(instance, unknowns, knowns, setter, exact)
+                for influence, part in zip(influences, np.split(columns, [len(influences[0].largest)]), strict=True):
+                    influence.see(part)
+            moved = knowns if name == "ModelExchange" else inputs
+            if exact and moved:
+                found = list(_derivative_findings(instance, unknowns, moved, setter, rng, f"{name} in a run"))
+                yield from found
+                exact = not found
+    for influence, (_, group) in zip(influences, groups, strict=True):
+        if _speaks_for_both(description, name):
+            yield from influence.findings(_declared(group), exact)
+
+
+# ---- points and influences ----
+
+Setter = Callable[[Sequence[Any], FloatArray], None]
+_PERTURBED = ("Real", "Float64", "Boolean")
+
+
+def perturb(instance: Instance, knowns: list[Any], unknowns: list[Any], rng: np.random.Generator, point: int) -> None:
+    """Move every known away from its value, as far as the unit takes it; Booleans are on at every other point."""
+    for known in knowns:
+        value = instance.get([known])
+        if not is_float(known):
+            instance.set([known], np.full(value.shape, point % 2))
+            continue
+        direction = rng.uniform(0.3, 1.0, value.shape) * np.where(value == 0.0, 1.0, value)
+        for share in (0.1, -0.1, 1e-2, 1e-3, 1e-4, -1e-4, 0.0):
+            try:
+                instance.set([known], value + share * direction)
+                instance.get(unknowns)
+                break
+            except RefusedError:
+                continue
+
+
+def _scatter(instance: Instance, inputs: list[Any], rng: np.random.Generator) -> None:
+    """Inputs and, where they can be set, states away from where nothing happens."""
+    if inputs:
+        instance.set(inputs, instance.get(inputs) + rng.uniform(0.1, 1.0, _total(inputs)))
+    if not instance.co_simulation and states(instance.description):
+        vector = instance.get_states()
+        instance.set_states(vector + 0.05 * rng.uniform(0.2, 1.0, vector.size) * np.where(vector == 0.0, 1.0, vector))
+
+
+def _setter(instance: Instance, inputs: list[Any], state: list[Any]) -> Setter:
+    """Sets inputs and, in Model Exchange, states by their vector."""
+    count = _total(inputs)
+
+    def set_all(variables: Sequence[Any], values: FloatArray) -> None:
+        instance.set(inputs, values[:count])
+        if state and not instance.co_simulation:
+            instance.set_states(values[count:])
+
+    return set_all
+
+
+def _influences(instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, exact: bool) -> FloatArray:
+    """The change of all unknowns with every known, scalar by scalar, in units of the known's size."""
+    values = instance.get(knowns)
+    columns = np.zeros((_total(unknowns), values.size))
+    size = np.maximum(np.abs(values), 1.0)
+    for known, place in zip(knowns, _slices(knowns), strict=True):
+        for index in range(place.start, place.stop):
+            if is_float(known) and exact:
+                seed = np.zeros(place.stop - place.start)
+                seed[index - place.start] = size[index]
+                columns[:, index] = instance.derivative(unknowns, [known], seed)
+            else:
+                moved = values.copy()
+                moved[index] = moved[index] + 1e-5 * size[index] if is_float(known) else 1.0 - moved[index]
+                columns[:, index] = _change(instance, unknowns, knowns, setter, values, moved)
+    return columns
+
+
+def _change(
+    instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, values: FloatArray, moved: FloatArray
+) -> FloatArray:
+    """The unknowns elsewhere less those here; zero where the unit refuses to go."""
+    here = instance.get(unknowns)
+    try:
+        setter(knowns, moved)
+        there = instance.get(unknowns)
+    except RefusedError:
+        there = here
+    setter(knowns, values)
+    return there - here
+
+
+def _derivative_findings(
+    instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, rng: np.random.Generator, where: str
+) -> Iterator[Finding]:
+    """A directional derivative against central differences; in FMI 3 the adjoint one against it, where declared."""
+    unknowns = [unknown for unknown in unknowns if unknown not in knowns]
+    values = instance.get(knowns)
+    seed = rng.uniform(0.3, 1.0, values.size) * np.maximum(np.abs(values), 1.0)
+    found = instance.derivative(unknowns, knowns, seed)
+    flags = interfaces(instance.description)[instance.interface]
+    if flags.providesAdjointDerivatives:
+        weights = rng.uniform(0.3, 1.0, found.size)
+        forward, backward = float(weights @ found), float(instance.adjoint(unknowns, knowns, weights) @ seed)
+        if abs(forward - backward) > 1e-9 * float(np.abs(weights) @ np.abs(found)):
+            yield error(f"{where}/providesAdjointDerivatives", f"found {backward:.12g}, expected {forward:.12g}")
+    ends = []
+    try:
+        for sign in (1.0, -1.0):
+            setter(knowns, values + sign * DIFFERENCE * seed)
+            ends.append(instance.get(unknowns))
+    except RefusedError:
+        return  # the edge of what the unit takes is too near
+    finally:
+        setter(knowns, values)
+    differences = (ends[0] - ends[1]) / (2 * DIFFERENCE)
+    noise = 1e-3 * np.maximum(np.abs(differences), np.abs(found)) + 1e-9 * np.abs(ends[0]) + 1e-9
+    names = [unknown.name for unknown in unknowns for _ in range(size_of(unknown))]
+    wrong = np.flatnonzero(np.abs(differences - found) > noise)
+    if wrong.size:
+        first, others = int(wrong[0]), f" and of {wrong.size - 1} more" if wrong.size > 1 else ""
+        yield error(
+            f"{where}/providesDirectionalDerivative",
+            f"of {names[first]} found {found[first]:.9g}, expected {differences[first]:.9g} by differences{others}",
+        )
+
+
+def _offers_derivatives(description: Any, name: str) -> bool:
+    return bool(interfaces(description)[name].providesDirectionalDerivative)
+
+
+def _speaks_for_both(description: Any, name: str) -> bool:
+    """Both interfaces share one ModelStructure: it is held against Model Exchange, which sets states, if there."""
+    return name == list(interfaces(description))[-1]
+
+
+def _declared(unknowns: Sequence[Any]) -> dict[str, set[str] | None]:
+    return {
+        unknown.variable.name: None if unknown.dependencies is None else {known.name for known in unknown.dependencies}
+        for unknown in unknowns
+    }
+
+
+def _total(variables: Sequence[Any]) -> int:
+    return sum(size_of(variable) for variable in variables)
+
+
+def _slices(variables: Sequence[Any]) -> list[slice]:
+    ends = np.cumsum([0, *(size_of(variable) for variable in variables)]).tolist()
+    return [slice(start, stop) for start, stop in pairwise(ends)]

@@ -1,0 +1,186 @@
+"""Checks of modelDescription.xml alone: fmpy's validation, then what it leaves out."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Iterator
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from fmpy.validation import validate_fmu
+
+from baryscope.fmu.check.finding import Finding, error, listed, warning
+from baryscope.fmu.check.units import unit_findings
+
+# Declared capabilities that only a special importer could exercise.
+UNCHECKED = (
+    "needsExecutionTool",
+    "canRunAsynchronuously",
+    "hasEventMode",
+    "providesIntermediateUpdate",
+    "mightReturnEarlyFromDoStep",
+    "canReturnEarlyAfterIntermediateUpdate",
+    "recommendedIntermediateInputSmoothness",
+    "providesEvaluateDiscreteStates",
+    "providesPerElementDependencies",
+)
+
+
+def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
+    """All that can be said of an unpacked unit without its binary."""
+    yield from (error("modelDescription.xml", str(problem)) for problem in validate_fmu(str(folder)))
+    yield from unit_findings(description)
+    yield from _reference_findings(description)
+    yield from _start_findings(description)
+    yield from _derivative_findings(description)
+    yield from _dependency_findings(description)
+    yield from _flag_findings(description)
+    yield from _binary_findings(folder, description)
+
+
+def read_description(folder: Path) -> Any:
+    """fmpy's reading of an unpacked unit's modelDescription.xml.
+
+    Raises:
+        Exception: fmpy cannot make sense of it.
+    """
+    description = fmpy.read_model_description(str(folder), validate=False)
+    root = ET.parse(folder / "modelDescription.xml").getroot()  # noqa: S314 - fmpy has read it already
+    for name, interface in interfaces(description).items():
+        element = root.find(name)
+        plural = "providesDirectionalDerivatives"  # FMI 3's spelling, which fmpy 0.3.32 does not know
+        if element is not None and plural in element.attrib:
+            interface.providesDirectionalDerivative = element.attrib[plural] in ("true", "1")
+    return description
+
+
+def interfaces(description: Any) -> dict[str, Any]:
+    """The interfaces that can be checked, with their capabilities, by name."""
+    both = {"CoSimulation": description.coSimulation, "ModelExchange": description.modelExchange}
+    return {name: interface for name, interface in both.items() if interface is not None}
+
+
+def size_of(variable: Any) -> int:
+    """How many scalars a variable has, with the structural parameters at their starts."""
+    extents = (
+        dimension.start if dimension.start is not None else dimension.variable.start
+        for dimension in variable.dimensions or ()
+    )
+    return prod(int(extent) for extent in extents)
+
+
+def is_float(variable: Any) -> bool:
+    """Whether derivatives can be taken by it."""
+    return variable.type in ("Real", "Float64")
+
+
+def continuous_inputs(description: Any) -> list[Any]:
+    """The inputs that may be set at any time of a run; discrete ones may at events only."""
+    return [v for v in description.modelVariables if v.causality == "input" and v.variability == "continuous"]
+
+
+def states(description: Any) -> list[Any]:
+    """The continuous states, in the order of their vector."""
+    return [unknown.variable.derivative for unknown in description.derivatives if unknown.variable.derivative]
+
+
+def _reference_findings(description: Any) -> Iterator[Finding]:
+    """fmpy looks at this in FMI 3 only; in FMI 2 shared references are aliases, of which one may be set at most."""
+    owners: dict[tuple[str, int], Any] = {}
+    for variable in description.modelVariables:
+        key = (variable.type, int(variable.valueReference))
+        owner = owners.setdefault(key, variable)
+        if owner is variable or getattr(variable, "alias", None) is not None:
+            continue
+        both = [owner, variable]
+        if all(one.causality in ("parameter", "input") for one in both) or owner.unit != variable.unit:
+            yield error(variable.name, f"found value reference {key[1]}, which {owner.name} has already")
+        else:
+            yield warning(variable.name, f"shares value reference {key[1]} with {owner.name}")
+
+
+def _start_findings(description: Any) -> Iterator[Finding]:
+    """Array starts are whole, and numbers."""
+    for variable in description.modelVariables:
+        if variable.start is None or variable.type in ("String", "Binary"):
+            continue
+        texts = str(variable.start).split()
+        size = size_of(variable)
+        if len(texts) != size and not (len(texts) == 1 and size > 1):
+            yield error(variable.name, f"found {len(texts)} start values, expected {size}")
+        elif len(texts) != size:
+            yield warning(variable.name, f"found one start value for {size} elements, which not every importer repeats")
+
+
+def _derivative_findings(description: Any) -> Iterator[Finding]:
+    """Every derivative is in the structure, is of a state of its own, and of the one in its name."""
+    variables = [variable for variable in description.modelVariables if variable.derivative is not None]
+    listed_ones = {unknown.variable.name for unknown in description.derivatives}
+    shared = Counter(variable.derivative.name for variable in variables)
+    for variable in variables:
+        state = variable.derivative.name
+        if variable.name not in listed_ones and description.modelExchange is not None:
+            yield error(variable.name, f"is the derivative of {state}, but not in ModelStructure/Derivatives")
+        if shared[state] > 1:
+            yield error(variable.name, f"is one of {shared[state]} derivatives of {state}, expected one")
+        named = re.fullmatch(r"der\(([^,]+)\)", variable.name)
+        if named and description.variableNamingConvention == "structured" and named[1] != state:
+            yield error(variable.name, f"found derivative of {state}, expected of {named[1]}")
+
+
+def _dependency_findings(description: Any) -> Iterator[Finding]:
+    """What unknowns may depend on: in a run on inputs and states, at the start on what is set before it."""
+    running = {state.name for state in states(description)}
+    for element, unknowns in (("Outputs", description.outputs), ("Derivatives", description.derivatives)):
+        for unknown in unknowns:
+            wrong = [
+                known.name
+                for known in unknown.dependencies or ()
+                if known.name not in running
+                and known.causality not in ("input", "independent")
+                and known.variability not in ("discrete", "tunable")
+            ]
+            if wrong:
+                yield warning(
+                    unknown.variable.name,
+                    f"in ModelStructure/{element} found a dependency on {listed(wrong)}, expected inputs and states",
+                )
+    for unknown in description.initialUnknowns:
+        wrong = [
+            known.name
+            for known in unknown.dependencies or ()
+            if known.causality not in ("input", "independent") and known.initial != "exact"
+        ]
+        if wrong:
+            yield error(
+                unknown.variable.name,
+                f"in ModelStructure/InitialUnknowns found a dependency on {listed(wrong)}, "
+                "expected inputs and variables with exact starts",
+            )
+
+
+def _flag_findings(description: Any) -> Iterator[Finding]:
+    for name, interface in interfaces(description).items():
+        for flag in UNCHECKED:
+            if getattr(interface, flag, False):
+                yield warning(f"{name}/{flag}", "is declared, and cannot be checked here")
+
+
+def _binary_findings(folder: Path, description: Any) -> Iterator[Finding]:
+    platform = platform_folder(description)
+    for name, interface in interfaces(description).items():
+        library = folder / "binaries" / platform / f"{interface.modelIdentifier}{fmpy.sharedLibraryExtension}"
+        if not library.is_file():
+            there = sorted(path.relative_to(folder).as_posix() for path in folder.glob("binaries/*/*"))
+            yield error(
+                f"{name}/modelIdentifier",
+                f"found {listed(there) or 'no binaries'}, expected {library.relative_to(folder).as_posix()}; "
+                "what a binary does could not be checked",
+            )
+
+
+def platform_folder(description: Any) -> str:
+    """Where the binaries for this machine lie."""
+    return str(fmpy.platform if description.fmiVersion == "2.0" else fmpy.platform_tuple)

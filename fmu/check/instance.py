@@ -1,0 +1,253 @@
+"""An instance of any FMU, of FMI 2 or 3, Co-Simulation or Model Exchange, that is driven alike by the checks."""
+
+import ctypes
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy import calloc, fmi2, fmi3, free
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.fmu.check.description import size_of, states
+
+FloatArray = NDArray[np.float64]
+
+
+class RefusedError(Exception):
+    """The FMU refused a call; the message holds the call and what the FMU said."""
+
+
+class Instance:
+    """One instance; the calls raise `RefusedError` with what the unit logged.
+
+    Attributes:
+        description: fmpy's reading of modelDescription.xml.
+        interface: "CoSimulation" or "ModelExchange".
+        allocations: how often the importer's memory functions were called (FMI 2).
+    """
+
+    def __init__(self, folder: Path, description: Any, interface: str, token: str | None = None):
+        self.description, self.interface = description, interface
+        self.second = description.fmiVersion == "2.0"
+        self.co_simulation = interface == "CoSimulation"
+        self.allocations = 0
+        self._said: list[str] = []
+        module = fmi2 if self.second else fmi3
+        kind = getattr(module, f"FMU{2 if self.second else 3}{'Slave' if self.co_simulation else 'Model'}")
+        self.slave: Any = None
+        self._guarded("loading", lambda: self._load(kind, folder, token))
+        try:
+            self._guarded("instantiation", self._instantiate)
+        except RefusedError:
+            self.close()
+            raise
+
+    def _load(self, kind: Any, folder: Path, token: str | None) -> None:
+        identifier = self.description.coSimulation if self.co_simulation else self.description.modelExchange
+        here = Path.cwd()
+        try:
+            self.slave = kind(
+                guid=token or self.description.guid,
+                modelIdentifier=identifier.modelIdentifier,
+                unzipDirectory=str(folder),
+                instanceName="baryscope check",
+            )
+        finally:
+            os.chdir(here)  # fmpy goes to the library's folder, and stays there if it cannot be loaded
+
+    def _instantiate(self) -> None:
+        if not self.second:
+            self.slave.instantiate(logMessage=lambda *a: self._hear(a[3]))
+            return
+
+        def allocate(count: int, size: int) -> Any:
+            self.allocations += 1
+            return calloc(count, size)
+
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *a: self._hear(a[4]))
+        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(allocate)
+        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
+        self.slave.instantiate(callbacks=callbacks)
+
+    def _hear(self, message: bytes | None) -> None:
+        self._said.append((message or b"").decode("utf-8", "replace"))
+
+    def _guarded(self, what: str, call: Callable[[], Any]) -> Any:
+        self._said.clear()
+        try:
+            return call()
+        except Exception as problem:  # fmpy raises bare Exceptions
+            raise RefusedError(f"{what} failed: {'; '.join(self._said) or problem}") from problem
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """One of fmpy's methods by name."""
+        return self._guarded(name, lambda: getattr(self.slave, name)(*arguments))
+
+    def close(self) -> None:
+        """Free the instance and give the library back, which others may still use."""
+        slave, self.slave = self.slave, None
+        if slave is None:
+            return
+        if slave.component:
+            (slave.fmi2FreeInstance if self.second else slave.fmi3FreeInstance)(slave.component)
+        slave.freeLibrary()
+
+    def __enter__(self) -> "Instance":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # ---- life cycle ----
+
+    def initialise(self) -> None:
+        """Enter Initialization Mode at the default start time."""
+        experiment = self.description.defaultExperiment
+        self.time = float(experiment.startTime or 0.0) if experiment is not None else 0.0
+        if self.second:
+            self.call("setupExperiment", None, self.time)
+            self.call("enterInitializationMode")
+        else:
+            self.call("enterInitializationMode", None, self.time)
+
+    def run(self) -> None:
+        """Leave Initialization Mode for stepping or, in Model Exchange, for Continuous-Time Mode."""
+        self.call("exitInitializationMode")
+        if self.co_simulation:
+            return
+        for _ in range(100):
+            if not self._discrete_states_needed():
+                break
+        self.call("enterContinuousTimeMode")
+
+    def _discrete_states_needed(self) -> bool:
+        if not self.second:
+            return bool(self.call("updateDiscreteStates")[0])
+        info = fmi2.fmi2EventInfo()
+        self._guarded(
+            "fmi2NewDiscreteStates", lambda: self.slave.fmi2NewDiscreteStates(self.slave.component, ctypes.byref(info))
+        )
+        return bool(info.newDiscreteStatesNeeded)
+
+    def restart(self) -> None:
+        """Reset, and enter Initialization Mode again."""
+        self.call("reset")
+        self.initialise()
+
+    def step(self, duration: float) -> None:
+        """One communication step from the time reached."""
+        self.call("doStep", self.time, duration)
+        self.time += duration
+
+    # ---- values ----
+
+    def get(self, variables: Sequence[Any]) -> FloatArray:
+        """Values of numeric variables, flat; those of one type are read in one call."""
+        values = [np.empty(0)] * len(variables)
+        for kind in {variable.type for variable in variables}:
+            places = [place for place, variable in enumerate(variables) if variable.type == kind]
+            sizes = [size_of(variables[place]) for place in places]
+            found = np.asarray(self._get(kind, [variables[place] for place in places], sum(sizes)), dtype=float)
+            for place, part in zip(places, np.split(found, np.cumsum(sizes)[:-1]), strict=True):
+                values[place] = part
+        return np.concatenate([np.empty(0), *values])
+
+    def _get(self, kind: str, variables: Sequence[Any], size: int) -> Any:
+        references = [variable.valueReference for variable in variables]
+        name = f"get{_CALLED.get((self.second, kind), kind)}"
+        return self.call(name, references) if self.second else self.call(name, references, size)
+
+    def set(self, variables: Sequence[Any], values: ArrayLike) -> None:
+        """Set numeric variables, each by its own call."""
+        flat = np.atleast_1d(np.asarray(values, dtype=float)).tolist()
+        for variable in variables:
+            part, flat = flat[: size_of(variable)], flat[size_of(variable) :]
+            kind = _CALLED.get((self.second, variable.type), variable.type)
+            convert: Any = float if kind in ("Real", "Float64", "Float32") else (bool if kind == "Boolean" else int)
+            self.call(f"set{kind}", [variable.valueReference], [convert(value) for value in part])
+
+    def derivative(self, unknowns: Sequence[Any], knowns: Sequence[Any], seed: ArrayLike) -> FloatArray:
+        """A directional derivative."""
+        arguments = [_references(unknowns), _references(knowns), np.asarray(seed, dtype=float).tolist()]
+        if not self.second:
+            arguments.append(sum(size_of(unknown) for unknown in unknowns))
+        return np.asarray(self.call("getDirectionalDerivative", *arguments), dtype=float)
+
+    def adjoint(self, unknowns: Sequence[Any], knowns: Sequence[Any], seed: ArrayLike) -> FloatArray:
+        """An adjoint derivative (FMI 3)."""
+        size = sum(size_of(known) for known in knowns)
+        found = self.call(
+            "getAdjointDerivative", _references(unknowns), _references(knowns), np.asarray(seed, float).tolist(), size
+        )
+        return np.asarray(found, dtype=float)
+
+    def output_derivatives(self, outputs: Sequence[Any], order: int) -> FloatArray:
+        """Derivatives of outputs by time."""
+        references, orders = _references(outputs), [order] * len(outputs)
+        if self.second:
+            return np.asarray(self.call("getRealOutputDerivatives", references, orders), dtype=float)
+        values = (ctypes.c_double * sum(size_of(output) for output in outputs))()
+        arguments = (
+            (ctypes.c_uint32 * len(outputs))(*references),
+            len(outputs),
+            (ctypes.c_int32 * len(outputs))(*orders),
+            values,
+            len(values),
+        )
+        self._guarded(
+            "fmi3GetOutputDerivatives",
+            lambda: self.slave.fmi3GetOutputDerivatives(self.slave.component, *arguments),
+        )
+        return np.asarray(values, dtype=float)
+
+    # ---- continuous states, saved states ----
+
+    def get_states(self, rates: bool = False) -> FloatArray:
+        """The vector of continuous states, or their derivatives (Model Exchange)."""
+        values = np.zeros(self._state_count())
+        of_rates = "getDerivatives" if self.second else "getContinuousStateDerivatives"
+        self.call(of_rates if rates else "getContinuousStates", _pointer(values), values.size)
+        return values
+
+    def set_states(self, values: FloatArray) -> None:
+        """Set the vector of continuous states (Model Exchange)."""
+        values = np.ascontiguousarray(values, dtype=float)
+        self.call("setContinuousStates", _pointer(values), values.size)
+
+    def _state_count(self) -> int:
+        return sum(size_of(state) for state in states(self.description))
+
+    def save(self) -> Any:
+        """A saved state."""
+        return self.call("getFMUstate" if self.second else "getFMUState")
+
+    def restore(self, state: Any) -> None:
+        """Put a saved state back."""
+        self.call("setFMUstate" if self.second else "setFMUState", state)
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+        self.call("freeFMUstate" if self.second else "freeFMUState", state)
+
+    def serialise(self, state: Any) -> bytes:
+        """A saved state as bytes."""
+        return bytes(self.call("serializeFMUstate" if self.second else "serializeFMUState", state))
+
+    def deserialise(self, content: bytes) -> Any:
+        """The saved state of some bytes."""
+        return self.call("deSerializeFMUstate" if self.second else "deserializeFMUState", content)
+
+
+# Types whose functions have another name, by whether it is FMI 2.
+_CALLED = {(True, "Enumeration"): "Integer", (False, "Enumeration"): "Int64"}
+
+
+def _references(variables: Iterable[Any]) -> list[int]:
+    return [variable.valueReference for variable in variables]
+
+
+def _pointer(values: FloatArray) -> Any:
+    return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))

@@ -1,0 +1,115 @@
+"""Checks of our own units, TumblingTarget by baryscope, against the table of variables and the model's equations."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from baryscope.fmu.check.description import is_float, size_of
+from baryscope.fmu.check.finding import Finding, error
+from baryscope.fmu.check.instance import FloatArray, Instance
+from baryscope.fmu.check.units import exponents_of_definition, unit_of
+from baryscope.fmu.layout.archive import MODEL_NAME
+from baryscope.models.target import tumbling_target
+from baryscope.models.variables import UNITS, Kind, Variable, variable_table
+
+_CAUSALITY = {Kind.INPUT: "input", Kind.PARAMETER: "parameter", Kind.OUTPUT: "output"}
+AGREEMENT = 1e-9  # of an array's largest element: libraries round differently
+
+
+def is_ours(description: Any) -> bool:
+    """Whether baryscope made the unit."""
+    tool = str(description.generationTool or "")
+    return description.modelName == MODEL_NAME and tool.startswith("baryscope")
+
+
+def table_findings(description: Any) -> Iterator[Finding]:
+    """Names, kinds, units and sizes are those of the table of variables, in its order."""
+    units = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
+    for name, exponents in UNITS.items():
+        if name in units and (units[name] is None or exponents_of_definition(units[name]) != exponents):
+            yield error(f'unit "{name}"', f"expected the base units {exponents or 'none'}")
+    variables = [v for v in description.modelVariables if v.causality != "independent"]
+    expected = [entry for variable in _table(description) for entry in _entries(variable, description)]
+    names = [name for name, _, _ in expected]
+    for stray in [v.name for v in variables if v.name not in set(names)]:
+        yield error(stray, "is not a variable of baryscope's TumblingTarget")
+    there = {variable.name: variable for variable in variables}
+    for name, variable, size in expected:
+        if name not in there:
+            yield error(name, "is missing, expected as in baryscope's table of variables")
+            continue
+        found = there[name]
+        kind = _CAUSALITY.get(variable.kind, "local"), _variability(variable)
+        if (found.causality, found.variability) != kind:
+            yield error(name, f"is a {found.variability} {found.causality}, expected a {kind[1]} {kind[0]}")
+        if not variable.boolean and unit_of(found) != variable.unit:
+            yield error(name, f'found unit "{unit_of(found)}", expected "{variable.unit}"')
+        if size_of(found) != size:
+            yield error(name, f"found {size_of(found)} elements, expected {size}")
+
+
+def model_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+    """What the binary computes from the XML's starts is what the equations give, variable by variable."""
+    system = tumbling_target(_feature_count(description))
+    with Instance(folder, description, name) as instance:
+        instance.initialise()
+        there = {variable.name: variable for variable in description.modelVariables}
+
+        def read(variable: Variable) -> FloatArray | None:
+            names = [entry for entry, _, _ in _entries(variable, description)]
+            if any(entry not in there or is_float(there[entry]) == variable.boolean for entry in names):
+                return None  # reported by the table
+            return instance.get([there[entry] for entry in names])
+
+        found = {variable.name: read(variable) for variable in system.variables}
+    parameters = [found[variable.name] for variable in system.of_kind(Kind.PARAMETER)]
+    if any(values is None for values in parameters):
+        return
+    p = np.concatenate([values for values in parameters if values is not None])
+    x = system.initial(p)
+    u = ca.DM.zeros(sum(v.size for v in system.of_kind(Kind.INPUT)))
+    for kind, values in (
+        (Kind.OUTPUT, system.outputs(x, p)),
+        (Kind.STATE, x),
+        (Kind.DERIVATIVE, system.rhs(x, u, p)),
+    ):
+        flat = np.array(values).ravel()
+        for variable in system.of_kind(kind):
+            expected, flat = flat[: variable.size], flat[variable.size :]
+            seen = found[variable.name]
+            if seen is None:
+                continue
+            allowed = AGREEMENT * max(1e-6, float(np.abs(expected).max()))
+            for place in np.flatnonzero(~(np.abs(seen - expected) <= allowed)):
+                which = variable.scalar_names[int(place)]
+                yield error(
+                    which, f"found {seen[place]:.17g} at the start, expected {expected[place]:.17g} by the equations"
+                )
+
+
+def _feature_count(description: Any) -> int:
+    """From the normals, which come as three scalars a feature, or as one array."""
+    counts = [size_of(v) for v in description.modelVariables if re.match(r"normals(\[|$)", v.name)]
+    return max(3, round(sum(counts) / 3))
+
+
+def _table(description: Any) -> tuple[Variable, ...]:
+    return variable_table(_feature_count(description))
+
+
+def _entries(variable: Variable, description: Any) -> list[tuple[str, Variable, int]]:
+    """What stands in the XML for a row of the table: scalars by name, or in FMI 3 the array."""
+    whole = any(v.dimensions for v in description.modelVariables)
+    if whole:
+        return [(variable.name, variable, variable.size)]
+    return [(name, variable, 1) for name in variable.scalar_names]
+
+
+def _variability(variable: Variable) -> str:
+    if variable.kind != Kind.PARAMETER:
+        return "continuous"
+    return "tunable" if variable.tunable else "fixed"

@@ -1,0 +1,113 @@
+"""From a scenario to a packed FMU: generate, describe, compile, zip."""
+
+import hashlib
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal
+
+from baryscope.fmu.generate.codegen import integrator_header, model_source, tables_header
+from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
+from baryscope.fmu.generate.description import model_description
+from baryscope.fmu.generate.sources import MAIN, build_description, licences, unit_sources
+from baryscope.fmu.layout.archive import MODEL_NAME
+from baryscope.fmu.layout.platforms import PLATFORMS, X86_64_WINDOWS, FmiVersion, binary_members, host_platform
+from baryscope.models.files import replacing
+from baryscope.models.scenario import Scenario
+from baryscope.models.target import tumbling_target
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # one date for all members, so that equal contents give equal files
+
+
+def build_fmu(
+    scenario: Scenario,
+    path: str | Path,
+    *,
+    fmi: FmiVersion = 2,
+    scalar: bool = False,
+    platforms: Literal["host", "all"] = "host",
+    progress: Progress | None = None,
+) -> Path:
+    """Build the unit of a scenario for Co-Simulation and Model Exchange, with its sources.
+
+    The number of features is built in; every other number of the scenario becomes a start value, which importers
+    can change before initialization. Equal scenarios give equal files, whatever the folder; with "all", whatever
+    the machine, too, as long as the package ziglang is of the same version.
+
+    Args:
+        scenario: gives the start values.
+        path: where to write; an existing file is replaced when the build has succeeded.
+        fmi: the version, 2.0 or 3.0.
+        scalar: in FMI 3, describe every scalar by itself, for importers that trip over arrays.
+        platforms: "host" compiles for this machine, "all" for Linux (glibc 2.17) and macOS (11) on x86-64 and
+            aarch64 and Windows on x86-64. Compiled libraries are kept (see `baryscope.fmu.generate.cache`).
+        progress: told which platforms are still being compiled for; zig's first build for Windows takes minutes.
+
+    Returns:
+        The path written.
+
+    Raises:
+        InputError: the path cannot be written.
+        ComputationError: there is no C compiler, or no ziglang for other platforms, or it fails.
+    """
+    path = Path(path)
+    description, sources = describe_unit(scenario, fmi, scalar=scalar)
+    with replacing(path) as temporary:
+        cross = platforms == "all"
+        compiler = tuple(find_cross_compiler() if cross else find_compiler())
+        jobs = [
+            Job(sources, MAIN, f"{MODEL_NAME}{platform.suffix}", platform, compiler)
+            for platform in (PLATFORMS if cross else (host_platform(),))
+        ]
+        libraries = compile_all(jobs, progress)
+        windows_by_zig = any(job.by_zig and job.platform == X86_64_WINDOWS for job in jobs)
+        documents = licences(sources, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
+        _pack(temporary, documents, sources, binary_members(libraries, MODEL_NAME, fmi), fmi)
+    return path
+
+
+def describe_unit(
+    scenario: Scenario, fmi: FmiVersion, *, scalar: bool = False, main: str = MAIN
+) -> tuple[bytes, dict[str, bytes]]:
+    """A unit's modelDescription.xml and, by name, the C sources that belong to it: `main` and what it includes."""
+    system = tumbling_target(len(scenario.features.points))
+    parameters = scenario.flat_parameters()
+    equations, integrator = model_source(system), integrator_header()
+
+    def sources(token: str) -> dict[str, bytes]:
+        tables = tables_header(system, parameters, token, fmi, scalar)
+        return unit_sources({"model.c": equations, "dop853.h": integrator, "tables.h": tables}, fmi, main)
+
+    def description(token: str) -> bytes:
+        return model_description(system, parameters, scenario, token, fmi, scalar)
+
+    token = _token(sources(""), description(""))
+    return description(token), sources(token)
+
+
+def _token(sources: Mapping[str, bytes], description: bytes) -> str:
+    """A GUID that changes with whatever the unit is made from."""
+    digest = hashlib.sha256(description)
+    for name, content in sources.items():
+        digest.update(f"\0{name}\0".encode() + content)
+    text = digest.hexdigest()
+    return f"{{{text[:8]}-{text[8:12]}-{text[12:16]}-{text[16:20]}-{text[20:32]}}}"
+
+
+def _pack(
+    path: Path,
+    documents: Mapping[str, bytes],
+    sources: Mapping[str, bytes],
+    binaries: Mapping[str, bytes],
+    fmi: FmiVersion,
+) -> None:
+    members = dict(documents) | {f"sources/{name}": content for name, content in sources.items()}
+    if fmi == 3:
+        members["sources/buildDescription.xml"] = build_description(MODEL_NAME)
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in (members | dict(binaries)).items():
+            member = zipfile.ZipInfo(name, date_time=_EPOCH)
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.create_system = 3  # Unix, whose permissions follow, on every machine
+            member.external_attr = (0o755 if name in binaries else 0o644) << 16
+            archive.writestr(member, content)

@@ -1,0 +1,205 @@
+"""Finding a C compiler and making shared libraries with it: the system's, or zig from PyPI for every platform."""
+
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+from platform import libc_ver
+
+from baryscope.fmu.generate import cache
+from baryscope.fmu.layout.platforms import Platform
+from baryscope.models.errors import ComputationError
+
+CANDIDATES = ("cc", "gcc", "clang")
+# No -ffast-math: it would drop isfinite. No contraction: the same numbers from every compiler.
+FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fvisibility=hidden")
+WARNINGS = ("-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-parameter")
+# What changes a compiler's headers, libraries or target behind the command line's back.
+_ENVIRONMENT = (
+    "CPATH",
+    "C_INCLUDE_PATH",
+    "LIBRARY_PATH",
+    "COMPILER_PATH",
+    "GCC_EXEC_PREFIX",
+    "SDKROOT",
+    "MACOSX_DEPLOYMENT_TARGET",
+)
+
+Progress = Callable[[tuple[str, ...], float], None]
+"""Takes the names of the platforms still being compiled for and the share that is done, 0 to 1."""
+
+
+def find_compiler() -> list[str]:
+    """The command of a C compiler: $CC, else the system's, else zig's.
+
+    Raises:
+        ComputationError: there is none, or $CC names none.
+    """
+    named = shlex.split(os.environ.get("CC", ""))
+    if named:
+        path = shutil.which(named[0])
+        if path is None:
+            raise ComputationError(f"C compiler {named[0]!r}, named by the variable CC, was not found")
+        return [str(Path(path).absolute()), *named[1:]]
+    for candidate in CANDIDATES:
+        path = shutil.which(candidate)
+        if path is not None:
+            return [path]
+    if find_spec("ziglang") is not None:
+        return _zig()
+    raise ComputationError(
+        "no C compiler found: install one (cc, gcc or clang), or the one from PyPI: pip install 'baryscope[cross]'"
+    )
+
+
+def find_cross_compiler() -> list[str]:
+    """The command of zig's C compiler, which compiles for every platform.
+
+    Raises:
+        ComputationError: it is not installed.
+    """
+    if find_spec("ziglang") is None:
+        raise ComputationError(
+            "compiling for other platforms needs the package ziglang, which is not installed: "
+            "pip install 'baryscope[cross]'"
+        )
+    return _zig()
+
+
+def _zig() -> list[str]:
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A library to be compiled.
+
+    Attributes:
+        sources: the source files by name, all in one folder.
+        main: the one to be compiled; it includes the others.
+        output: the library's name.
+        platform: the one to compile for.
+        compiler: the command, by `find_compiler` or `find_cross_compiler`.
+    """
+
+    sources: Mapping[str, bytes]
+    main: str
+    output: str
+    platform: Platform
+    compiler: tuple[str, ...]
+
+    @property
+    def by_zig(self) -> bool:
+        """Whether the compiler is the one from PyPI."""
+        return list(self.compiler) == _zig()
+
+    @property
+    def arguments(self) -> list[str]:
+        """The compiler's arguments; all paths in them are relative, so that equal inputs give equal bytes."""
+        if not self.by_zig:
+            target: tuple[str, ...] = ()
+        elif self.platform.target:  # the processor's common instructions; debugging data would hold paths
+            target = ("-target", self.platform.target, "-s")
+        else:
+            target = ("-mcpu=baseline", "-s")
+        flags = (flag.format(library=self.output) for flag in self.platform.flags)
+        return [*target, *FLAGS, *WARNINGS, "-I.", self.main, "-o", self.output, *flags]
+
+    def key(self) -> str | None:
+        """The hash of all that the library is made from; None if the compiler does not say what it is."""
+        identity = _identity(self)
+        if identity is None:
+            return None
+        settings = [f"{name}={os.environ.get(name, '')}" for name in _ENVIRONMENT]
+        digest = hashlib.sha256(repr((identity, self.arguments, settings)).encode())
+        for name, content in sorted(self.sources.items()):
+            digest.update(f"\0{name}\0{len(content)}\0".encode() + content)
+        return digest.hexdigest()
+
+
+def _identity(job: Job) -> str | None:
+    """Which compiler it is, and in which version."""
+    if job.by_zig:
+        try:
+            return f"ziglang {version('ziglang')}"
+        except PackageNotFoundError:
+            return None
+    try:
+        result = subprocess.run([*job.compiler, "--version"], capture_output=True, text=True, check=False)
+    except OSError:
+        return None
+    if result.returncode != 0 or not result.stdout.strip():
+        return None
+    return repr((job.compiler, result.stdout, libc_ver()))
+
+
+def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[Platform, bytes]:
+    """The libraries of several jobs, from the cache or compiled as many at once as there are processors.
+
+    Args:
+        jobs: one for each platform.
+        progress: called before the first and after each compilation; not called when all come from the cache.
+
+    Raises:
+        ComputationError: a compiler cannot be run or fails; the message holds its first error.
+    """
+    keys = {job: job.key() for job in jobs}
+    libraries = {job.platform: cache.load(key) or b"" if key else b"" for job, key in keys.items()}
+    left = [job for job in keys if not libraries[job.platform]]
+    count = len(left)
+    if not left:
+        return libraries
+
+    def tell() -> None:
+        if progress:
+            progress(tuple(job.platform.name for job in left), 1 - len(left) / count)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        works = {pool.submit(_compile, job): job for job in left}
+        try:
+            tell()
+            for work in as_completed(works):
+                job, (library, complaints) = works[work], work.result()
+                key = keys[job]
+                if complaints:  # and they will be heard again, since nothing is kept
+                    warnings.warn(f"the C compiler warns: {complaints}", stacklevel=3)
+                elif key:
+                    cache.store(key, library)
+                libraries[job.platform] = library
+                left.remove(job)
+                tell()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return libraries
+
+
+def _compile(job: Job) -> tuple[bytes, str]:
+    """The library and the compiler's warnings, which should be empty."""
+    command = [*job.compiler, *job.arguments]
+    with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
+        folder = Path(name)
+        for member, content in job.sources.items():
+            (folder / member).write_bytes(content)
+        try:
+            result = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        except OSError as error:
+            raise ComputationError(f"the C compiler ({command[0]}) cannot be run: {error.strerror}") from error
+        library = folder / job.output
+        if result.returncode != 0 or not library.is_file():
+            lines = result.stderr.splitlines()
+            first = next((line for line in lines if "error" in line), lines[-1] if lines else "no message")
+            raise ComputationError(
+                f"the C compiler ({shlex.join(job.compiler)} …) failed for {job.platform.name}: {first}"
+            )
+        return library.read_bytes(), result.stderr

@@ -1,0 +1,74 @@
+"""What modelDescription.xml has of its own in FMI 3.0: arrays, the independent variable, adjoint derivatives."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+
+from baryscope.fmu.generate.structure import Structure
+from baryscope.fmu.layout.references import Reference, attributes_of, state_of
+from baryscope.models.variables import Kind
+
+TIME_UNIT = "s"
+
+
+def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
+    """Version and token, and what the unit offers.
+
+    No Event Mode of Co-Simulation, no early return, no intermediate update, no dependencies of single elements.
+    """
+    root.attrib |= {"fmiVersion": "3.0", "instantiationToken": token}
+    offered = {
+        "modelIdentifier": model_identifier,
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": "true",
+        "providesAdjointDerivatives": "true",
+    }
+    ET.SubElement(root, "ModelExchange", offered)
+    ET.SubElement(
+        root,
+        "CoSimulation",
+        offered,
+        canHandleVariableCommunicationStepSize="true",
+        maxOutputDerivativeOrder="1",
+    )
+
+
+def add_variables(root: ET.Element, references: Sequence[Reference], starts: Mapping[int, str]) -> None:
+    """A Float64 or Boolean for every reference, and time."""
+    parent = ET.SubElement(root, "ModelVariables")
+    for place, reference in enumerate(references):
+        variable = reference.variable
+        attributes = {"name": reference.name, "valueReference": str(place)} | attributes_of(variable)
+        if not variable.boolean:
+            attributes["unit"] = variable.unit
+        if place in starts:
+            attributes["start"] = starts[place]
+        if variable.kind == Kind.DERIVATIVE:
+            attributes["derivative"] = str(state_of(references, place))
+        element = ET.SubElement(parent, "Boolean" if variable.boolean else "Float64", attributes)
+        for extent in reference.shape:
+            ET.SubElement(element, "Dimension", start=str(extent))
+    ET.SubElement(
+        parent,
+        "Float64",
+        name="time",
+        valueReference=str(len(references)),
+        description="Simulation time",
+        causality="independent",
+        variability="continuous",
+        unit=TIME_UNIT,
+    )
+
+
+def add_structure(root: ET.Element, references: Sequence[Reference], structure: Structure) -> None:
+    """The ModelStructure."""
+    parent = ET.SubElement(root, "ModelStructure")
+    for element, kinds, depends in (
+        ("Output", {Kind.OUTPUT}, structure.running),
+        ("ContinuousStateDerivative", {Kind.DERIVATIVE}, structure.running),
+        ("InitialUnknown", {Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE}, structure.initially),
+    ):
+        for place, reference in enumerate(references):
+            if reference.variable.kind in kinds:
+                text = " ".join(map(str, depends[place]))
+                ET.SubElement(parent, element, valueReference=str(place), dependencies=text)

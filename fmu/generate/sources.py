@@ -1,0 +1,79 @@
+"""The C sources of a unit as they are compiled and shipped: one file and whatever it includes, flat in one folder."""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from importlib.metadata import distributions
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+
+import fmpy
+
+from baryscope.fmu.layout.platforms import FmiVersion
+
+MAIN = "all.c"
+LANGUAGE = "C11"
+_INCLUDE = re.compile(rb'^\s*#\s*include\s+"([^"]+)"', re.MULTILINE)
+
+
+def unit_sources(generated: Mapping[str, str], fmi: FmiVersion, main: str = MAIN) -> dict[str, bytes]:
+    """`main` and all the files it includes, from ours, the generated ones and FMI's headers.
+
+    Args:
+        generated: texts by file name; they come before the others.
+        fmi: files of the other version, named fmi2… or fmi3…, are left out.
+        main: the file to be compiled.
+    """
+    other = "fmi3" if fmi == 2 else "fmi2"
+    written = files("baryscope.fmu") / "csrc"
+    headers = Path(fmpy.__file__).parent / "c-code"
+
+    def find(name: str) -> bytes | None:
+        if name in generated:
+            return generated[name].encode()
+        for place in (written / name, headers / name):
+            if place.is_file():
+                return place.read_bytes()
+        return None
+
+    found: dict[str, bytes] = {}
+    left = [main]
+    while left:
+        name = left.pop()
+        content = None if name.startswith(other) else find(name)
+        if content is not None and name not in found:
+            found[name] = content
+            left.extend(include.decode() for include in _INCLUDE.findall(content))
+    return dict(sorted(found.items()))
+
+
+def build_description(model_identifier: str, main: str = MAIN) -> bytes:
+    """FMI 3's sources/buildDescription.xml: one file to compile, for whatever platform."""
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model_identifier)
+    sources = ET.SubElement(configuration, "SourceFileSet", language=LANGUAGE)
+    ET.SubElement(sources, "SourceFile", name=main)
+    ET.indent(root)
+    text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
+    return text
+
+
+def licences(sources: Mapping[str, bytes], *, windows_by_zig: bool) -> dict[str, bytes]:
+    """The members of documentation/licenses/: ours, that of FMI's headers, and that of the runtime in zig's DLLs."""
+    members: dict[str, bytes] = {}
+    for ours in distributions(name="baryscope"):
+        text = ours.read_text("licenses/LICENSE")
+        if text is not None:
+            members["license.txt"] = text.encode()
+            break
+    for name, content in sources.items():
+        notice = re.search(rb"Copyright.*?(?=\*/)", content, re.DOTALL)
+        if notice and re.fullmatch(r"fmi\dFunctions\.h", name):
+            members[f"{name}.txt"] = notice.group().rstrip() + b"\n"
+    zig = find_spec("ziglang")
+    if windows_by_zig and zig is not None and zig.origin is not None:
+        runtime = Path(zig.origin).parent / "lib" / "libc" / "mingw" / "COPYING"
+        if runtime.is_file():
+            members["mingw-w64.txt"] = runtime.read_bytes()
+    return {f"documentation/licenses/{name}": content for name, content in sorted(members.items())}

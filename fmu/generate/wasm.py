@@ -1,0 +1,69 @@
+"""The unit as a WebAssembly module, for pages in a browser and for Node; FMI has no folder for it in an FMU."""
+
+import json
+from pathlib import Path
+
+from baryscope.fmu.generate.build import describe_unit
+from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
+from baryscope.fmu.layout.archive import MODEL_NAME
+from baryscope.fmu.layout.platforms import Platform
+from baryscope.models.files import replacing
+from baryscope.models.scenario import Scenario
+from baryscope.models.target import tumbling_target
+
+WASM = Platform(
+    "wasm32-wasi",
+    "wasm32-wasi",
+    "wasm32-wasi",
+    ".wasm",
+    "wasm32-wasi",
+    # A reactor is a library: it starts by _initialize and then stands by.
+    ("-mexec-model=reactor", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"),
+)
+
+
+def build_wasm(scenario: Scenario, path: str | Path, *, progress: Progress | None = None) -> Path:
+    """Build a scenario's unit as a WebAssembly module, with a table of its variables beside it.
+
+    The module imports nothing, and exports its memory, `malloc`, `free`, `_initialize` (to be called first), the
+    fmi2* functions, `unit_instantiate()`, which calls fmi2Instantiate, and `unit_message()`, the last message of the
+    unit. scripts/examples/step_unit.mjs is an example. The table, in JSON, has the path's name with .json: for every
+    variable name, kind, unit, description, shape and first value reference (the others follow, in row-major order).
+
+    Args:
+        scenario: gives the number of features and the start values.
+        path: the module to write.
+        progress: told what is being compiled.
+
+    Returns:
+        The module's path.
+
+    Raises:
+        InputError: a path cannot be written.
+        ComputationError: ziglang is not installed, or fails.
+    """
+    path = Path(path)
+    _, sources = describe_unit(scenario, 2, main="wasm.c")
+    with replacing(path) as module, replacing(path.with_suffix(".json")) as table:
+        job = Job(sources, "wasm.c", f"{MODEL_NAME}.wasm", WASM, tuple(find_cross_compiler()))
+        module.write_bytes(compile_all([job], progress)[WASM])
+        table.write_text(_variables(scenario), encoding="utf-8")
+    return path
+
+
+def _variables(scenario: Scenario) -> str:
+    variables, reference = [], 0
+    for variable in tumbling_target(len(scenario.features.points)).variables:
+        variables.append(
+            {
+                "name": variable.name,
+                "kind": variable.kind.value,
+                "unit": variable.unit,
+                "description": variable.description,
+                "shape": list(variable.shape),
+                "reference": reference,
+            }
+        )
+        reference += variable.size
+    experiment = {"stopTime": scenario.duration, "stepSize": scenario.run.sample_time}
+    return json.dumps({"model": MODEL_NAME, "experiment": experiment, "variables": variables}, indent=1)

@@ -1,0 +1,126 @@
+"""Opening an FMU file: unpacked with its paths checked, and recognised as one of ours by its variables."""
+
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import fmpy
+
+from baryscope.fmu.layout.platforms import FmiVersion
+from baryscope.fmu.layout.references import Reference, reference_table
+from baryscope.models.errors import InputError
+from baryscope.models.variables import Kind, Variable, variable_table
+
+MODEL_NAME = "TumblingTarget"
+
+
+@dataclass(frozen=True)
+class UnitFile:
+    """An unpacked unit.
+
+    Attributes:
+        path: the FMU it came from.
+        folder: where it was unpacked; whoever opened it removes it.
+        fmi: the version of FMI it is for.
+        guid: ties description and library together.
+        model_identifier: stem of the library's name.
+        variables: the table of variables for its number of features.
+        table: what its value references stand for.
+    """
+
+    path: Path
+    folder: Path
+    fmi: FmiVersion
+    guid: str
+    model_identifier: str
+    variables: tuple[Variable, ...]
+    table: Sequence[Reference]
+
+    def of_kind(self, kind: Kind) -> list[Variable]:
+        """The variables of one kind, in order."""
+        return [variable for variable in self.variables if variable.kind == kind]
+
+    def find(self, name: str, kind: Kind) -> Variable:
+        """The variable of a name.
+
+        Raises:
+            InputError: there is none of that kind.
+        """
+        for variable in self.variables:
+            if variable.name == name and variable.kind == kind:
+                return variable
+        names = ", ".join(variable.name for variable in self.of_kind(kind))
+        raise InputError(f"{name}: not a {kind} of the unit, expected one of {names}")
+
+    def references(self, variable: Variable) -> list[int]:
+        """The value references of a variable: one of each scalar, or in FMI 3 with arrays one of the whole."""
+        return [place for place, reference in enumerate(self.table) if reference.variable is variable]
+
+
+def open_unit(path: Path) -> UnitFile:
+    """Unpack an FMU to a temporary folder.
+
+    Raises:
+        InputError: it cannot be read, is damaged or unsafe, or is not a TumblingTarget of this version's table.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
+    try:
+        unpack(path, folder, "an FMU made by `baryscope build`")
+        return _describe(path, folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def unpack(path: Path, folder: Path, expected: str) -> None:
+    """Unpack an archive that should be `expected`, which an error then names; no member may lead out of `folder`.
+
+    Raises:
+        InputError: it cannot be read, is damaged, or holds an unsafe path.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for name in archive.namelist():
+                parts = PurePosixPath(name).parts
+                if name.startswith("/") or "\\" in name or ":" in name or ".." in parts:
+                    raise InputError(f"{path}: holds the unsafe path {name!r}, expected {expected}")
+            archive.extractall(folder)
+    except zipfile.BadZipFile as error:
+        raise InputError(f"{path}: is not a whole zip file ({error}), expected {expected}") from error
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}, expected {expected}") from error
+
+
+def _describe(path: Path, folder: Path) -> UnitFile:
+    try:
+        description = fmpy.read_model_description(str(folder), validate=False)
+    except Exception as error:  # fmpy raises bare Exceptions
+        raise InputError(f"{path}: modelDescription.xml cannot be read ({error})") from error
+    kind = f"{description.modelName} of FMI {description.fmiVersion}"
+    fmi = _VERSIONS.get(description.fmiVersion)
+    if description.modelName != MODEL_NAME or fmi is None or description.coSimulation is None:
+        raise InputError(f"{path}: is {kind}, expected {MODEL_NAME} of FMI 2.0 or 3.0 for Co-Simulation")
+    variables, table = _tables(path, fmi, [(v.name, v.shape or ()) for v in description.modelVariables])
+    identifier = description.coSimulation.modelIdentifier
+    return UnitFile(path, folder, fmi, description.guid, identifier, variables, table)
+
+
+_VERSIONS: dict[str, FmiVersion] = {"2.0": 2, "3.0": 3}
+
+
+def _tables(
+    path: Path, fmi: FmiVersion, described: Sequence[tuple[str, tuple[int, ...]]]
+) -> tuple[tuple[Variable, ...], list[Reference]]:
+    """The tables that belong to the variables of a modelDescription.xml, given by names and shapes."""
+    features = [shape for name, shape in described if name.startswith("features")]
+    count = features[0][0] if features and features[0] else len(features) // 3
+    variables = variable_table(count)
+    for scalar in (False, True):
+        table = reference_table(variables, fmi, scalar)
+        expected = [(r.name, r.shape) for r in table] + ([("time", ())] if fmi == 3 else [])
+        if described == expected:
+            return variables, table
+    raise InputError(f"{path}: its variables are not those of this version of baryscope; build it anew")

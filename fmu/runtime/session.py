@@ -1,0 +1,302 @@
+"""Stepping the unit from Python, of either version of FMI, with buffers allocated once."""
+
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from weakref import WeakSet
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.fmu.layout.archive import UnitFile, open_unit
+from baryscope.fmu.runtime.slave import Buffer, Slave, UnitError
+from baryscope.fmu.runtime.state import SavedState, read_times
+from baryscope.models.errors import InputError
+from baryscope.models.variables import Kind, Variable
+
+__all__ = ["Session", "UnitError"]
+
+FloatArray = NDArray[np.float64]
+
+
+class Session:
+    """One instance of the unit, to be stepped and read; use it in a `with` block.
+
+        with Session("target.fmu", {"target.angularRate0": [0.0, 0.06, 0.01]}) as session:
+            session.step(0.1, torque=[0.0, 0.0, 5.0])
+            print(session.time, session.features)
+
+    Inputs stay as they are until they are given again. Outputs are read once a step; what properties and
+    `session[name]` return are copies, which later steps leave alone.
+
+    Attributes:
+        time: the time reached, s.
+        outputs: all outputs, flat, in the order of the table of variables; read-only, overwritten by each step.
+    """
+
+    def __init__(
+        self,
+        fmu: str | Path,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        *,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        tolerance: float | None = None,
+    ):
+        """Load the unit and initialise it.
+
+        Args:
+            fmu: an FMU made by `baryscope build` or `build_fmu`, of FMI 2 or 3.
+            parameters: values by name, arrays in the shapes of the table of variables; others keep their starts.
+            start_time: time at the start, s.
+            stop_time: time past which the unit refuses to step, s.
+            tolerance: tightens the parameter solver.tolerance, never loosens it.
+
+        Raises:
+            InputError: the file is no unit of ours for this machine, or a parameter's name or shape is unknown.
+            UnitError: the unit refuses a parameter; the message says why.
+        """
+        self._unit = open_unit(Path(fmu))
+        self._slave: Slave | None = None
+        self._states: WeakSet[SavedState] = WeakSet()
+        try:
+            self._slave = Slave(self._unit)
+            self._inputs = _Block(self._unit.of_kind(Kind.INPUT), self._unit)
+            self._outputs = _Block(self._unit.of_kind(Kind.OUTPUT), self._unit)
+            self.outputs = self._outputs.values.view()
+            self.outputs.flags.writeable = False
+            self.reset(parameters, start_time=start_time, stop_time=stop_time, tolerance=tolerance)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def slave(self) -> Slave:
+        """The instance of the unit.
+
+        Raises:
+            InputError: the session was closed.
+        """
+        if self._slave is None:
+            raise InputError("the session was closed")
+        return self._slave
+
+    def reset(
+        self,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        *,
+        start_time: float = 0.0,
+        stop_time: float | None = None,
+        tolerance: float | None = None,
+    ) -> None:
+        """Start anew with these parameters, all others at their starts and the inputs at zero.
+
+        Raises:
+            InputError, UnitError: as for the constructor.
+        """
+        slave = self.slave
+        slave.reset()
+        for name, value in (parameters or {}).items():
+            self._set_parameter(self._unit.find(name, Kind.PARAMETER), value)
+        slave.initialise(start_time, stop_time, tolerance)
+        self._inputs.values[:] = 0.0
+        self.time, self._time_rest = start_time, 0.0
+        slave.get(self._outputs)
+
+    def tune(self, parameters: Mapping[str, ArrayLike]) -> None:
+        """Change tunable parameters in mid-run, one after the other, and read the outputs anew.
+
+        Raises:
+            InputError: a name or a shape is unknown, or the parameter is fixed.
+            UnitError: the unit refuses a value, and keeps the former.
+        """
+        changes = [(self._unit.find(name, Kind.PARAMETER), value) for name, value in parameters.items()]
+        for variable, _ in changes:
+            if not variable.tunable:
+                names = ", ".join(v.name for v in self._unit.variables if v.tunable)
+                raise InputError(f"{variable.name}: is fixed after the start, expected one of {names}")
+        try:
+            for variable, value in changes:
+                self._set_parameter(variable, value)
+        finally:
+            self.slave.get(self._outputs)
+
+    def _set_parameter(self, variable: Variable, value: ArrayLike) -> None:
+        array = _shaped(variable, value)
+        references = self._unit.references(variable)
+        if variable.boolean:
+            self.slave.set_boolean(references[0], bool(array.item() != 0))
+        else:
+            buffer = Buffer(references, variable.size, self._unit.fmi)
+            buffer.values[:] = array.ravel()
+            self.slave.set(buffer)
+
+    def set_inputs(self, *, acceleration: ArrayLike | None = None, torque: ArrayLike | None = None) -> None:
+        """Set inputs for the steps to come.
+
+        Args:
+            acceleration: commanded acceleration of the chaser, (3,), m/s², LVLH.
+            torque: torque on the target, (3,), N m, body axes.
+        """
+        block, slave = self._inputs, self.slave
+        try:
+            if acceleration is not None:
+                block[_ACCELERATION] = acceleration
+            if torque is not None:
+                block[_TORQUE] = torque
+            slave.set(block)
+        except (InputError, UnitError):
+            slave.get(block)
+            raise
+
+    def step(self, duration: float, *, acceleration: ArrayLike | None = None, torque: ArrayLike | None = None) -> None:
+        """Advance by `duration` seconds with the inputs held, then read all outputs.
+
+        Raises:
+            UnitError: the duration is not above zero, an input is not finite, or the integration fails; the
+                session is as it was before the call.
+        """
+        if acceleration is not None or torque is not None:
+            self.set_inputs(acceleration=acceleration, torque=torque)
+        slave = self.slave
+        slave.step(self.time, duration)
+        self._advance_time(duration)
+        slave.get(self._outputs)
+
+    def _advance_time(self, duration: float) -> None:
+        """Add to the time without losing its low digits (Kahan's sum): 60,000 tenths are 6,000 s."""
+        increment = duration + self._time_rest
+        time = self.time + increment
+        self._time_rest = increment - (time - self.time)
+        self.time = time
+
+    def step_to(self, time: float) -> None:
+        """Advance to `time`, s; unlike many calls of `step` this adds up no rounding of the time."""
+        self.step(time - self.time)
+        self.time, self._time_rest = time, 0.0
+
+    def state(self) -> SavedState:
+        """Everything that the further run depends on: restored, it continues bitwise as it did."""
+        state = SavedState(self.slave, self.time, self._time_rest)
+        self._states.add(state)
+        return state
+
+    def restore(self, state: SavedState | bytes) -> None:
+        """Put back a state, time, inputs and parameters included.
+
+        Args:
+            state: from `state`, of this session or another of the same unit, or its bytes.
+
+        Raises:
+            InputError: the state was closed, or the bytes are none of a saved state.
+            UnitError: the state is of another unit; the session is as it was before.
+        """
+        slave = self.slave
+        if isinstance(state, SavedState):
+            slave.restore(state.pointer)
+            self.time, self._time_rest = state.time, state.time_rest
+        else:
+            time, rest, content = read_times(state)
+            pointer = slave.deserialise(content)
+            try:
+                slave.restore(pointer)
+            finally:
+                slave.forget(pointer)
+            self.time, self._time_rest = time, rest
+        slave.get(self._inputs)
+        slave.get(self._outputs)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """A copy of an output by its name in the table of variables, in its shape."""
+        return self._outputs[self._unit.find(name, Kind.OUTPUT).name].copy()
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """The unit's table of variables."""
+        return self._unit.variables
+
+    @property
+    def features(self) -> FloatArray:
+        """Positions of the features, (n, 3), m, frame C."""
+        return self["features"]
+
+    @property
+    def normals(self) -> FloatArray:
+        """Outward normals at the features, (n, 3), frame C."""
+        return self["normals"]
+
+    @property
+    def position(self) -> FloatArray:
+        """The target's CoM, (3,), m, frame C."""
+        return self["target.position"]
+
+    @property
+    def attitude(self) -> FloatArray:
+        """Attitude of the target, quaternion (w, x, y, z), body to inertial."""
+        return self["target.attitude"]
+
+    @property
+    def chaser_position(self) -> FloatArray:
+        """The chaser from the target's CoM, (3,), m, LVLH."""
+        return self["chaser.position"]
+
+    @property
+    def chaser_velocity(self) -> FloatArray:
+        """The chaser's velocity in LVLH, (3,), m/s."""
+        return self["chaser.velocity"]
+
+    def close(self) -> None:
+        """Free the instance and the unpacked files; closing twice is fine."""
+        for state in list(self._states):
+            state.close()
+        slave, self._slave = self._slave, None
+        if slave is not None:
+            slave.close()
+        shutil.rmtree(self._unit.folder, ignore_errors=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+_ACCELERATION, _TORQUE = "chaser.acceleration", "target.torque"
+
+
+class _Block(Buffer):
+    """The variables of one kind in one buffer, with a view of each by its name."""
+
+    def __init__(self, variables: Sequence[Variable], unit: UnitFile):
+        references = [reference for variable in variables for reference in unit.references(variable)]
+        super().__init__(references, sum(variable.size for variable in variables), unit.fmi)
+        self._views: dict[str, FloatArray] = {}
+        start = 0
+        for variable in variables:
+            part = self.values[start : start + variable.size]
+            self._views[variable.name] = part.reshape(variable.shape)
+            start += variable.size
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self._views[name]
+
+    def __setitem__(self, name: str, value: ArrayLike) -> None:
+        view = self._views[name]
+        array = np.asarray(value, dtype=float)
+        if array.shape != view.shape:
+            raise InputError(f"{name}: found shape {array.shape}, expected {view.shape}")
+        view[...] = array
+
+
+def _shaped(variable: Variable, value: ArrayLike) -> FloatArray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{variable.name}: found {value!r}, expected numbers") from error
+    if array.shape != variable.shape:
+        raise InputError(f"{variable.name}: found shape {array.shape}, expected {variable.shape}")
+    return array

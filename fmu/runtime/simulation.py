@@ -1,0 +1,83 @@
+"""Whole runs of the unit from Python: all outputs at given times."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.fmu.runtime.session import Session
+from baryscope.models.errors import InputError
+from baryscope.models.variables import Kind, Variable
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """All outputs of a run at the communication points.
+
+    Attributes:
+        time: (n,), s.
+        values: (n, size), the flat outputs; `recording[name]` gives one of them as (n, *shape).
+    """
+
+    time: FloatArray
+    values: FloatArray
+    variables: tuple[Variable, ...]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """A view of one output, (n, *shape)."""
+        start = 0
+        for variable in self.variables:
+            if variable.name == name:
+                return self.values[:, start : start + variable.size].reshape(-1, *variable.shape)
+            start += variable.size
+        raise InputError(f"{name}: not an output, expected one of {', '.join(v.name for v in self.variables)}")
+
+
+def simulate(
+    fmu: str | Path,
+    times: ArrayLike,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    *,
+    acceleration: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    control: Callable[[Session], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recording:
+    """Run the unit over `times` and record every output at each of them.
+
+    Args:
+        fmu: an FMU made by `baryscope build` or `build_fmu`, of FMI 2 or 3.
+        times: (n,) increasing communication points, s; the first is the start.
+        parameters: values by name; others keep their starts.
+        acceleration: constant commanded acceleration of the chaser, (3,), m/s², LVLH.
+        torque: constant torque on the target, (3,), N m, body axes.
+        control: called before each step with the session, to read outputs and `set_inputs`.
+        progress: called now and then with the share of the run that is done, 0 to 1.
+
+    Raises:
+        InputError: the times are not increasing, or as for `Session`.
+        UnitError: the unit refuses a value or a step.
+    """
+    points = np.asarray(times, dtype=float)
+    if points.ndim != 1 or points.size < 1 or not np.all(np.isfinite(points)) or np.any(np.diff(points) <= 0):
+        raise InputError("times: expected a one-dimensional, finite, strictly increasing array of seconds")
+    with Session(fmu, parameters, start_time=float(points[0])) as session:
+        if acceleration is not None or torque is not None:
+            session.set_inputs(acceleration=acceleration, torque=torque)
+        values = np.empty((points.size, session.outputs.size))
+        values[0] = session.outputs
+        report_every = max(1, points.size // 100)
+        for index, time in enumerate(points.tolist()[1:], start=1):
+            if control is not None:
+                control(session)
+            session.step_to(time)
+            values[index] = session.outputs
+            if progress is not None and index % report_every == 0:
+                progress(index / (points.size - 1))
+        if progress is not None:
+            progress(1.0)
+        return Recording(points, values, tuple(v for v in session.variables if v.kind == Kind.OUTPUT))

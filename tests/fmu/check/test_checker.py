@@ -1,0 +1,115 @@
+"""The checker against units that are wrong in one place each, and whether fmpy's validation alone sees it, too."""
+
+import re
+import zipfile
+
+import pytest
+from fmpy.validation import validate_fmu
+
+from baryscope.fmu import build_fmu
+from baryscope.fmu.check.checker import check_unit
+from baryscope.fmu.check.finding import Severity
+from baryscope.fmu.check.units import exponents_of_name
+from baryscope.models.errors import InputError
+from baryscope.models.variables import UNITS
+from baryscope.scripts.cli.app import main
+from mutations import MUTATIONS_2, MUTATIONS_3, flag, mutated, rewritten, wrong_unit_of_a_state
+
+
+def errors_of(path, *, isolated=False):
+    return [str(finding) for finding in check_unit(path, isolated=isolated) if finding.severity == Severity.ERROR]
+
+
+@pytest.mark.parametrize("mutate, words, fmpy_alone", MUTATIONS_2)
+def test_a_mutation_is_caught(envisat_fmu, tmp_path, mutate, words, fmpy_alone):
+    unit = mutated(envisat_fmu, tmp_path / "mutant.fmu", mutate)
+    found = errors_of(unit)
+    assert any(re.search(words, line) for line in found), found
+    # The checker passes on what fmpy's validation says about the file, and says nothing else of it as a whole.
+    assert any(line.startswith("error: modelDescription.xml: ") for line in found) == fmpy_alone
+
+
+@pytest.mark.parametrize("mutate, words, fmpy_alone", MUTATIONS_3)
+def test_a_mutation_of_fmi_3_is_caught(envisat_fmu3, tmp_path, mutate, words, fmpy_alone):
+    unit = mutated(envisat_fmu3, tmp_path / "mutant.fmu", mutate)
+    found = errors_of(unit)
+    assert any(re.search(words, line) for line in found), found
+    assert any(line.startswith("error: modelDescription.xml: ") for line in found) == fmpy_alone
+
+
+def test_what_cannot_be_checked_is_said(envisat_fmu3, tmp_path):
+    unit = mutated(envisat_fmu3, tmp_path / "mutant.fmu", flag("CoSimulation", "hasEventMode", "true"))
+    assert [str(f) for f in check_unit(unit)] == [
+        "warning: CoSimulation/hasEventMode: is declared, and cannot be checked here"
+    ]
+
+
+# ---- files, presets, command line ----
+
+
+def test_a_missing_binary_is_named(envisat_fmu, tmp_path):
+    unit = rewritten(envisat_fmu, tmp_path / "m.fmu", lambda name, c: None if name.startswith("binaries/") else c)
+    assert any("expected binaries/" in line for line in errors_of(unit))
+    assert validate_fmu(str(unit)) == []
+
+
+def test_a_binary_that_is_none_is_named(envisat_fmu, tmp_path):
+    unit = rewritten(envisat_fmu, tmp_path / "m.fmu", lambda name, c: c[:1000] if name.startswith("binaries/") else c)
+    assert any("the process that ran the binary ended" in line for line in errors_of(unit, isolated=True))
+    unit = rewritten(envisat_fmu, tmp_path / "t.fmu", lambda name, c: b"text" if name.startswith("binaries/") else c)
+    assert any("loading failed" in line for line in errors_of(unit))
+
+
+def test_units_in_order_have_no_findings(any_fmu):
+    assert check_unit(any_fmu) == []
+
+
+def test_the_presets_have_no_findings(preset, tmp_path):
+    assert check_unit(build_fmu(preset, tmp_path / "unit.fmu"), isolated=False) == []
+
+
+def test_files_that_are_no_units_are_refused(tmp_path):
+    (tmp_path / "text.fmu").write_text("no zip")
+    with zipfile.ZipFile(tmp_path / "empty.fmu", "w") as archive:
+        archive.writestr("readme.txt", "")
+    with zipfile.ZipFile(tmp_path / "bad.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", "<fmiModelDescription")
+    with zipfile.ZipFile(tmp_path / "slip.fmu", "w") as archive:
+        archive.writestr("../modelDescription.xml", "")
+    with zipfile.ZipFile(tmp_path / "old.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", '<fmiModelDescription fmiVersion="1.0"/>')
+    for name, words in (
+        ("text", "not a whole zip"),
+        ("empty", "no modelDescription.xml"),
+        ("bad", "is no XML"),
+        ("slip", "unsafe path"),
+        ("old", "version 1.0, expected 2.0 or 3.0"),
+        ("none", "No such file"),
+    ):
+        with pytest.raises(InputError, match=words):
+            check_unit(tmp_path / f"{name}.fmu")
+
+
+def test_the_command_line(envisat_fmu, tmp_path, capsys):
+    assert main(["check", str(envisat_fmu)]) == 0
+    assert capsys.readouterr().out == "no findings\n"
+    unit = mutated(envisat_fmu, tmp_path / "m.fmu", wrong_unit_of_a_state)
+    assert main(["check", str(unit)]) == 1
+    streams = capsys.readouterr()
+    assert streams.out.startswith("error: der(state.trueAnomaly): ")
+    assert "errors found" in streams.err
+    assert main(["check", str(tmp_path / "none.fmu")]) == 2
+
+
+@pytest.mark.parametrize("name, exponents", UNITS.items())
+def test_the_names_of_our_units_say_what_they_are(name, exponents):
+    assert exponents_of_name(name) == exponents
+
+
+@pytest.mark.parametrize(
+    "name, exponents",
+    [("W/(m2.K)", {"kg": 1, "s": -3, "K": -1}), ("V.A.s", {"kg": 1, "m": 2, "s": -2}), ("s-1", {"s": -1}),
+     ("m/s/s", None), ("N/m.s", None), ("km", None), ("degC", None)],
+)  # fmt: skip
+def test_names_of_other_units(name, exponents):
+    assert exponents_of_name(name) == exponents

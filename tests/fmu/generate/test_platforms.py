@@ -1,0 +1,358 @@
+"""All platforms from one machine: the right files, equal bytes, and libraries that run where they are meant to."""
+
+import os
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from baryscope.fmu import Session, build_fmu
+from baryscope.fmu.generate import compiler
+from baryscope.fmu.generate.compiler import FLAGS, Job, compile_all, find_cross_compiler
+from baryscope.fmu.layout.platforms import (
+    AARCH64_DARWIN,
+    AARCH64_LINUX,
+    PLATFORMS,
+    X86_64_DARWIN,
+    X86_64_LINUX,
+    X86_64_WINDOWS,
+    binary_members,
+    host_platform,
+    library_of_this_machine,
+)
+from baryscope.models.errors import ComputationError
+from baryscope.scripts.cli.build import build
+
+STEPS, STEP = 600, 0.1  # s
+AGREEMENT = 1e-9  # relative: each platform has its own sine and cosine
+WINE = Path("/usr/lib/wine/wine64")  # where Debian has it, out of the PATH
+ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("cache")
+        patch.setenv("BARYSCOPE_CACHE", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def everywhere(envisat, cache, tmp_path_factory):
+    """The unit for all platforms, and what was told of the progress."""
+    told = []
+    path = tmp_path_factory.mktemp("everywhere") / "unit.fmu"
+    build_fmu(envisat, path, platforms="all", progress=lambda left, share: told.append((left, share)))
+    return path, told
+
+
+@pytest.fixture(scope="module")
+def unpacked(everywhere, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("unpacked")
+    fmpy.extract(str(everywhere[0]), str(folder))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def expected(envisat_fmu):
+    """The outputs of the library that this machine's own compiler made."""
+    with Session(envisat_fmu) as session:
+        for _ in range(STEPS):
+            session.step(STEP)
+        return session.outputs.copy()
+
+
+def drive(unpacked, platform, folder, command, **options):
+    """Compile the driver for a platform, run it on the platform's library and return the outputs it prints."""
+    program = folder / ("driver.exe" if platform.suffix == ".dll" else "driver")
+    headers = Path(fmpy.__file__).parent / "c-code"
+    source = Path(__file__).with_name("unit_driver.c")
+    libraries = [] if platform.suffix == ".dll" else ["-ldl"]
+    # With the library's flags, for which zig has made its C library already.
+    zig = [*find_cross_compiler(), "-target", platform.target, "-s", *FLAGS, f"-I{headers}"]
+    subprocess.run([*zig, str(source), "-o", str(program), *libraries], check=True)
+    library = unpacked / "binaries" / platform.fmi2_folder / f"TumblingTarget{platform.suffix}"
+    description = fmpy.read_model_description(str(unpacked))
+    references = [v.valueReference for v in description.modelVariables if v.causality == "output"]
+    assert references == list(range(references[0], references[-1] + 1))
+    numbers = [str(value) for value in (STEPS, STEP, references[0], len(references))]
+    result = subprocess.run(
+        [*command, str(program), str(library), description.guid, *numbers],
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+    assert result.returncode == 0, result.stderr
+    return np.array(result.stdout.split(), dtype=float)
+
+
+def test_the_windows_library_runs_under_wine(unpacked, expected, tmp_path):
+    wine = str(WINE) if WINE.exists() else shutil.which("wine64") or shutil.which("wine")
+    if wine is None:
+        pytest.skip("needs the package wine64")
+    prefix = tempfile.mkdtemp(prefix="wine-")  # short: the server's socket path depends on it
+    environment = os.environ | {"WINEPREFIX": prefix, "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree=;mshtml="}
+    environment.pop("DISPLAY", None)
+    server = WINE.with_name("wineserver64")
+    if server.exists():
+        environment["WINESERVER"] = str(server)
+    try:
+        found = drive(unpacked, X86_64_WINDOWS, tmp_path, [wine], env=environment)
+    finally:
+        if server.exists():  # ends the server of this prefix alone
+            subprocess.run([str(server), "-k"], env=environment, check=False)
+        shutil.rmtree(prefix, ignore_errors=True)
+    np.testing.assert_allclose(found, expected, rtol=AGREEMENT, atol=AGREEMENT)
+
+
+def test_the_aarch64_library_runs_under_qemu(unpacked, expected, tmp_path):
+    qemu = shutil.which("qemu-aarch64-static") or shutil.which("qemu-aarch64")
+    if qemu is None:
+        pytest.skip("needs the package qemu-user-static")
+    if not (ARM_LIBRARIES / "lib" / "ld-linux-aarch64.so.1").exists():
+        pytest.skip("needs the package libc6-arm64-cross")
+    found = drive(unpacked, AARCH64_LINUX, tmp_path, [qemu, "-L", str(ARM_LIBRARIES)])
+    np.testing.assert_allclose(found, expected, rtol=AGREEMENT, atol=AGREEMENT)
+
+
+def test_fmpy_accepts_it_and_the_library_for_this_machine_runs(everywhere, unpacked, expected):
+    assert validate_fmu(str(everywhere[0])) == []
+    library = library_of_this_machine(unpacked, "TumblingTarget", 2)
+    assert library == unpacked / "binaries" / host_platform().fmi2_folder / f"TumblingTarget{host_platform().suffix}"
+    with Session(everywhere[0]) as session:
+        for _ in range(STEPS):
+            session.step(STEP)
+        np.testing.assert_allclose(session.outputs, expected, rtol=AGREEMENT, atol=AGREEMENT)
+
+
+def test_in_fmi_3_every_library_is_in_the_folder_of_its_tuple(envisat, cache, tmp_path):
+    unit = build_fmu(envisat, tmp_path / "unit.fmu", fmi=3, platforms="all")
+    assert validate_fmu(str(unit)) == []
+    with zipfile.ZipFile(unit) as archive:
+        binaries = {name: archive.read(name) for name in archive.namelist() if name.startswith("binaries/")}
+    assert len(binaries) == len(PLATFORMS)
+    for platform in PLATFORMS:
+        content = binaries[f"binaries/{platform.name}/TumblingTarget{platform.suffix}"]
+        assert machine(content) == tuple(reversed(platform.name.split("-")))
+    result = fmpy.simulate_fmu(str(unit), stop_time=10.0, output_interval=10.0, output=["target.position"])
+    native = build_fmu(envisat, tmp_path / "native.fmu", fmi=3)
+    expected = fmpy.simulate_fmu(str(native), stop_time=10.0, output_interval=10.0, output=["target.position"])
+    np.testing.assert_allclose(result["target.position"], expected["target.position"], rtol=AGREEMENT)
+
+
+def machine(content):
+    """System and processor from a library's header (elf.h, winnt.h, mach-o/loader.h)."""
+    if content[:4] == b"\x7fELF":
+        return "linux", {62: "x86_64", 183: "aarch64"}[struct.unpack_from("<H", content, 18)[0]]
+    if content[:2] == b"MZ":
+        begin = struct.unpack_from("<I", content, 60)[0]
+        assert content[begin : begin + 4] == b"PE\0\0"
+        return "windows", {0x8664: "x86_64"}[struct.unpack_from("<H", content, begin + 4)[0]]
+    magic, processor, _, kind = struct.unpack_from("<IIII", content)
+    assert (magic, kind) == (0xFEEDFACF, 6)  # 64 bits, a dynamic library
+    return "darwin", {0x01000007: "x86_64", 0x0100000C: "aarch64"}[processor]
+
+
+def test_every_library_is_in_its_folder(unpacked):
+    found = {path.parent.name: path for path in (unpacked / "binaries").rglob("TumblingTarget.*")}
+    assert set(found) == {"linux64", "aarch64-linux", "win64", "darwin64", "aarch64-darwin"}
+    for platform in set(PLATFORMS) - {X86_64_DARWIN}:
+        path = found[platform.fmi2_folder]
+        assert path.suffix == platform.suffix
+        assert machine(path.read_bytes()) == tuple(reversed(platform.name.split("-")))
+
+
+def test_macs_of_both_kinds_find_theirs_in_darwin64(unpacked):
+    content = (unpacked / "binaries" / "darwin64" / "TumblingTarget.dylib").read_bytes()
+    assert struct.unpack_from(">II", content) == (0xCAFEBABE, 2)
+    slices = {}
+    for place in (8, 28):
+        processor, _, begin, size, power = struct.unpack_from(">IIIII", content, place)
+        assert begin % (1 << power) == 0
+        slices[processor] = content[begin : begin + size]
+        assert struct.unpack_from("<I", slices[processor], 4) == (processor,)
+        assert machine(slices[processor])[0] == "darwin"
+    arm = (unpacked / "binaries" / "aarch64-darwin" / "TumblingTarget.dylib").read_bytes()
+    assert slices[0x0100000C] == arm
+    assert set(slices) == {0x01000007, 0x0100000C}
+
+
+def test_linux_libraries_ask_for_no_more_than_glibc_2_17(unpacked):
+    for platform in (X86_64_LINUX, AARCH64_LINUX):
+        content = (unpacked / "binaries" / platform.fmi2_folder / "TumblingTarget.so").read_bytes()
+        versions = {tuple(map(int, found)) for found in re.findall(rb"GLIBC_(\d+)\.(\d+)", content)}
+        assert versions
+        assert max(versions) <= (2, 17)
+
+
+def test_a_build_in_another_folder_is_equal(envisat, everywhere, tmp_path, monkeypatch):
+    folder = tmp_path / "a temporary folder with another and longer name"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "empty"))
+    monkeypatch.chdir(folder)
+    again = build_fmu(envisat, tmp_path / "again.fmu", platforms="all")
+    with zipfile.ZipFile(again) as new, zipfile.ZipFile(everywhere[0]) as old:
+        assert [name for name in new.namelist() if new.read(name) != old.read(name)] == []
+    assert again.read_bytes() == everywhere[0].read_bytes()
+
+
+def test_a_second_build_compiles_nothing(envisat, everywhere, cache, tmp_path, monkeypatch):
+    def compiled(job):
+        raise AssertionError(f"compiled for {job.platform.name}")
+
+    monkeypatch.setattr(compiler, "_compile", compiled)
+    told = []
+    again = build_fmu(envisat, tmp_path / "again.fmu", platforms="all", progress=lambda *news: told.append(news))
+    assert again.read_bytes() == everywhere[0].read_bytes()
+    assert told == []
+
+
+def test_the_command_line_says_what_it_waits_for(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "empty"))
+    monkeypatch.setattr(compiler, "_compile", lambda job: (job.platform.name.encode(), ""))
+    waits = []
+    for _ in range(2):
+        build(scenario="envisat", platforms="all", output=tmp_path / "unit.fmu")
+        shown = capsys.readouterr()
+        assert "unit.fmu: 12 features" in shown.out
+        waits.append([line for line in shown.err.splitlines() if line.startswith("compiling for ")])
+    assert [len(lines) for lines in waits] == [5, 0]  # the second build takes all from the cache
+    assert waits[0][0] == f"compiling for {', '.join(platform.name for platform in PLATFORMS)}"
+    with zipfile.ZipFile(tmp_path / "unit.fmu") as archive:
+        assert archive.read("binaries/win64/TumblingTarget.dll") == b"x86_64-windows"
+
+
+def test_progress_names_what_is_left(everywhere):
+    told = everywhere[1]
+    assert told[0] == (tuple(platform.name for platform in PLATFORMS), 0.0)
+    assert told[-1] == ((), 1.0)
+    assert [len(left) for left, _ in told] == [5, 4, 3, 2, 1, 0]
+
+
+def test_the_mingw_licence_comes_with_its_runtime(unpacked, envisat_fmu):
+    assert "mingw-w64" in (unpacked / "documentation" / "licenses" / "mingw-w64.txt").read_text()
+    with zipfile.ZipFile(envisat_fmu) as archive:
+        assert any("mingw" in name for name in archive.namelist()) == (sys.platform == "win32")
+
+
+def test_without_zig_one_is_told_what_to_do(envisat, tmp_path, monkeypatch):
+    monkeypatch.setattr("baryscope.fmu.generate.compiler.find_spec", lambda name: None)
+    with pytest.raises(ComputationError, match=r"ziglang.*pip install 'baryscope\[cross\]'"):
+        build_fmu(envisat, tmp_path / "unit.fmu", platforms="all")
+    assert list(tmp_path.iterdir()) == []
+
+
+def job(platform=X86_64_LINUX, source=b"int f(void) { return 1; }\n", command=None, **others):
+    compiler_command = tuple(command or find_cross_compiler())
+    return Job({"a.c": source} | others, "a.c", f"a{platform.suffix}", platform, compiler_command)
+
+
+def test_the_key_changes_with_all_that_the_library_is_made_from(monkeypatch):
+    base = job()
+    assert base.key() is not None
+    assert base.key() == job().key()
+    others = [
+        job(AARCH64_LINUX),
+        job(source=b"int f(void) { return 2; }\n"),
+        job(b=b"int f(void) { return 1; }\n"),
+        job(command=["cc"]) if shutil.which("cc") else job(AARCH64_DARWIN),
+    ]
+    monkeypatch.setattr(compiler, "FLAGS", ("-O0",))
+    others.append(job())
+    keys = [other.key() for other in others]
+    monkeypatch.undo()
+    monkeypatch.setattr(compiler, "version", lambda package: "0.0.1")
+    keys.append(job().key())
+    monkeypatch.undo()
+    keys.append(base.key())
+    monkeypatch.setenv("CPATH", "/elsewhere")
+    keys.append(job().key())
+    assert len(set(keys)) == len(keys)
+
+
+def test_what_a_nameless_compiler_makes_is_not_kept():
+    assert job(command=["false"]).key() is None
+    assert job(command=["/no/such/compiler"]).key() is None
+
+
+def test_a_compiler_that_cannot_be_run_is_named():
+    with pytest.raises(ComputationError, match=r"/no/such/compiler.*cannot be run"):
+        compile_all([job(command=["/no/such/compiler"])])
+
+
+def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "file"))
+    first, second = (compile_all([job()])[X86_64_LINUX] for _ in range(2))
+    assert first.startswith(b"\x7fELF")
+    assert second == first
+
+
+def test_an_error_in_the_source_names_platform_and_place(cache):
+    with pytest.raises(ComputationError, match=r"x86_64-windows: a\.c:1:1: error"):
+        compile_all([job(X86_64_WINDOWS, b"nonsense;\n")])
+
+
+def test_warnings_are_heard_every_time(cache):
+    source = b"int f(void) { int unused; return 1; }\n"
+    for _ in range(2):
+        with pytest.warns(UserWarning, match="unused"):
+            compile_all([job(source=source)])
+
+
+@pytest.mark.parametrize("fmi, folders", [(2, {"linux64", "aarch64-linux"}), (3, {"aarch64-linux"})])
+def test_a_unit_for_aarch64_alone_is_found_by_importers_of_fmi_2(fmi, folders):
+    members = binary_members({AARCH64_LINUX: b"arm"}, "Model", fmi)
+    assert members == {f"binaries/{folder}/Model.so": b"arm" for folder in folders}
+
+
+def test_folders_of_fmi_3_are_platform_tuples():
+    libraries = {platform: platform.name.encode() for platform in PLATFORMS}
+    members = binary_members(libraries, "Model", 3)
+    assert {name.split("/")[1]: content.decode() for name, content in members.items()} == {
+        name: name for name in ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-darwin")
+    }
+
+
+@pytest.mark.parametrize(
+    "tuple_, present, expected",
+    [
+        ("aarch64-linux", ["linux64", "aarch64-linux"], "aarch64-linux"),
+        ("aarch64-linux", ["linux64"], "linux64"),
+        ("x86_64-linux", ["linux64", "aarch64-linux"], "linux64"),
+        ("x86_64-linux", ["aarch64-linux"], None),
+        ("aarch64-darwin", ["darwin64"], "darwin64"),
+    ],
+)
+def test_a_machine_finds_its_own_library_first(tuple_, present, expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(fmpy, "platform_tuple", tuple_)
+    monkeypatch.setattr("baryscope.fmu.layout.platforms.libc_ver", lambda: ("glibc", "2.36"))
+    for folder in present:
+        library = tmp_path / "binaries" / folder / f"Model{host_platform().suffix}"
+        library.parent.mkdir(parents=True)
+        library.write_text(folder)
+    found = library_of_this_machine(tmp_path, "Model", 2)
+    assert (found and found.parent.name) == expected
+
+
+def test_a_machine_outside_the_table_builds_for_itself(monkeypatch):
+    monkeypatch.setattr("baryscope.fmu.layout.platforms.libc_ver", lambda: ("", ""))  # musl
+    if fmpy.system == "linux":
+        assert host_platform().target == ""
+    monkeypatch.setattr(fmpy, "platform_tuple", "aarch64-windows")
+    monkeypatch.setattr(fmpy, "platform", "win64")
+    monkeypatch.setattr(fmpy, "system", "windows")
+    host = host_platform()
+    assert (host.folders(2), host.folders(3), host.target) == (("win64",), ("aarch64-windows",), "")
+    assert "-mcpu=baseline" in job(host).arguments

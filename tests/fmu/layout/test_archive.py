@@ -1,0 +1,89 @@
+"""Files that are no unit of ours are refused before anything of them is loaded."""
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from baryscope.fmu import Session
+from baryscope.models.errors import InputError
+
+
+def _repacked(source, target, change):
+    """A copy of an FMU, each member passed through `change(name, content)`; None drops it."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            content = change(name, old.read(name))
+            if content is not None:
+                new.writestr(name, content)
+    return target
+
+
+def _refusal(path):
+    with pytest.raises(InputError) as raised:
+        Session(path)
+    assert "\n" not in str(raised.value)
+    assert str(path) in str(raised.value)
+    return str(raised.value)
+
+
+def test_missing_file(tmp_path):
+    assert "No such file" in _refusal(tmp_path / "none.fmu")
+
+
+def test_not_a_zip(tmp_path):
+    path = tmp_path / "text.fmu"
+    path.write_text("hello")
+    assert "not a whole zip" in _refusal(path)
+
+
+def test_cut_short(envisat_fmu, tmp_path):
+    path = tmp_path / "half.fmu"
+    path.write_bytes(envisat_fmu.read_bytes()[:-5000])
+    assert "not a whole zip" in _refusal(path)
+
+
+@pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a/../../evil", "C:/evil", "a\\evil"])
+def test_paths_that_lead_out(envisat_fmu, tmp_path, name):
+    path = _repacked(envisat_fmu, tmp_path / "unit.fmu", lambda _, content: content)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr(name, "x")
+    assert "unsafe path" in _refusal(path)
+    assert [item.name for item in tmp_path.iterdir()] == ["unit.fmu"]
+
+
+def test_no_description(envisat_fmu, tmp_path):
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: None if n == "modelDescription.xml" else c)
+    assert "modelDescription.xml cannot be read" in _refusal(path)
+
+
+def test_another_model(envisat_fmu, tmp_path):
+    path = _repacked(
+        envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b'modelName="TumblingTarget"', b'modelName="Ball"')
+    )
+    assert "is Ball of FMI 2.0, expected TumblingTarget" in _refusal(path)
+
+
+def test_other_variables(envisat_fmu, tmp_path):
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b"orbit.raan", b"orbit.node"))
+    assert "not those of this version" in _refusal(path)
+
+
+def test_no_library_for_this_machine(envisat_fmu, tmp_path):
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: None if n.startswith("binaries") else c)
+    assert "expected a unit for this machine" in _refusal(path)
+
+
+def test_description_and_library_of_different_builds(envisat_fmu, tmp_path):
+    from baryscope.fmu.runtime.session import UnitError
+
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b'guid="{', b'guid="{0'))
+    with pytest.raises(UnitError, match="different builds"):
+        Session(path)
+
+
+def test_a_library_that_cannot_be_loaded_leaves_us_where_we_were(envisat_fmu, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: b"no library" if n.startswith("binaries") else c)
+    assert "cannot be loaded" in _refusal(path)
+    assert Path.cwd() == tmp_path
