@@ -1,8 +1,8 @@
 """The Cramér–Rao bound of a scenario: how well anything could do, before anything is flown.
 
-The Fisher information is that of `ml`'s normal equations at the truth, with the true noise of each sighting. Attitude,
-rate and inertia are those of axes that the features themselves hold, since no others can be seen; inertia is up to
-scale (trace 1).
+The Fisher information is that of `ml`'s normal equations at the truth, with the true noise of each observation.
+Attitude, rate and inertia are those of axes that the features themselves hold, since no others can be seen; inertia is
+up to scale (trace 1).
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import Cluster, verdict
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Path, trajectory_of
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
@@ -23,19 +23,19 @@ from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
 from baryscope.models.scenario import Scenario
-from baryscope.models.tracking import sighting_covariance, visible
+from baryscope.models.tracking import observation_covariance, visible
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """The bound of every unbiased estimate from a scenario's sightings.
+    """The bound of every unbiased estimate from a scenario's observations.
 
     time (n,) in s; position_covariance (n, 3, 3) of the CoM in C, m²; offset_covariance (3, 3) of the CoM in the axes
     that all features hold, m²; attitude_covariance (n, 3, 3), rad², rate_covariance (3, 3), rad²/s², at the middle of
     the time, and inertia_covariance (5, 5), of trace 1, in the coefficients of INERTIA_BASIS: all in these axes.
-    sightings: how many there are. verdict: whether the CoM is observable, in a sentence.
+    observations: how many there are. verdict: whether the CoM is observable, in a sentence.
     """
 
     time: FloatArray
@@ -44,7 +44,7 @@ class Bound:
     attitude_covariance: FloatArray
     rate_covariance: FloatArray
     inertia_covariance: FloatArray
-    sightings: int
+    observations: int
     verdict: str
 
     @cached_property
@@ -76,7 +76,7 @@ class Bound:
 def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bound:
     """The bound of a scenario, for a path of a kind that is known: relative-orbit unless given, see `PathOptions`.
 
-    A polynomial needs its degree. The bound counts what the sensor is likely to see: of a share of sightings that is
+    A polynomial needs its degree. The bound counts what the sensor is likely to see: of a share of observations that is
     dropped or wrong, the information is lost; features that slide or are swapped are not taken into account.
 
     Raises:
@@ -90,13 +90,13 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
     sampled = path.at(time)
     rotation, motion, origin = _truth(scenario, time)
     points = np.array([point.position for point in scenario.features.points])
-    sightings = _expected(scenario, time, motion.attitude, origin, points)
-    if not sightings.count:
+    observations = _expected(scenario, time, motion.attitude, origin, points)
+    if not observations.count:
         raise ComputationError("no feature is seen at any time of the scenario")
-    found = equations(sightings, motion, sampled, origin, points)
+    found = equations(observations, motion, sampled, origin, points)
     y = found.covariance(sampled, float(np.linalg.norm(origin, axis=1).max()))
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
-    seen = np.nonzero(sightings.weight.any(axis=0))[0]
+    seen = np.nonzero(observations.weight.any(axis=0))[0]
     offset, _ = found.offset_covariance(y, seen)
     attitude, rate, inertia = _in_held_axes(rotation, motion, found, y, seen)
     return Bound(
@@ -106,7 +106,7 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
         attitude,
         rate,
         inertia,
-        sightings.count,
+        observations.count,
         verdict(Cluster(seen, np.arange(len(time)), (), points[seen], offset)),
     )
 
@@ -144,11 +144,11 @@ def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, F
 
 def _expected(
     scenario: Scenario, time: FloatArray, attitude: FloatArray, origin: FloatArray, points: FloatArray
-) -> Sightings:
-    """The features where they are, with the true precision of each sighting that may be expected."""
+) -> Observations:
+    """The features where they are, with the true precision of each observation that may be expected."""
     features_C = origin[:, None] + points @ np.swapaxes(attitude, 1, 2)
     normals = np.array([point.normal for point in scenario.features.points])
-    covariance = sighting_covariance(scenario, features_C, origin)
+    covariance = observation_covariance(scenario, features_C, origin)
     seen = visible(scenario, time, features_C, normals @ np.swapaxes(attitude, 1, 2))
     seen &= np.isfinite(covariance[..., 0, 0])
     kept = (1 - scenario.sensor.dropout) * (1 - scenario.sensor.outliers.share) * (1 - scenario.sensor.outliers.swapped)
@@ -157,9 +157,9 @@ def _expected(
     if scenario.sensor.stereo is None:
         if scenario.sensor.noise == 0:
             raise ComputationError("sensor.noise is 0: without noise there is no bound above zero")
-        return Sightings(position, weight / scenario.sensor.noise**2)
+        return Observations(position, weight / scenario.sensor.noise**2)
     precision = np.linalg.inv(np.where(seen[..., None, None], covariance, np.eye(3)))
-    return Sightings(position, weight, precision)
+    return Observations(position, weight, precision)
 
 
 def _in_held_axes(

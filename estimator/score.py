@@ -12,7 +12,7 @@ import time as clock
 import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
-from baryscope.estimator.adjustment.reweighting import FAINT
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.registration.clusters import PosedBody, find_bodies
@@ -28,7 +28,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """The centre of mass as the fixed centre of rotation, in LVLH where an orbit is given and `fixed` is not asked for.
 
     The covariance is that of the least squares, whose noise is what is left over: of c_k + R_k u − v, per coordinate,
-    which is also the diagnostics' `residual_rms`, and not the noise of a sighting. Where the centre moves it is wrong.
+    which is also the diagnostics' `residual_rms`, and not the noise of an observation. Where the centre moves it is
+    wrong.
 
     Raises:
         InputError: a trajectory other than `fixed`.
@@ -40,8 +41,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     in_orbit = orbit is not None and options.trajectory is None
     R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
     position = tracks.position @ R_C_W
-    believed = screen(position, tracks.seen)
-    posed, _ = find_bodies(position, believed)
+    inliers = screen(position, tracks.seen)
+    posed, _ = find_bodies(position, inliers)
     centre, offsets, covariance, variance = solve_score(posed)
     each = np.ones((len(tracks.time), 1))
     weights = np.zeros(tracks.seen.shape)
@@ -49,7 +50,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     for index, (one, offset) in enumerate(zip(posed, offsets, strict=True)):
         own, body = slice(3 * index, 3 * index + 3), one.body
         block = np.ix_(body.frames, body.features)
-        weights[block] = np.where(tracks.seen[block], np.where(believed[block], 1.0, FAINT), 0.0)
+        weights[block] = np.where(tracks.seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
         clusters.append(
             Cluster(body.features, body.frames, one.intervals, body.points + offset, variance * covariance[own, own])
         )
@@ -76,17 +77,17 @@ def solve_score(posed: tuple[PosedBody, ...]) -> tuple[FloatArray, FloatArray, F
         (d, v), zero where undetermined; and the variance of a coordinate that is left over, m².
     """
     j = len(posed)
-    matrix, side = np.zeros((3 * j + 3, 3 * j + 3)), np.zeros(3 * j + 3)
+    matrix, rhs = np.zeros((3 * j + 3, 3 * j + 3)), np.zeros(3 * j + 3)
     for index, one in enumerate(posed):
         own, R = slice(3 * index, 3 * index + 3), one.body.attitude
         turned = R.sum(axis=0)
         matrix[own, own] = len(R) * np.eye(3)
         matrix[own, -3:], matrix[-3:, own] = turned.T, turned
         matrix[-3:, -3:] += len(R) * np.eye(3)
-        side[own] = np.einsum("kij,ki->j", R, one.translation)
-        side[-3:] += one.translation.sum(axis=0)
+        rhs[own] = np.einsum("kij,ki->j", R, one.translation)
+        rhs[-3:] += one.translation.sum(axis=0)
     inverse = symmetric_pseudo_inverse(matrix)
-    found = inverse @ side
+    found = inverse @ rhs
     centre, offsets = found[-3:], found[:-3].reshape(-1, 3)
     squares = sum(
         float(np.sum((one.translation - centre - one.body.attitude @ offset) ** 2))

@@ -53,7 +53,7 @@ class FeatureTracks:
 
     @classmethod
     def read_csv(cls, path: Path) -> "FeatureTracks":
-        """Read a file of one row per sighting, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
+        """Read a file of one row per observation, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
 
         A row whose position is empty stands for "not seen"; where its feature is empty too, it keeps the
         time of a frame in which nothing is seen.

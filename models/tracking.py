@@ -99,7 +99,9 @@ def _rig_axes(target_C: FloatArray | None) -> FloatArray:
     return axes_along(target_C)
 
 
-def sighting_covariance(scenario: Scenario, features_C: FloatArray, target_C: FloatArray | None = None) -> FloatArray:
+def observation_covariance(
+    scenario: Scenario, features_C: FloatArray, target_C: FloatArray | None = None
+) -> FloatArray:
     """True covariance of each sighting's noise, to first order, at the true point: what a Cramér–Rao bound needs.
 
     Args:

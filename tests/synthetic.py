@@ -81,8 +81,8 @@ def box_features(
     """Points (count, 3) on the surface of a box around `centre`, origin of the body axes at the centre of mass."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(-0.5, 0.5, (count, 3))
-    side = rng.integers(0, 3, count)
-    points[np.arange(count), side] = rng.choice([-0.5, 0.5], count)
+    rhs = rng.integers(0, 3, count)
+    points[np.arange(count), rhs] = rng.choice([-0.5, 0.5], count)
     return points * np.array(size) + np.array(centre)
 
 
@@ -148,6 +148,6 @@ def turned_back(points: FloatArray, reference: FloatArray) -> FloatArray:
 
 
 def roots(weight: FloatArray, precision: FloatArray | None) -> FloatArray:
-    """What whitens residuals (n, m, 3) of sightings: W with Wᵀ W the weighted precision, (n, m, 3, 3)."""
+    """What whitens residuals (n, m, 3) of observations: W with Wᵀ W the weighted precision, (n, m, 3, 3)."""
     of_one = np.eye(3) if precision is None else np.swapaxes(np.linalg.cholesky(precision), -1, -2)
     return np.sqrt(weight)[..., None, None] * of_one

@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 BLIND = 0.25  # deviation over the features' radius, from which on a direction counts as not observable
-REJECTED = 0.5  # weight below which a sighting counts as rejected
-PERSISTENT = 0.5  # share of a feature's sightings rejected, from which on the feature is
+REJECTED = 0.5  # weight below which an observation counts as rejected
+PERSISTENT = 0.5  # share of a feature's observations rejected, from which on the feature is
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,9 +75,9 @@ def assessed(
 ) -> Estimate:
     """The estimate with its diagnostics.
 
-    weights (n, m): 0 where a sighting was not used, else the probability that it is right; variance of a sighting of
-    weight 1, in m² or, with covariances, over the given one; begin: clock.perf_counter() at the start; remarks: what
-    the user should know besides.
+    weights (n, m): 0 where an observation was not used, else the probability that it is right; variance of an
+    observation of weight 1, in m² or, with covariances, over the given one; begin: clock.perf_counter() at the start;
+    remarks: what the user should know besides.
     """
     main = max(clusters, key=lambda cluster: len(cluster.frames))
     values, vectors = np.linalg.eigh(main.covariance)
@@ -108,24 +108,24 @@ def assessed(
     return Estimate(tracks.time, position, covariance, diagnostics)
 
 
-def doubtful(values: int) -> float:
+def three_sigma_factor(values: int) -> float:
     """The factor up to which what noise seems to show may exceed its mean: three deviations of a mean of squares."""
     return float(1 + 3 * np.sqrt(2 / values))
 
 
-def missing_covariance(
-    offset: FloatArray, crossed: FloatArray, seeming: FloatArray, least: float
+def spurious_information_columns(
+    offset: FloatArray, crossed: FloatArray, spurious: FloatArray, least: float
 ) -> tuple[FloatArray, FloatArray]:
-    """What a covariance lacks whose information is partly seeming, as columns to be squared and added.
+    """What a covariance lacks whose information is partly spurious, as columns to be squared and added.
 
-    offset (k, k): covariance of one offset or of several; crossed (k, p): that with other unknowns; seeming (k, k):
+    offset (k, k): covariance of one offset or of several; crossed (k, p): that with other unknowns; spurious (k, k):
     information of the offsets that there is not; least: what remains at least. Returns the columns of the offsets
-    (k, k) and those of the other unknowns (p, k): the joint information less `seeming`, inverted again (Woodbury).
+    (k, k) and those of the other unknowns (p, k): the joint information less `spurious`, inverted again (Woodbury).
     """
     information = np.linalg.pinv(offset, hermitian=True)
     values, axes = np.linalg.eigh(information)
     seen = values > 0
-    true = np.maximum(values - np.einsum("ik,ij,jk->k", axes, seeming, axes), least)
+    true = np.maximum(values - np.einsum("ik,ij,jk->k", axes, spurious, axes), least)
     lacking = np.where(seen, 1 / np.maximum(true, 1e-300) - 1 / np.where(seen, values, 1.0), 0.0)
     columns = axes * np.sqrt(np.maximum(lacking, 0.0))
     return columns, crossed.T @ information @ columns
@@ -169,7 +169,7 @@ def _described(cluster: Cluster, tracks: FeatureTracks) -> dict[str, Any]:
 
 
 def _rejections(tracks: FeatureTracks, weights: FloatArray) -> dict[str, Any]:
-    """The features that were wrong most of the time, and for all features the stretches of rejected sightings."""
+    """The features that were wrong most of the time, and for all features the stretches of rejected observations."""
     used = weights > 0
     wrong = used & (weights < REJECTED)
     counts, totals = wrong.sum(axis=0), np.maximum(used.sum(axis=0), 1)
@@ -182,5 +182,5 @@ def _rejections(tracks: FeatureTracks, weights: FloatArray) -> dict[str, Any]:
     return {
         "rejected_features": [tracks.labels[index] for index in np.nonzero(counts > PERSISTENT * totals)[0]],
         "rejected_share": float(wrong.sum() / max(used.sum(), 1)),
-        "rejected_sightings": stretches,
+        "rejected_observations": stretches,
     }

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 
@@ -22,10 +22,10 @@ CHUNK_SIZE = 200_000  # numbers in a chunk's largest array, about: what the cach
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What n frames of m sightings add to the normal equations of poses (φ, τ), in B, and of points b.
+    """What n frames of m observations add to the normal equations of poses (φ, τ), in B, and of points b.
 
     turn, shift (n, 3, 3): the frames' blocks of φ and of τ; turn_shift (n, 3, 3) couples them. point (m, 3, 3): the
-    features' blocks, summed over the frames. Right-hand sides: turn_side, shift_side (n, 3), point_side (m, 3).
+    features' blocks, summed over the frames. Right-hand sides: turn_rhs, shift_rhs (n, 3), point_rhs (m, 3).
     squares: the weighted squared residuals, (n, m).
     """
 
@@ -33,9 +33,9 @@ class Pieces:
     turn_shift: FloatArray
     shift: FloatArray
     point: FloatArray
-    turn_side: FloatArray
-    shift_side: FloatArray
-    point_side: FloatArray
+    turn_rhs: FloatArray
+    shift_rhs: FloatArray
+    point_rhs: FloatArray
     squares: FloatArray
     _weight: FloatArray
     _arms: FloatArray
@@ -65,37 +65,37 @@ class Pieces:
         return np.asarray(np.einsum("kmij,kmjp->pmi", self._precision, moved, optimize=True).reshape(p, 3 * m))
 
 
-def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
+def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
     """The normal equations' pieces at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, points (m, 3) in B."""
-    w = sightings.weight
+    w = observations.weight
     n, m = w.shape
     arms = cross_matrices(points)  # (m, 3, 3)
-    residual = (sightings.position - origin[:, None]) @ attitude - points
-    if sightings.precision is None:
+    residual = (observations.position - origin[:, None]) @ attitude - points
+    if observations.precision is None:
         weighted = w[:, :, None] * residual
         turn = turn_information(w, arms)
         turn_shift = (w @ arms.reshape(m, 9)).reshape(n, 3, 3)
         shift = w.sum(axis=1)[:, None, None] * np.eye(3)
         point = w.sum(axis=0)[:, None, None] * np.eye(3)
         precision = None
-        turn_side = _cross_sums(points.T @ weighted)
+        turn_rhs = _cross_sums(points.T @ weighted)
     else:
         R = attitude[:, None]
-        precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ sightings.precision @ R)
+        precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ observations.precision @ R)
         weighted = (precision @ residual[..., None])[..., 0]
         levers = arms @ precision
         turn = np.einsum("kmij,mlj->kil", levers, arms, optimize=True)
         turn_shift = levers.sum(axis=1)
         shift, point = precision.sum(axis=1), precision.sum(axis=0)
-        turn_side = np.einsum("mij,kmj->ki", arms, weighted, optimize=True)
+        turn_rhs = np.einsum("mij,kmj->ki", arms, weighted, optimize=True)
     return Pieces(
         turn=turn,
         turn_shift=turn_shift,
         shift=shift,
         point=point,
-        turn_side=turn_side,
-        shift_side=np.einsum("kmi->ki", weighted),
-        point_side=weighted.reshape(n, 3 * m).sum(axis=0).reshape(m, 3),
+        turn_rhs=turn_rhs,
+        shift_rhs=np.einsum("kmi->ki", weighted),
+        point_rhs=weighted.reshape(n, 3 * m).sum(axis=0).reshape(m, 3),
         squares=np.einsum("kmi,kmi->km", weighted, residual),
         _weight=w,
         _arms=arms,
@@ -103,16 +103,16 @@ def pieces(sightings: Sightings, attitude: FloatArray, origin: FloatArray, point
     )
 
 
-def best_turned(sightings: Sightings, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> FloatArray:
+def best_turned(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> FloatArray:
     """The attitudes (n, 3, 3) after one Newton step at given points and origin, arguments as those of `pieces`."""
-    if sightings.precision is None:
-        turn = turn_information(sightings.weight, cross_matrices(points))
-        weighted = sightings.weight[:, :, None] * (sightings.position - origin[:, None])
-        side = _cross_sums((points.T @ weighted) @ attitude)
+    if observations.precision is None:
+        turn = turn_information(observations.weight, cross_matrices(points))
+        weighted = observations.weight[:, :, None] * (observations.position - origin[:, None])
+        rhs = _cross_sums((points.T @ weighted) @ attitude)
     else:
-        found = pieces(sightings, attitude, origin, points)
-        turn, side = found.turn, found.turn_side
-    return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ side[:, :, None])[:, :, 0]))
+        found = pieces(observations, attitude, origin, points)
+        turn, rhs = found.turn, found.turn_rhs
+    return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ rhs[:, :, None])[:, :, 0]))
 
 
 def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:

@@ -11,12 +11,12 @@ IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class Observations:
     """n frames of m features in C.
 
     position (n, m, 3) in m, 0 where not used; weight (n, m) >= 0, 0 where not used; precision (n, m, 3, 3) in 1/m², the
-    inverse covariance of a sighting of weight 1, or None: then weight itself is the precision of each coordinate, in
-    any unit.
+    inverse covariance of an observation of weight 1, or None: then weight itself is the precision of each coordinate,
+    in any unit.
     """
 
     position: FloatArray
@@ -25,27 +25,27 @@ class Sightings:
 
     @property
     def count(self) -> int:
-        """The number of sightings used."""
+        """The number of observations used."""
         return int(np.count_nonzero(self.weight))
 
-    def frames(self, index: slice | IntArray | BoolArray) -> "Sightings":
+    def frames(self, index: slice | IntArray | BoolArray) -> "Observations":
         """Those of some frames, without a copy where these follow each other."""
         index = as_slice(index)
         precision = None if self.precision is None else self.precision[index]
-        return Sightings(self.position[index], self.weight[index], precision)
+        return Observations(self.position[index], self.weight[index], precision)
 
-    def features(self, index: IntArray) -> "Sightings":
+    def features(self, index: IntArray) -> "Observations":
         """Those of some features, without a copy where these follow each other."""
         columns = as_slice(index)
         precision = None if self.precision is None else self.precision[:, columns]
-        return Sightings(self.position[:, columns], self.weight[:, columns], precision)
+        return Observations(self.position[:, columns], self.weight[:, columns], precision)
 
-    def weighted(self, weight: FloatArray) -> "Sightings":
+    def weighted(self, weight: FloatArray) -> "Observations":
         """The same with another weight (n, m)."""
         return replace(self, weight=weight)
 
     def squares(self, residual: FloatArray) -> FloatArray:
-        """Squared length of residuals (n, m, 3) in C in units of a sighting's deviation, for weight 1, (n, m)."""
+        """Squared length of residuals (n, m, 3) in C in units of an observation's deviation, for weight 1, (n, m)."""
         if self.precision is None:
             return np.asarray(np.einsum("kmi,kmi->km", residual, residual))
         return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, self.precision, residual))

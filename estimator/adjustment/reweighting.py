@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-GATE = 20.0  # squared deviations at which right and wrong are equally likely: 1 right sighting in 6,000 lies beyond
+GATE = 20.0  # squared deviations at which right and wrong are equally likely: 1 right observation in 6,000 lies beyond
 MEDIAN = 2.366  # of χ² with three degrees of freedom
-FAINT = 1e-9  # weight of what is not believed, so that its residual is still seen
+NEGLIGIBLE = 1e-9  # weight of an outlier, so that its residual is still seen
 WIDTH = 15.0  # squared deviations around the gate over which a weight falls from 1 to 0, to 3e-4
 
 
-def reweighted(squares: FloatArray, weight: FloatArray, freedom: float, least: float = 0.0) -> FloatArray:
-    """New weights (n, m) from weighted squared residuals and weights (n, m), 0 where there is no sighting.
+def reweighted(squares: FloatArray, weight: FloatArray, dof: float, least: float = 0.0) -> FloatArray:
+    """New weights (n, m) from weighted squared residuals and weights (n, m), 0 where there is no observation.
 
-    A weight is the probability that the sighting is right, at a noise that the median of all shows, since a mean would
-    believe the outliers. freedom: values less unknowns; least: variance below which residuals are rounding.
+    A weight is the probability that the observation is right, at a noise that the median of all shows, since a mean
+    would believe the outliers. dof: values less unknowns; least: variance below which residuals are rounding.
     """
     used = weight > 0
     plain = squares / np.where(used, weight, 1.0)
-    share = freedom / (3 * float(weight.sum()))
+    share = dof / (3 * float(weight.sum()))
     noise = max(float(np.median(plain[used])) / (MEDIAN * share), least)
     found = used.astype(np.float64)
     if noise > 0:

@@ -1,4 +1,4 @@
-"""The noise of sightings: what a given covariance says at the estimated point, and the range's second-order bias.
+"""The noise of observations: what a given covariance says at the estimated point, and the range's second-order bias.
 
 A rig triangulates: its covariance is evaluated at the noisy point, so a point measured too near claims to be better
 than it is, and one measured aside has its long axis turned aside; a weighted fit believes both and comes out too near.
@@ -10,7 +10,7 @@ to the estimated point. For covariances that do not grow with range the change i
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
-def sightings_of(tracks: FeatureTracks, used: BoolArray) -> Sightings:
+def observations_of(tracks: FeatureTracks, used: BoolArray) -> Observations:
     """The tracks as they are, with their covariances if they have some.
 
     Raises:
@@ -27,22 +27,22 @@ def sightings_of(tracks: FeatureTracks, used: BoolArray) -> Sightings:
     """
     position = np.where(used[..., None], tracks.position, 0.0)
     if tracks.covariance is None:
-        return Sightings(position, used.astype(np.float64))
+        return Observations(position, used.astype(np.float64))
     covariance = np.where(used[..., None, None], tracks.covariance, np.eye(3))
     try:
         precision = np.linalg.inv(covariance)
     except np.linalg.LinAlgError as error:
         raise InputError("a covariance of the tracks is singular, expected positive definite ones") from error
-    return Sightings(position, used.astype(np.float64), precision)
+    return Observations(position, used.astype(np.float64), precision)
 
 
-def moved_to(sightings: Sightings, measured: Sightings, estimated: FloatArray) -> Sightings:
+def moved_to(observations: Observations, measured: Observations, estimated: FloatArray) -> Observations:
     """`measured` with precisions and positions as a stereo rig has them at the estimated points (n, m, 3) in C.
 
-    The weights are those of `sightings`.
+    The weights are those of `observations`.
     """
     if measured.precision is None:
-        return sightings
+        return observations
     used = measured.weight > 0
     near, far = np.where(used[..., None], measured.position, 1.0), np.where(used[..., None], estimated, 1.0)
     r, r_new = np.linalg.norm(near, axis=2), np.linalg.norm(far, axis=2)
@@ -56,7 +56,7 @@ def moved_to(sightings: Sightings, measured: Sightings, estimated: FloatArray) -
     covariance_along = np.linalg.solve(precision, a_new[..., None])[..., 0]
     variance = np.einsum("kmi,kmi->km", a_new, covariance_along)
     shrink = np.where(used, 1 - variance / (r * ratio) ** 2, 1.0)
-    return Sightings(measured.position * shrink[..., None], sightings.weight, precision)
+    return Observations(measured.position * shrink[..., None], observations.weight, precision)
 
 
 def _turning(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -158,10 +158,10 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     before = max(int(np.ceil((start.epoch - begin) / h)), 0)
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
     h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
-    constants, pulled = _constants(start), start.orbit is not None
+    constants, gravity_gradient = _constants(start), start.orbit is not None
     back, forth = _march(start, constants, -h, before), _march(start, constants, h, after)
     sizes = np.repeat([-h, h], [before, after])[None]
-    steps = _sensitivity_step(pulled)(np.hstack([back[:, :-1], forth[:, :-1]]), sizes, constants)
+    steps = _sensitivity_step(gravity_gradient)(np.hstack([back[:, :-1], forth[:, :-1]]), sizes, constants)
     states = np.hstack([back[:, :0:-1], forth])
     sensitivity = np.concatenate([_chained(steps[:before])[:0:-1], _chained(steps[before:])])
     R = matrix_from_quaternion(states[:4].T / np.linalg.norm(states[:4], axis=0)[:, None])
@@ -169,7 +169,7 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
         start.epoch + h * np.arange(-before, after + 1, dtype=np.float64),
         states[:4].T,
         states[4:7].T,
-        _rate_columns(pulled)(states, constants)[:, 4:7],
+        _rate_columns(gravity_gradient)(states, constants)[:, 4:7],
         sensitivity[:, :3],
         R @ sensitivity[:, 3:],
     )
@@ -225,60 +225,60 @@ def _anomaly_function() -> ca.Function:
 
 
 @cache
-def _rate_columns(pulled: bool) -> ColumnFunction:
+def _rate_columns(gravity_gradient: bool) -> ColumnFunction:
     """(x, constants) → ẋ."""
-    x, _, c = _symbols(pulled)
-    return ColumnFunction("rates", [x, c], _rates(x, c, pulled))
+    x, _, c = _symbols(gravity_gradient)
+    return ColumnFunction("rates", [x, c], _rates(x, c, gravity_gradient))
 
 
 @cache
-def _advance(pulled: bool) -> ca.Function:
+def _advance(gravity_gradient: bool) -> ca.Function:
     """CHUNK steps of the state, (x, sizes, constants) → states."""
-    x, h, c = _symbols(pulled)
-    after = _step(lambda state: _rates(state, c, pulled), x, h)
+    x, h, c = _symbols(gravity_gradient)
+    after = _step(lambda state: _rates(state, c, gravity_gradient), x, h)
     return ca.Function("advance", [x, h, c], [after], {"cse": True}).mapaccum(CHUNK)
 
 
 @cache
-def _sensitivity_step(pulled: bool) -> ColumnFunction:
+def _sensitivity_step(gravity_gradient: bool) -> ColumnFunction:
     """(x, size, constants) → how turn and rate after a step depend on turn, rate and inertia before it, (6, 11).
 
     A turn is a small rotation vector in C.
     """
-    x, h, c = _symbols(pulled)
-    linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, pulled)])
+    x, h, c = _symbols(gravity_gradient)
+    linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, gravity_gradient)])
     inertia = ca.horzcat(ca.SX(5, 6), ca.SX.eye(5))
 
     def rates(state: ca.SX) -> ca.SX:
         sensitivity = ca.vertcat(ca.reshape(state[8:], 6, 11), inertia)
-        return ca.vertcat(_rates(state[:8], c, pulled), ca.vec(linear(state[:8], c) @ sensitivity))
+        return ca.vertcat(_rates(state[:8], c, gravity_gradient), ca.vec(linear(state[:8], c) @ sensitivity))
 
     after = _step(rates, ca.vertcat(x, ca.vec(ca.SX.eye(11)[:6, :])), h)
     return ColumnFunction("sensitivity", [x, h, c], ca.reshape(after[8:], 6, 11))
 
 
-def _symbols(pulled: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _symbols(gravity_gradient: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
     """State, size of a step, constants."""
-    return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if pulled else 9)
+    return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if gravity_gradient else 9)
 
 
-def _linearised_rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
+def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
     """How the rates of turn and angular rate depend on turn, angular rate and inertia, (6, 11)."""
     q, w = x[:4], x[4:7]
     turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
     turned = ca.vertcat(_product(ca.vertcat(1, turn / 2), q), x[4:])
     inertia = c[:9] + ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change
-    acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), pulled)[4:7]
+    acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), gravity_gradient)[4:7]
     rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
     linear = ca.jacobian(rates, ca.vertcat(turn, w, change))
     return ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
 
 
-def _rates(x: ca.SX, c: ca.SX, pulled: bool) -> ca.SX:
+def _rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
     q, w, anomaly = x[:4], x[4:7], x[7]
     J = ca.reshape(c[:9], 3, 3)
     torque, anomaly_rate = ca.SX(3, 1), ca.SX(0)
-    if pulled:
+    if gravity_gradient:
         elements = Elements.of(c[9:])
         place = conic(elements.ellipse, anomaly)
         R_I_L = rotation_I_L(elements.R_I_P, anomaly)

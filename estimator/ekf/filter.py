@@ -1,4 +1,4 @@
-"""The filter of `ekf`: a bank of iterated extended Kalman filters, side by side, over the sightings of one target."""
+"""The filter of `ekf`: a bank of iterated extended Kalman filters, side by side, over one target's observations."""
 
 from dataclasses import dataclass, replace
 
@@ -11,9 +11,9 @@ from baryscope.estimator.ekf.state import Measured, State
 from baryscope.estimator.ekf.update import placed, updated
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
-RENEWED = 8  # sightings of a feature in a row that do not fit, after which it is placed anew
-UNSURE = 1.0  # rad, deviation of the attitude with which nothing can be foretold, and a sighting tells nothing
-LEAST = 3  # sightings that tell an attitude
+RENEWED = 8  # observations of a feature in a row that do not fit, after which it is placed anew
+UNSURE = 1.0  # rad, deviation of the attitude with which nothing can be predicted, and an observation tells nothing
+LEAST = 3  # observations that tell an attitude
 LONGEST = 100.0  # trace of an inertia that began with 1 and keeps its determinant: far beyond any body, but for a start
 FASTEST = 10.0  # times the rate at first, three deviations added
 
@@ -23,15 +23,15 @@ class Noise:
     """Process noise of k members.
 
     unit (o, n - 1, p, p): covariances of the path's steps that carry it off by 1 m; which (k,) of them each member has;
-    path (k,): and how many m²; turn (k,): density of the angular acceleration, rad²/s³; pull (k, n - 1, 3): of the
-    gravity gradient, see `ekf_motion.rotated`.
+    path (k,): and how many m²; turn (k,): density of the angular acceleration, rad²/s³; gravity_gradient (k, n - 1, 3):
+    of the gravity gradient, see `motion.rotated`.
     """
 
     unit: FloatArray
     which: IntArray
     path: FloatArray
     turn: FloatArray
-    pull: FloatArray
+    gravity_gradient: FloatArray
 
     def of_path(self, member: int) -> FloatArray:
         """The covariance of the steps of a member's path, (n - 1, p, p)."""
@@ -42,23 +42,24 @@ class Noise:
 class Trace:
     """What a smoother needs of a frame.
 
-    Before its sightings: how path and rotation got there, (p + 11, p + 11), and the path's covariance with all errors,
-    (p, s). How errors after them follow those before, (s, s), and the information (s, s) and side (s,) that they bring.
+    Before its observations: how path and rotation got there, (p + 11, p + 11), and the path's covariance with all
+    errors, (p, s). How errors after them follow those before, (s, s), and the information (s, s) and rhs (s,) that they
+    bring.
     """
 
     moved: FloatArray
     covariance: FloatArray
     follow: FloatArray
     information: FloatArray
-    side: FloatArray
+    rhs: FloatArray
 
     def after(self, pick: FloatArray) -> "Trace":
-        """Where errors before the sightings were changed by pick (s, s) first."""
+        """Where errors before the observations were changed by pick (s, s) first."""
         return replace(
             self,
             follow=self.follow @ pick,
             information=pick.T @ self.information @ pick,
-            side=pick.T @ self.side,
+            rhs=pick.T @ self.rhs,
         )
 
 
@@ -67,16 +68,16 @@ class Run:
     """How a bank of k fared.
 
     state at the last frame; log_likelihood (k,) of the innovations, −∞ for members that went astray; squares (k, n, m):
-    normalised squared innovations of the sightings, each by itself, NaN where there are none; foretold (k, n, m, 3):
-    where they were expected, m in C; nis (k,): mean normalised innovation squared of all accepted values, 1 is
-    expected; restarts (k,): how often attitude and rate were taken from the sightings anew; traces, of the first
+    normalised squared innovations of the observations, each by itself, NaN where there are none; predicted (k, n, m,
+    3): where they were expected, m in C; nis (k,): mean normalised innovation squared of all accepted values, 1 is
+    expected; restarts (k,): how often attitude and rate were taken from the observations anew; traces, of the first
     member, if they are kept.
     """
 
     state: State
     log_likelihood: FloatArray
     squares: FloatArray
-    foretold: FloatArray
+    predicted: FloatArray
     nis: FloatArray
     restarts: IntArray
     traces: tuple[Trace, ...]
@@ -88,7 +89,7 @@ class Run:
             self.state.where(one),
             self.log_likelihood[one],
             self.squares[one],
-            self.foretold[one],
+            self.predicted[one],
             self.nis[one],
             self.restarts[one],
             self.traces,
@@ -99,13 +100,13 @@ class Run:
 class _Bank:
     """A bank of k at work: its state, how it has fared so far, see `Run`, and the features (k, m) that each knows.
 
-    missed (k, m): sightings in a row that did not fit; pace: how fast the target turns at most at first, rad/s.
+    missed (k, m): observations in a row that did not fit; pace: how fast the target turns at most at first, rad/s.
     """
 
     state: State
     log_likelihood: FloatArray
     squares: FloatArray
-    foretold: FloatArray
+    predicted: FloatArray
     total: FloatArray
     values: FloatArray
     restarts: IntArray
@@ -146,7 +147,7 @@ def run_filter(
         bank.state,
         bank.log_likelihood,
         bank.squares,
-        bank.foretold,
+        bank.predicted,
         bank.total / np.maximum(bank.values, 1.0),
         bank.restarts,
         tuple(traces),
@@ -160,7 +161,7 @@ def _started(state: State, n: int, m: int) -> _Bank:
         state=state,
         log_likelihood=np.zeros(k),
         squares=np.full((k, n, m), np.nan),
-        foretold=np.full((k, n, m, 3), np.nan),
+        predicted=np.full((k, n, m, 3), np.nan),
         total=np.zeros(k),
         values=np.zeros(k),
         restarts=np.zeros(k, dtype=np.intp),
@@ -171,7 +172,7 @@ def _started(state: State, n: int, m: int) -> _Bank:
 
 
 def _told(bank: _Bank, frame: int, process: PathProcess, measured: Measured, trace: Trace | None) -> Trace | None:
-    """What a frame's sightings tell the bank: an update by the features known, and places for those that are not."""
+    """What a frame's observations tell the bank: an update by the features known, and places for those that are not."""
     seen, sure = measured.seen[frame], _sure(bank.state)
     old = np.nonzero(seen & bank.known.any(axis=0))[0]
     if len(old):
@@ -197,7 +198,7 @@ def _updated(
 ) -> tuple[BoolArray, Trace | None]:
     """An update by c features `old`, after a restart where it takes one; and which members are sure of their attitude.
 
-    A restart, or sightings that a member cannot make use of, cost as much likelihood as if all lay on the gate.
+    A restart, or observations that a member cannot make use of, cost as much likelihood as if all lay on the gate.
     """
     known, pick, keep = bank.known[:, old], None, trace is not None
     used = known & sure[:, None]
@@ -213,23 +214,23 @@ def _updated(
     bank.log_likelihood += update.log_likelihood
     bank.total, bank.values = bank.total + update.total, bank.values + update.values
     bank.squares[:, frame, old] = np.where(used, update.squares, np.nan)
-    bank.foretold[:, frame, old] = np.where(used[:, :, None], update.foretold, np.nan)
+    bank.predicted[:, frame, old] = np.where(used[:, :, None], update.predicted, np.nan)
     missed = bank.missed[:, old]
     bank.missed[:, old] = np.where(used, np.where(update.squares < GATE, 0, missed + 1), missed)
     if trace is not None:
-        trace = replace(trace, follow=update.follow, information=update.information, side=update.side)
+        trace = replace(trace, follow=update.follow, information=update.information, rhs=update.rhs)
         trace = trace if pick is None else trace.after(pick)
     return sure, trace
 
 
 def _sure(state: State) -> BoolArray:
-    """Members (k,) whose attitude is known well enough to foretell what is seen."""
+    """Members (k,) whose attitude is known well enough to predict what is seen."""
     p = state.path.shape[1]
     return np.asarray((np.einsum("kii->ki", state.covariance)[:, p : p + 3] < UNSURE**2).all(axis=1))
 
 
 def _contradicted(squares: FloatArray, told: BoolArray) -> BoolArray:
-    """Members (k,) for which of three sightings (k, c) or more, too many to be wrong, most lie beyond the gate."""
+    """Members (k,) for which of three observations (k, c) or more, too many to be wrong, most lie beyond the gate."""
     wrong, count = ((squares >= GATE) & told).sum(axis=1), told.sum(axis=1)
     return np.asarray((count >= LEAST) & (2 * wrong > count))
 
@@ -249,7 +250,7 @@ def _predicted(state: State, step: int, dt: float, process: PathProcess, noise: 
     """One frame on, dt in s; and how the errors of path and rotation of the first member moved."""
     p, q = state.path.shape[1], state.path.shape[1] + ROTATION
     transition = process.transition[step]
-    quaternion, rate, change = rotated(state.quaternion, state.rate, state.inertia, noise.pull[:, step], dt)
+    quaternion, rate, change = rotated(state.quaternion, state.rate, state.inertia, noise.gravity_gradient[:, step], dt)
     follow = np.zeros((len(rate), q, q))
     follow[:, :p, :p] = transition
     follow[:, p:, p:] = change

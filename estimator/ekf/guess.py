@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.ekf.filter import Run
@@ -20,7 +20,7 @@ from baryscope.models.orbit import Orbit
 WIDER = 10.0  # times the deviations that the last pass gave, to start the next one with
 FAR = 3.0  # radii of the features, one deviation of the centre of mass from their centroid at first
 SHAPELESS = 0.5  # deviation of the inertia's logarithms at first
-EXACT = 1e-5  # radii of the features, that a sighting is taken to be uncertain by at least
+EXACT = 1e-5  # radii of the features, that an observation is taken to be uncertain by at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Problem:
     """The tracks, what is known beside them, and where to start.
 
     on_orbit: whether the path is free relative motion; degree: its derivative that is constant or noisy;
-    sightings as they are given, with their precision if there is one; believed (n, m): those whose distances fit.
+    observations as they are given, with their precision if there is one; inliers (n, m): those whose distances fit.
     """
 
     tracks: FeatureTracks
@@ -36,8 +36,8 @@ class Problem:
     options: PathOptions
     on_orbit: bool
     degree: int | None
-    believed: BoolArray
-    sightings: Sightings
+    inliers: BoolArray
+    observations: Observations
     start: Start
 
 
@@ -73,7 +73,7 @@ def first_guess(problem: Problem) -> Guess:
         _first_covariance(problem, size),
         np.eye(3) / 3,
         SHAPELESS**2 * np.eye(5),
-        _measured(problem, problem.sightings, scale),
+        _measured(problem, problem.observations, scale),
         scale,
     )
 
@@ -92,17 +92,17 @@ def _first_scale(problem: Problem) -> float:
     noise = max(problem.start.noise, EXACT * problem.start.radius)
     if problem.tracks.covariance is None:
         return noise**2
-    given = np.trace(problem.tracks.covariance[problem.believed], axis1=1, axis2=2)
+    given = np.trace(problem.tracks.covariance[problem.inliers], axis1=1, axis2=2)
     return noise**2 / float(np.median(given)) * 3
 
 
-def _measured(problem: Problem, sightings: Sightings, scale: float) -> Measured:
+def _measured(problem: Problem, observations: Observations, scale: float) -> Measured:
     tracks = problem.tracks
-    if sightings.precision is None:
+    if observations.precision is None:
         covariance = np.broadcast_to(scale * np.eye(3), (*tracks.seen.shape, 3, 3))
     else:
-        covariance = np.asarray(scale * np.linalg.inv(sightings.precision))
-    return Measured(sightings.position, covariance, problem.believed)
+        covariance = np.asarray(scale * np.linalg.inv(observations.precision))
+    return Measured(observations.position, covariance, problem.inliers)
 
 
 def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, order: int) -> Guess:
@@ -120,21 +120,23 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
         u = np.zeros(6)
     inertia = state.inertia[0] / np.trace(state.inertia[0])
     of_inertia = state.covariance[0, p + 6 : p + ROTATION, p + 6 : p + ROTATION]
-    scale, sightings = last.scale, problem.sightings
+    scale, observations = last.scale, problem.observations
     if problem.options.sigma is None:
         squares = run.squares[0]
         scale *= float(np.median(squares[squares < GATE])) / MEDIAN
         scale = max(scale, _least_scale(problem))
-    if sightings.precision is not None and problem.options.noise == "stereo":
-        foretold = run.foretold[0]
-        sightings = moved_to(sightings, sightings, np.where(np.isfinite(foretold), foretold, sightings.position))
+    if observations.precision is not None and problem.options.noise == "stereo":
+        predicted = run.predicted[0]
+        observations = moved_to(
+            observations, observations, np.where(np.isfinite(predicted), predicted, observations.position)
+        )
     return Guess(
         nominal,
         u,
         covariance,
         inertia,
         _capped(WIDER**2 * of_inertia, SHAPELESS**2 * np.eye(5)),
-        _measured(problem, sightings, scale),
+        _measured(problem, observations, scale),
         scale,
     )
 

@@ -9,7 +9,7 @@ What makes it a strong peer, and no causal filter any more: the process noise is
 likelihood; the tracks are filtered several times over, each time from where the last one led, with ten times its
 deviations, since the first pass linearises about a poor guess; and the path is smoothed at all times. Where the path's
 noise is zero that is the last state carried back. Of long tracks the first frames teach noise and inertia, and only
-then come all frames. Where the attitude is lost, after a gap, registration finds it again: see `ekf_restart`.
+then come all frames. Where the attitude is lost, after a gap, registration finds it again: see `restart`.
 """
 
 import time as clock
@@ -20,8 +20,8 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
-from baryscope.estimator.adjustment.reweighting import FAINT, GATE
-from baryscope.estimator.adjustment.stereo import sightings_of
+from baryscope.estimator.adjustment.reweighting import GATE, NEGLIGIBLE
+from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.dynamics.paths import trajectory_of
 from baryscope.estimator.ekf.bank import (
     ORDERS,
@@ -66,8 +66,8 @@ class Pass:
 
     @property
     def score(self) -> float:
-        """Log-likelihood of the innovations, less the price of the process noise."""
-        return float(self.run.log_likelihood[0]) - self.member.price
+        """Log-likelihood of the innovations, less the penalty of the process noise."""
+        return float(self.run.log_likelihood[0]) - self.member.penalty
 
 
 def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -84,7 +84,7 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
     trajectory = trajectory_of(options.trajectory, orbit)
     if options.torque == "gravity-gradient" and orbit is None:
         raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
-    believed = screen(tracks.position, tracks.seen)
+    inliers = screen(tracks.position, tracks.seen)
     on_orbit = trajectory.kind == "relative-orbit"
     problem = Problem(
         tracks,
@@ -92,9 +92,9 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
         options,
         on_orbit,
         1 if on_orbit else trajectory.degree,
-        believed,
-        sightings_of(tracks, tracks.seen),
-        start_from(tracks, believed),
+        inliers,
+        observations_of(tracks, tracks.seen),
+        start_from(tracks, inliers),
     )
     best, count, settled = _passes(problem)
     return _result(problem, best, count, settled, begin)
@@ -105,20 +105,20 @@ def _passes(problem: Problem) -> tuple[Pass, int, bool]:
 
     The first ones go over the first frames only, where the process noise is chosen and a poor guess becomes a good one.
     """
-    pulls = [problem.options.torque == "gravity-gradient"]
+    gravity_gradients = [problem.options.torque == "gravity-gradient"]
     if problem.orbit is not None and problem.options.torque is None:
-        pulls = [False, True]
+        gravity_gradients = [False, True]
     orders = ORDERS if problem.degree is None else ()
     first, n = problem.start.frame, len(problem.tracks.time)
-    posed = first + np.nonzero(problem.believed[first:].any(axis=1))[0]
+    posed = first + np.nonzero(problem.inliers[first:].any(axis=1))[0]
     everything, short = range(first, n), len(posed) <= WORTH * LEARN
     frames = everything if short else range(first, int(posed[LEARN - 1]) + 1)
     gain = GAIN if short else ROUGH_GAIN
-    best, count, settled = _learned(problem, frames, pulls, orders, gain)
+    best, count, settled = _learned(problem, frames, gravity_gradients, orders, gain)
     if problem.degree is not None and best.member.path:
         # A poor first inertia is easily taken for noise of the path, and no pass finds back from there.
         with suppress(ComputationError):
-            calm, more, calm_settled = _learned(problem, frames, pulls, orders, gain, calm=True)
+            calm, more, calm_settled = _learned(problem, frames, gravity_gradients, orders, gain, calm=True)
             count += more
             if calm.score > best.score + ROUGH_GAIN:
                 best, settled = calm, calm_settled
@@ -127,7 +127,7 @@ def _passes(problem: Problem) -> tuple[Pass, int, bool]:
 
         def members(last: Pass, count: int) -> list[Member]:
             noisy = last.member.path > 0 or last.member.turn > 0
-            return last_members(last.member, pulls) if noisy or count == 1 else [last.member]
+            return last_members(last.member, gravity_gradients) if noisy or count == 1 else [last.member]
 
         best, more, settled = _repeated(problem, best, everything, members, GAIN)
         count += more
@@ -135,7 +135,12 @@ def _passes(problem: Problem) -> tuple[Pass, int, bool]:
 
 
 def _learned(
-    problem: Problem, frames: range, pulls: list[bool], orders: Sequence[int], gain: float, calm: bool = False
+    problem: Problem,
+    frames: range,
+    gravity_gradients: list[bool],
+    orders: Sequence[int],
+    gain: float,
+    calm: bool = False,
 ) -> tuple[Pass, int, bool]:
     """Passes from a first guess on, with path noise if need be, or calm: without any. Returns as `_repeated` does."""
 
@@ -143,7 +148,9 @@ def _learned(
         return [member for member in members if not (calm and member.path)]
 
     first = _passed(problem, first_guess(problem), some(first_members(problem.degree)), frames)
-    return _repeated(problem, first, frames, lambda last, _: some(next_members(last.member, pulls, orders)), gain)
+    return _repeated(
+        problem, first, frames, lambda last, _: some(next_members(last.member, gravity_gradients, orders)), gain
+    )
 
 
 def _repeated(
@@ -174,7 +181,7 @@ def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range
         ComputationError: all members go astray.
     """
     run, process, noise = _filtered(problem, guess, members, frames, keep=False)
-    score = run.log_likelihood - [member.price for member in members]
+    score = run.log_likelihood - [member.penalty for member in members]
     best = int(np.argmax(score))
     if not np.isfinite(score[best]):
         raise ComputationError(
@@ -225,7 +232,7 @@ def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: floa
     tracks, state = problem.tracks, best.run.state
     seen = tracks.seen
     rejected = best.run.squares[0] >= GATE
-    placed = np.nonzero((seen & problem.believed)[problem.start.frame :].any(axis=0))[0]
+    placed = np.nonzero((seen & problem.inliers)[problem.start.frame :].any(axis=0))[0]
     rows = (len(best.guess.u) + ROTATION + 3 * placed[:, None] + np.arange(3)).ravel()
     points = state.points[0, placed]
     held = offset_by_points(points)
@@ -246,9 +253,9 @@ def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: floa
         best.path.position,
         best.path.position_covariance,
         [cluster],
-        weights=np.where(seen, np.where(rejected | ~problem.believed, FAINT, 1.0), 0.0),
+        weights=np.where(seen, np.where(rejected | ~problem.inliers, NEGLIGIBLE, 1.0), 0.0),
         variance=best.guess.scale,
-        options=replace(problem.options, torque="gravity-gradient" if best.member.pulled else "none"),
+        options=replace(problem.options, torque="gravity-gradient" if best.member.gravity_gradient else "none"),
         begin=begin,
         extra={
             "converged": settled and nis < ASTRAY and share < 0.5,

@@ -97,14 +97,14 @@ def white_noise(order: int, size: int, time: FloatArray) -> FloatArray:
     return np.asarray(np.kron(noise, np.eye(3)))
 
 
-def gravity_pull(orbit: Orbit, time: FloatArray) -> FloatArray:
-    """What the gravity gradient pulls by at times (n,): √(3 μ/r³) û, (n, 3), 1/s, û from the Earth up, in C."""
-    pull_L = _pull()(time[None, :], orbit.elements)
-    return np.asarray(lvlh_attitude(orbit, time)[:, :, 0] * pull_L)
+def gravity_gradient_axis(orbit: Orbit, time: FloatArray) -> FloatArray:
+    """The axis of the gravity gradient at times (n,): √(3 μ/r³) û, (n, 3), 1/s, û from the Earth up, in C."""
+    gradient_L = _gravity_gradient_root()(time[None, :], orbit.elements)
+    return np.asarray(lvlh_attitude(orbit, time)[:, :, 0] * gradient_L)
 
 
 def rotated(
-    quaternion: FloatArray, rate: FloatArray, inertia: FloatArray, pull: FloatArray, step: float
+    quaternion: FloatArray, rate: FloatArray, inertia: FloatArray, gravity_gradient: FloatArray, step: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Rotation over `step` s, forth or back, of k bodies, free but for the gravity gradient.
 
@@ -112,7 +112,7 @@ def rotated(
         quaternion: (k, 4) of R_C_B, scalar first.
         rate: (k, 3), rad/s in B.
         inertia: (k, 3, 3), in any unit.
-        pull: (k, 3), of the gravity gradient, 1/s in C, held over the step; 0 without.
+        gravity_gradient: (k, 3), of the gravity gradient, 1/s in C, held over the step; 0 without.
         step: s.
 
     Returns:
@@ -122,7 +122,7 @@ def rotated(
     k = len(quaternion)
     fastest = float(np.sqrt((rate * rate).sum(axis=1).max()))
     count = max(1, int(np.ceil(fastest * abs(step) / TURN))) if np.isfinite(fastest) else 1
-    constants = np.concatenate([inertia.reshape(k, 9), pull], axis=1)
+    constants = np.concatenate([inertia.reshape(k, 9), gravity_gradient], axis=1)
     advance = advance_of(k)
     change = np.tile(np.eye(ROTATION), (k, 1, 1))
     for _ in range(count):
@@ -133,22 +133,22 @@ def rotated(
 
 
 @cache
-def _pull() -> ColumnFunction:
+def _gravity_gradient_root() -> ColumnFunction:
     """(time, elements) → √(3 μ/r³)."""
     time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
     place = conic(elements.ellipse, true_anomaly_after(time, elements))
-    return ColumnFunction("pull", [time, column], ca.sqrt(3 * place.stiffness))
+    return ColumnFunction("gravity_gradient", [time, column], ca.sqrt(3 * place.stiffness))
 
 
 @cache
 def advance_of(k: int) -> Columns:
-    """One step of Runge and Kutta for k bodies: (q, ω, (J, pull), h) → q, ω, and how errors of these go on, (6, 11)."""
+    """One Runge–Kutta step for k bodies: (q, ω, (J, gravity gradient), h) → q, ω, and how errors go on, (6, 11)."""
     q, w, c, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("c", 12), ca.SX.sym("h")
-    J, pull_C = ca.reshape(c[:9], 3, 3), c[9:]
+    J, gradient_C = ca.reshape(c[:9], 3, 3), c[9:]
     inverse = symmetric_inverse(J)
 
     def acceleration(x: ca.SX) -> ca.SX:
-        torque = gravity_gradient_torque(J, rotation_from_quaternion(x[:4]).T @ pull_C, ca.SX(1 / 3))
+        torque = gravity_gradient_torque(J, rotation_from_quaternion(x[:4]).T @ gradient_C, ca.SX(1 / 3))
         return angular_acceleration(J, inverse, x[4:], torque)
 
     def slope(x: ca.SX) -> ca.SX:

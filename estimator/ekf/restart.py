@@ -1,7 +1,8 @@
 """How the filters of `ekf` find the attitude again: by registration of the features that they know.
 
-After a gap the foretold attitude may be off by radians where rate and inertia were poor: then the gate rejects all that
-is seen. Path, inertia and features stay as they are; attitude and rate begin anew, as uncertain as at a first sight.
+After a gap the predicted attitude may be off by radians where rate and inertia were poor: then the gate rejects all
+that is seen. Path, inertia and features stay as they are; attitude and rate begin anew, as uncertain as at a first
+sight.
 """
 
 from dataclasses import replace
@@ -15,14 +16,14 @@ from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 LEAST = 3  # features that tell an attitude
-OFF_LINE = 5.0  # deviations of a sighting that features must lie off a line
+OFF_LINE = 5.0  # deviations of an observation that features must lie off a line
 TURN = 1.0  # rad, deviation of an attitude that is registered, before what is seen is weighed in
 
 
 def restarted(
     state: State, frame: int, index: IntArray, measured: Measured, told: BoolArray, lost: BoolArray, pace: float
 ) -> tuple[State, BoolArray, FloatArray]:
-    """The state of `lost` members (k,) with attitudes as the sightings of c features, those `told` (k, c), show them.
+    """The state of `lost` members (k,) with attitudes from the observations of c features, those `told` (k, c).
 
     Returns:
         the state; which members (k,) it holds for: the others see too little, or no body that they know; and how the

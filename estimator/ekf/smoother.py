@@ -2,7 +2,7 @@
 
 Where the process has noise this is the disturbance smoother (de Jong 1989; Bryson and Frazier's adjoint), which equals
 Rauch's, Tung's and Striebel's and needs no inverse of a covariance: the last state is carried back, less the noise that
-the sightings after each step tell of. Without noise nothing is left but to carry it back.
+the observations after each step tell of. Without noise nothing is left but to carry it back.
 """
 
 from dataclasses import dataclass
@@ -47,19 +47,19 @@ def smoothed_path(
     u, covariance = np.empty((n, p)), np.empty((n, p, p))
     u[-1], covariance[-1] = state.path[0], state.covariance[0, :p, :p]
     s = state.covariance.shape[1]
-    side, information = np.zeros(s), np.zeros((s, s))
+    rhs, information = np.zeros(s), np.zeros((s, s))
     backwards = np.linalg.inv(process.transition)
     for frame in range(n - 1, 0, -1):
         Q, back = noise[frame - 1], backwards[frame - 1]
         if traces and frame > first:
             trace = traces[frame - first]
-            side = trace.follow.T @ side + trace.side
+            rhs = trace.follow.T @ rhs + trace.rhs
             information = trace.follow.T @ information @ trace.follow + trace.information
             known = trace.covariance @ information[:, :p] @ Q
             before = covariance[frame] - Q - Q @ information[:p, :p] @ Q + known + known.T
-            u[frame - 1] = back @ (u[frame] - Q @ side[:p])
+            u[frame - 1] = back @ (u[frame] - Q @ rhs[:p])
             d = len(trace.moved)
-            side[:d] = trace.moved.T @ side[:d]
+            rhs[:d] = trace.moved.T @ rhs[:d]
             information[:d] = trace.moved.T @ information[:d]
             information[:, :d] = information[:, :d] @ trace.moved
         else:

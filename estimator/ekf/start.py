@@ -33,15 +33,15 @@ class Start:
     noise: float
 
 
-def start_from(tracks: FeatureTracks, believed: BoolArray) -> Start:
-    """The start from the first frames in which believed (n, m) sightings show an attitude.
+def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
+    """The start from the first frames in which observations, inliers (n, m), show an attitude.
 
     Raises:
         ComputationError: the first frames show no attitude, or not how fast it changes.
     """
-    enough = np.nonzero(believed.sum(axis=1) >= 3)[0]
+    enough = np.nonzero(inliers.sum(axis=1) >= 3)[0]
     window = slice(int(enough[0]), int(enough[:FRAMES][-1]) + 1) if len(enough) else slice(0, None)
-    posed, noise = find_bodies(tracks.position[window], believed[window])
+    posed, noise = find_bodies(tracks.position[window], inliers[window])
     main = max(posed, key=lambda one: len(one.body.frames))
     frames = window.start + main.body.frames
     time = tracks.time[frames] - tracks.time[frames[0]]

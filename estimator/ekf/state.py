@@ -1,7 +1,7 @@
 """The state of the filters of `ekf`, a bank of them side by side, and what they measure.
 
 A member's state is the path's u, the target's attitude, rate and inertia, and its features' points in B, origin at the
-centre of mass. Attitude and inertia have multiplicative errors, see `ekf_motion.rotated`.
+centre of mass. Attitude and inertia have multiplicative errors, see `motion.rotated`.
 """
 
 from dataclasses import dataclass, fields
@@ -47,7 +47,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Positions (n, m, 3), m, and covariances (n, m, 3, 3), m², of what is seen and believed (n, m)."""
+    """Positions (n, m, 3), m, and covariances (n, m, 3, 3), m², of what is seen and an inlier (n, m)."""
 
     position: FloatArray
     covariance: FloatArray

@@ -1,4 +1,4 @@
-"""What the sightings of a frame do to the filters of `ekf`: the iterated update, its gate, and new features.
+"""What the observations of a frame do to the filters of `ekf`: the iterated update, its gate, and new features.
 
 The update is Bell's and Cathey's (IEEE TAC 38, 1993): Gauss–Newton steps, each about where the one before led.
 """
@@ -15,32 +15,32 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 ITERATIONS = 5  # of an update at most
-SETTLED = 0.05  # deviations of a sighting that the last iteration may leave out
+SETTLED = 0.05  # deviations of an observation that the last iteration may leave out
 
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """What the sightings of c features told k members.
+    """What the observations of c features told k members.
 
     log_likelihood, total normalised square and values (k,): of all innovations together, without those beyond the gate;
-    squares (k, c): of each by itself; foretold (k, c, 3): where they were expected, m in C. Of the first member: how
-    errors follow those before, (s, s), with `information` (s, s) and `side` (s,), see `ekf_filter.Trace`.
+    squares (k, c): of each by itself; predicted (k, c, 3): where they were expected, m in C. Of the first member: how
+    errors follow those before, (s, s), with `information` (s, s) and `rhs` (s,), see `filter.Trace`.
     """
 
     log_likelihood: FloatArray
     total: FloatArray
     values: FloatArray
     squares: FloatArray
-    foretold: FloatArray
+    predicted: FloatArray
     follow: FloatArray
     information: FloatArray
-    side: FloatArray
+    rhs: FloatArray
 
 
 def updated(
     state: State, process: PathProcess, frame: int, index: IntArray, measured: Measured, known: BoolArray, keep: bool
 ) -> tuple[State, Update]:
-    """The state after the sightings of c features `index`, without those whose innovation lies beyond the gate.
+    """The state after the observations of c features `index`, without those whose innovation lies beyond the gate.
 
     known (k, c): the features that each member knows; only these count.
     """
@@ -57,7 +57,7 @@ def updated(
         HP = by_errors @ P
         S = HP @ by_errors.transpose(0, 2, 1) + noise
         if iteration == 0:
-            foretold, squares = expected, _own_squares(innovation.reshape(k, c, 3), S.reshape(k, c, 3, c, 3))
+            predicted, squares = expected, _own_squares(innovation.reshape(k, c, 3), S.reshape(k, c, 3, c, 3))
             accepted = (squares < GATE) & known
             everything, mask = bool(accepted.all()), np.repeat(accepted, 3, axis=1)
         if not everything:
@@ -82,8 +82,8 @@ def updated(
     if keep:
         follow = np.eye(s) - gain[0] @ by_errors[0]
         information = by_errors[0].T @ precision[0] @ by_errors[0]
-    side = by_errors[0].T @ whitened[0]
-    return new, Update(likelihood, total, 3 * accepted.sum(axis=1), squares, foretold, follow, information, side)
+    rhs = by_errors[0].T @ whitened[0]
+    return new, Update(likelihood, total, 3 * accepted.sum(axis=1), squares, predicted, follow, information, rhs)
 
 
 def _sighted(measured: Measured, frame: int, index: IntArray) -> tuple[FloatArray, FloatArray, float]:

@@ -19,7 +19,7 @@ def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None
     return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))
 
 
-def blind_directions(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
+def null_space_of(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
     """The directions (p, k) that are not seen: those in which `symmetric_pseudo_inverse` is zero, of any length."""
     scale, values, vectors = _scaled(matrix, sizes)
     return np.asarray(scale[:, None] * vectors[:, values <= SEEN])

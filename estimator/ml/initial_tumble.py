@@ -2,7 +2,7 @@
 
 The angular momentum R J ω of a free body stands still: with rates from short stretches of the attitudes, that is
 linear in J and the momentum, and gives both up to a factor. From there the motion is fitted to the attitudes by damped
-Gauss–Newton steps, first over the stretch that it foretells to within a radian, then over ever longer ones. Bodies
+Gauss–Newton steps, first over the stretch that it predicts to within a radian, then over ever longer ones. Bodies
 that share too few features to be one get their relative attitude here, through the motion.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import turn_information
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MEDIAN
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, log_rotation
@@ -32,7 +32,7 @@ EXPLAINED = 4.0  # median of the squares over that of noise alone, below which t
 STRAY = 3.0  # times the median that a stretch may miss by
 WIDEST = 40  # frames of a stretch at most, on either side
 MOST = 1500  # attitudes that the motion is fitted to
-FORETOLD = 0.7  # rad within which attitudes count as foretold
+PREDICTED = 0.7  # rad within which attitudes count as predicted
 GROWTH = 3.0  # of the stretch that is fitted, from one fit to the next
 STEPS = 12  # of one fit
 ROUGH, FINE = 0.1, 1e-3  # share of the cost that a step must promise, while the stretch grows and at the end
@@ -65,14 +65,18 @@ class _Poses:
 
 
 def fit_tumble(
-    bodies: tuple[Body, ...], sightings: Sightings, variance: float, time: FloatArray, orbits: tuple[Orbit | None, ...]
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    variance: float,
+    time: FloatArray,
+    orbits: tuple[Orbit | None, ...],
 ) -> Tumble:
     """The motion that explains the bodies' attitudes best, among those under the gravity gradients of `orbits`.
 
     Raises:
         ComputationError: the attitudes do not follow any free motion that was found.
     """
-    poses = _poses(bodies, sightings, variance, time)
+    poses = _poses(bodies, observations, variance, time)
     main = int(np.argmax(np.bincount(poses.body, minlength=len(bodies))))
     best: Tumble | None = None
     for start in _guesses(bodies[main], time):
@@ -91,14 +95,14 @@ def fit_tumble(
     return min(fits, key=lambda fit: fit.cost)
 
 
-def _poses(bodies: tuple[Body, ...], sightings: Sightings, variance: float, time: FloatArray) -> _Poses:
-    """The attitudes of all bodies, thinned, with what the sightings say of each."""
+def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float, time: FloatArray) -> _Poses:
+    """The attitudes of all bodies, thinned, with what the observations say of each."""
     total = sum(len(body.frames) for body in bodies)
     every = max(1, total // MOST)
     parts = []
     for index, body in enumerate(bodies):
         frames, attitude = body.frames[::every], body.attitude[::every]
-        own = sightings.features(body.features).frames(frames)
+        own = observations.features(body.features).frames(frames)
         arms = cross_matrices(body.points)
         if own.precision is None:
             information = turn_information(own.weight, arms)
@@ -194,8 +198,8 @@ def _grown(start: Rotation, poses: _Poses, main: int, count: int) -> Tumble:
     own = poses.body == main
     missed = np.linalg.norm(_misses(tumble, poses.where(own))[0], axis=1)
     reach = longest
-    if missed.max() > FORETOLD:
-        reach = float(distance[own][missed > FORETOLD].min())
+    if missed.max() > PREDICTED:
+        reach = float(distance[own][missed > PREDICTED].min())
     reach = max(reach, float(np.sort(distance[own])[min(8, own.sum() - 1)]))
     while True:
         near = distance <= reach * (1 + 1e-9)
@@ -219,7 +223,7 @@ def _joined(tumble: Tumble, poses: _Poses, body: int) -> Tumble:
 
 
 def _misses(tumble: Tumble, poses: _Poses) -> tuple[FloatArray, FloatArray]:
-    """Rotation vectors (n, 3) in S from foretold to seen attitudes, and how rate and inertia turn them, (n, 3, 8)."""
+    """Rotation vectors (n, 3) in S from predicted to seen attitudes, and how rate and inertia turn them, (n, 3, 8)."""
     found = tumble.rotation.at(poses.time)
     R_B_S = np.array(tumble.bodies)[poses.body]
     missed = log_rotation(np.swapaxes(found.attitude @ R_B_S, 1, 2) @ poses.attitude)
@@ -243,10 +247,10 @@ def _fitted(tumble: Tumble, poses: _Poses, promise: float) -> Tumble:
             jacobian[np.arange(len(slot)), axis, RATE_AND_INERTIA + 3 * slot + axis] = 1.0
         weighted = information @ jacobian
         matrix = jacobian.reshape(-1, size).T @ weighted.reshape(-1, size)
-        side = np.einsum("nip,ni->p", weighted, missed)
+        rhs = np.einsum("nip,ni->p", weighted, missed)
         while damping < 1e8:
-            change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ side
-            if change @ side <= promise * cost:
+            change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
+            if change @ rhs <= promise * cost:
                 return replace(tumble, cost=cost, usual=_usual(missed, poses))
             trial = _changed(tumble, change, present)
             if trial.rotation.possible:

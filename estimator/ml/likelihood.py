@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, Pieces, pieces
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -23,9 +23,9 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The normal equations after the points are eliminated, for sightings whose weights are inverse variances.
+    """The normal equations after the points are eliminated, for observations whose weights are inverse variances.
 
-    matrix (q, q) and side (q,) of y = (rate and inertia, x), sizes (q,): the matrix's diagonal before; points (m, 3):
+    matrix (q, q) and rhs (q,) of y = (rate and inertia, x), sizes (q,): the matrix's diagonal before; points (m, 3):
     the best ones for this motion and path; squares (n, m): weighted squared residuals with these points;
     point_inverse (m, 3, 3) and by_unknowns (3 m, q): how the points follow, b = b̂ − by_unknowns δy, with the covariance
     point_inverse when y is known.
@@ -33,7 +33,7 @@ class Equations:
 
     matrix: FloatArray
     sizes: FloatArray
-    side: FloatArray
+    rhs: FloatArray
     points: FloatArray
     squares: FloatArray
     point_inverse: FloatArray
@@ -50,12 +50,12 @@ class Equations:
         known: information on y from elsewhere.
         """
         matrix = self.matrix + known
-        blind = blind_directions(matrix, self.sizes)
-        lengths = path.lengths(blind[RATE_AND_INERTIA:])
+        null_space = null_space_of(matrix, self.sizes)
+        lengths = path.lengths(null_space[RATE_AND_INERTIA:])
         usual = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
         moving = lengths > 1e-6 * usual  # the others are of rate and inertia alone
         spread = np.where(moving, reach / np.where(moving, lengths, 1.0), 0.0)
-        return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (blind * spread**2) @ blind.T)
+        return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (null_space * spread**2) @ null_space.T)
 
     def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
         """Of the centroid of some features from the centre of mass, in axes that they hold: (3, 3), and with y (3, q).
@@ -70,15 +70,15 @@ class Equations:
 
 
 def equations(
-    sightings: Sightings, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
+    observations: Observations, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
 ) -> Equations:
     """The equations at a motion and a path with positions `origin` (n, 3); points (m, 3) start the elimination."""
-    n, m = sightings.weight.shape
+    n, m = observations.weight.shape
     q = RATE_AND_INERTIA + path.jacobian.shape[2]
-    matrix, side, coupling = np.zeros((q, q)), np.zeros(q), np.zeros((q, 3 * m))
-    point, point_side = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    for part in _chunks(n, m, sightings.precision is not None):
-        found, turn, shift = _pieces_of(part, sightings, motion, path, origin, points)
+    matrix, rhs, coupling = np.zeros((q, q)), np.zeros(q), np.zeros((q, 3 * m))
+    point, point_rhs = np.zeros((m, 3, 3)), np.zeros((m, 3))
+    for part in _chunks(n, m, observations.precision is not None):
+        found, turn, shift = _pieces_of(part, observations, motion, path, origin, points)
         moves = np.concatenate([turn, shift], axis=1)
         blocks = np.concatenate(
             [
@@ -89,33 +89,38 @@ def equations(
         )
         flat = moves.reshape(-1, q)
         matrix += flat.T @ (blocks @ moves).reshape(-1, q)
-        side += flat.T @ np.concatenate([found.turn_side, found.shift_side], axis=1).ravel()
+        rhs += flat.T @ np.concatenate([found.turn_rhs, found.shift_rhs], axis=1).ravel()
         coupling += found.unknowns_points(turn, shift)
         point += found.point
-        point_side += found.point_side
+        point_rhs += found.point_rhs
     seen = np.trace(point, axis1=1, axis2=2) > 0
     inverse = np.zeros_like(point)
     inverse[seen] = np.linalg.inv(point[seen])
     by_unknowns = np.einsum("mij,qmj->miq", inverse, coupling.reshape(q, m, 3)).reshape(3 * m, q)
-    change = np.einsum("mij,mj->mi", inverse, point_side)
+    change = np.einsum("mij,mj->mi", inverse, point_rhs)
     best = points + change
     sizes = np.diag(matrix).copy()
     matrix -= coupling @ by_unknowns
-    side -= coupling @ change.ravel()
+    rhs -= coupling @ change.ravel()
     squares = np.empty((n, m))
-    for part in _chunks(n, m, sightings.precision is not None):
+    for part in _chunks(n, m, observations.precision is not None):
         attitude = motion.attitude[part]
-        residual = sightings.position[part] - origin[part][:, None] - best @ np.swapaxes(attitude, 1, 2)
-        squares[part] = sightings.weight[part] * sightings.frames(part).squares(residual)
-    return Equations(matrix, sizes, side, best, squares, inverse, by_unknowns)
+        residual = observations.position[part] - origin[part][:, None] - best @ np.swapaxes(attitude, 1, 2)
+        squares[part] = observations.weight[part] * observations.frames(part).squares(residual)
+    return Equations(matrix, sizes, rhs, best, squares, inverse, by_unknowns)
 
 
 def _pieces_of(
-    part: slice, sightings: Sightings, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
+    part: slice,
+    observations: Observations,
+    motion: Attitudes,
+    path: SampledPath,
+    origin: FloatArray,
+    points: FloatArray,
 ) -> tuple[Pieces, FloatArray, FloatArray]:
     """Pieces of some frames, and the turns and shifts (n, 3, q) of their poses by y."""
     attitude = motion.attitude[part]
-    found = pieces(sightings.frames(part), attitude, origin[part], points)
+    found = pieces(observations.frames(part), attitude, origin[part], points)
     own, p = motion.turn[part], path.jacobian.shape[2]
     turn = np.concatenate([own, np.zeros((len(own), 3, p))], axis=2)
     shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[part]

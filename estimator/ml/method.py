@@ -12,17 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.diagnostics import assessed, clusters_of, doubtful, missing_covariance
-from baryscope.estimator.adjustment.observations import Sightings
-from baryscope.estimator.adjustment.reweighting import FAINT, reweighted
-from baryscope.estimator.adjustment.stereo import moved_to, sightings_of
+from baryscope.estimator.adjustment.diagnostics import (
+    assessed,
+    clusters_of,
+    spurious_information_columns,
+    three_sigma_factor,
+)
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.likelihood import Equations, equations
-from baryscope.estimator.ml.relabelling import told_apart
+from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import MISFIT, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
@@ -44,8 +49,8 @@ SPHERE = 0.5  # of the five numbers of an inertia of trace 1, the deviation from
 class Likelihood:
     """The most likely motion, path and points, and the normal equations there.
 
-    sightings with their weights; variance of a sighting of weight 1, over the given covariance or in m², as given or
-    as the residuals show it; residual_variance: as they show it.
+    observations with their weights; variance of an observation of weight 1, over the given covariance or in m², as
+    given or as the residuals show it; residual_variance: as they show it.
     """
 
     rotation: Rotation
@@ -54,7 +59,7 @@ class Likelihood:
     sampled: SampledPath
     found: Equations
     prior: "_Prior"
-    sightings: Sightings
+    observations: Observations
     variance: float
     residual_variance: float
     converged: bool
@@ -66,7 +71,7 @@ class _Prior:
     """What is known beforehand, so that what the tracks do not show stays at hand: the rest hardly feels it.
 
     An inertia is not far from a sphere's, nor a path from that of `pivot` (x0) by more than the target's distance.
-    information (q, q): of rate and inertia and x, in the units of the sightings' weights.
+    information (q, q): of rate and inertia and x, in the units of the observations' weights.
     """
 
     information: FloatArray
@@ -74,7 +79,7 @@ class _Prior:
 
     @classmethod
     def of(cls, path: SampledPath, x0: FloatArray, variance: float) -> "_Prior":
-        """For sightings of weight 1 that have this variance."""
+        """For observations of weight 1 that have this variance."""
         reach = np.linalg.norm(path.position(x0), axis=1).max()
         inertia = np.eye(RATE_AND_INERTIA - 3) / SPHERE**2
         of_path = np.einsum("kip,kiq->pq", path.jacobian, path.jacobian, optimize=True) / (
@@ -82,13 +87,13 @@ class _Prior:
         )
         return cls(variance * block_diag(np.zeros((3, 3)), inertia, of_path), x0)
 
-    def departure(self, rotation: Rotation, x: FloatArray) -> FloatArray:
+    def deviation(self, rotation: Rotation, x: FloatArray) -> FloatArray:
         """From what is expected, (q,)."""
         return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), x - self.x0])
 
-    def cost(self, departure: FloatArray) -> float:
-        """What a departure (q,) costs besides the sightings' squares."""
-        return float(departure @ self.information @ departure)
+    def cost(self, deviation: FloatArray) -> float:
+        """What a deviation (q,) costs besides the observations' squares."""
+        return float(deviation @ self.information @ deviation)
 
 
 def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -100,16 +105,16 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     """
     begin = clock.perf_counter()
     torques = _torques(orbit, options)
-    tracks, pivot = told_apart(tracks, solve_pivot(tracks, orbit, options))
-    noise = max(pivot.variance, least_variance(pivot.sightings, ROUNDING))
-    tumble = fit_tumble(pivot.bodies, pivot.sightings, noise, tracks.time, torques)
+    tracks, pivot = relabelled(tracks, solve_pivot(tracks, orbit, options))
+    noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
+    tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)
     position = best.sampled.position(best.x)
     reach = float(np.linalg.norm(position, axis=1).max())
     y, offsets = _covariances(best, [posed.body.features for posed in pivot.posed], reach)
     remarks, converged = pivot.remarks, best.converged
     ratio = best.residual_variance / max(pivot.residual_variance, 1e-300)
-    if ratio > MISFIT and best.residual_variance > least_variance(pivot.sightings, ROUNDING):
+    if ratio > MISFIT and best.residual_variance > least_variance(pivot.observations, ROUNDING):
         converged = False
         remarks += (f"no free tumble fits: residuals are {np.sqrt(ratio):.2g} times those with free attitudes",)
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
@@ -121,7 +126,7 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
         position,
         best.sampled.covariance(of_path),
         clusters,
-        weights=best.sightings.weight,
+        weights=best.observations.weight,
         variance=best.variance,
         options=replace(options, torque="none" if best.rotation.orbit is None else "gravity-gradient"),
         begin=begin,
@@ -148,11 +153,13 @@ def _covariances(
     spread = variance * turn @ y[:RATE_AND_INERTIA, :RATE_AND_INERTIA] @ np.swapaxes(turn, 1, 2)
     known = _known_shifts(best)
     axes = cross_matrices(np.eye(3))
-    seeming = doubtful(RATE_AND_INERTIA) * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, spread, optimize=True)
+    spurious = three_sigma_factor(RATE_AND_INERTIA) * np.einsum(
+        "iba,kbc,jcd,kda->ij", axes, known, axes, spread, optimize=True
+    )
     wider, offsets = y, []
     for features in clusters:
         offset, crossed = best.found.offset_covariance(y, features)
-        missing, gain = missing_covariance(offset, crossed, seeming, variance / reach**2)
+        missing, gain = spurious_information_columns(offset, crossed, spurious, variance / reach**2)
         offsets.append(variance * (offset + missing @ missing.T))
         wider = wider + gain @ gain.T
     return variance * wider, offsets
@@ -160,10 +167,10 @@ def _covariances(
 
 def _known_shifts(best: Likelihood) -> FloatArray:
     """What each frame says of its position when its attitude is known, (n, 3, 3) in B, in the weights' units."""
-    sightings = best.sightings
-    if sightings.precision is None:
-        return np.asarray(sightings.weight.sum(axis=1)[:, None, None] * np.eye(3))
-    total = np.einsum("km,kmij->kij", sightings.weight, sightings.precision)
+    observations = best.observations
+    if observations.precision is None:
+        return np.asarray(observations.weight.sum(axis=1)[:, None, None] * np.eye(3))
+    total = np.einsum("km,kmij->kij", observations.weight, observations.precision)
     return np.asarray(np.swapaxes(best.motion.attitude, 1, 2) @ total @ best.motion.attitude)
 
 
@@ -178,64 +185,64 @@ def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, .
 
 def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions) -> Likelihood:
     """Damped Gauss–Newton steps from the pivot's path and the tumble; weights and precisions are renewed as it goes."""
-    measured = sightings_of(tracks, tracks.seen)
-    weight = np.where(tracks.seen, FAINT, 0.0)
-    weight = np.where(pivot.sightings.weight > 0, pivot.sightings.weight, weight)
-    sightings = measured.weighted(weight)
+    measured = observations_of(tracks, tracks.seen)
+    weight = np.where(tracks.seen, NEGLIGIBLE, 0.0)
+    weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
+    observations = measured.weighted(weight)
     points = _common_points(pivot, tumble)
     rotation, x, sampled = tumble.rotation, pivot.solution.x, pivot.sampled
     motion, origin = rotation.at(tracks.time), sampled.position(x)
     stereo = measured.precision is not None and options.noise == "stereo"
     damping, converged, rounds, floor = 1e-6, False, 0, least_variance(measured, ROUNDING)
     prior = _Prior.of(sampled, x, max(pivot.variance, floor))
-    found, departure = equations(sightings, motion, sampled, origin, points), prior.departure(rotation, x)
+    found, deviation = equations(observations, motion, sampled, origin, points), prior.deviation(rotation, x)
     while not converged and rounds < ROUNDS:
         rounds += 1
-        matrix, side = found.matrix + prior.information, found.side - prior.information @ departure
-        cost = found.cost + prior.cost(departure)
+        matrix, rhs = found.matrix + prior.information, found.rhs - prior.information @ deviation
+        cost = found.cost + prior.cost(deviation)
         accepted = False
         while not accepted and damping < 1e10:
-            change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ side
+            change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
             turned = rotation.changed(np.zeros(3), change[:RATE_AND_INERTIA])
             if turned.possible:
                 moved = x + change[RATE_AND_INERTIA:]
                 new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
-                trial = equations(sightings, new_motion, sampled, new_origin, found.points)
-                off = prior.departure(turned, moved)
+                trial = equations(observations, new_motion, sampled, new_origin, found.points)
+                off = prior.deviation(turned, moved)
                 accepted = trial.cost + prior.cost(off) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
         if not accepted:
             break
-        rotation, x, motion, origin, found, departure = turned, moved, new_motion, new_origin, trial, off
-        freedom = _freedom(sightings, len(x))
-        variance = max(found.cost / freedom, floor)
+        rotation, x, motion, origin, found, deviation = turned, moved, new_motion, new_origin, trial, off
+        dof = _dof(observations, len(x))
+        variance = max(found.cost / dof, floor)
         step = float(change @ matrix @ change)
-        weight = reweighted(found.squares, sightings.weight, freedom, floor)
-        plain = found.squares / np.where(weight > 0, sightings.weight, 1.0)
-        settled = abs(float(np.vdot(plain, weight)) - found.cost) <= UNRULY * variance * freedom
+        weight = reweighted(found.squares, observations.weight, dof, floor)
+        plain = found.squares / np.where(weight > 0, observations.weight, 1.0)
+        settled = abs(float(np.vdot(plain, weight)) - found.cost) <= UNRULY * variance * dof
         converged = settled and step <= SETTLED * variance and damping < 1e-2
         if not converged and (stereo or not settled):
-            sightings = sightings.weighted(weight)
+            observations = observations.weighted(weight)
             if stereo:
                 estimated = found.points @ np.swapaxes(motion.attitude, 1, 2) + origin[:, None]
-                sightings = moved_to(sightings, measured, estimated)
-            found = equations(sightings, motion, sampled, origin, found.points)
-    residual = found.cost / _freedom(sightings, len(x))
+                observations = moved_to(observations, measured, estimated)
+            found = equations(observations, motion, sampled, origin, found.points)
+    residual = found.cost / _dof(observations, len(x))
     variance = residual if options.sigma is None else options.sigma**2
-    return Likelihood(rotation, motion, x, sampled, found, prior, sightings, variance, residual, converged, rounds)
+    return Likelihood(rotation, motion, x, sampled, found, prior, observations, variance, residual, converged, rounds)
 
 
-def _freedom(sightings: Sightings, path_size: int) -> float:
-    seen = np.count_nonzero(sightings.weight.max(axis=0, initial=0.0) > FAINT)
-    return max(3 * float(sightings.weight.sum()) - 3 * seen - RATE_AND_INERTIA - path_size, 1.0)
+def _dof(observations: Observations, path_size: int) -> float:
+    seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
+    return max(3 * float(observations.weight.sum()) - 3 * seen - RATE_AND_INERTIA - path_size, 1.0)
 
 
 def _common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
     """All features in the axes B of the tumble: those of each body turned there, means where bodies share some."""
-    m = pivot.sightings.weight.shape[1]
+    m = pivot.observations.weight.shape[1]
     total, points = np.zeros(m), np.zeros((m, 3))
     for body, R_B_S in zip(pivot.bodies, tumble.bodies, strict=True):
-        weight = pivot.sightings.weight[np.ix_(body.frames, body.features)].sum(axis=0)
+        weight = pivot.observations.weight[np.ix_(body.frames, body.features)].sum(axis=0)
         points[body.features] += weight[:, None] * (body.points @ R_B_S.T)
         total[body.features] += weight
     return np.asarray(points / np.where(total > 0, total, 1.0)[:, None])

@@ -13,11 +13,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-def told_apart(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivot]:
+def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivot]:
     """The tracks and what `pivot` made of them, where each point has a column of its own.
 
     The second point of a label F3 becomes F3 (2), and so on. Bodies whose tie by a feature was refused see different
-    points; a sighting outside all bodies is of the point of the nearest frame.
+    points; an observation outside all bodies is of the point of the nearest frame.
     """
     if not pivot.refused:
         return tracks, pivot
@@ -76,18 +76,18 @@ def _in_columns(
     kept: NDArray[np.bool_],
     columns: list[IntArray],
 ) -> tuple[FeatureTracks, Pivot]:
-    """Both, with the columns `source` of the sightings that are kept (n, m'), and features renumbered as `columns`."""
+    """Both, with columns `source` of the observations kept (n, m'), and features renumbered as `columns`."""
     position = np.where(kept[..., None], tracks.position[:, source], np.nan)
     covariance = tracks.covariance
     if covariance is not None:
         covariance = np.where(kept[..., None, None], covariance[:, source], np.nan)
     bodies = [replace(body, features=own) for body, own in zip(pivot.bodies, columns, strict=True)]
     posed = [replace(one, body=replace(one.body, features=own)) for one, own in zip(pivot.posed, columns, strict=True)]
-    sightings = pivot.sightings.features(source)
+    observations = pivot.observations.features(source)
     return FeatureTracks(tracks.time, position, tuple(labels), covariance), replace(
         pivot,
-        believed=pivot.believed[:, source] & kept,
+        inliers=pivot.inliers[:, source] & kept,
         solution=replace(pivot.solution, bodies=tuple(bodies)),
         posed=tuple(posed),
-        sightings=sightings.weighted(sightings.weight * kept),
+        observations=observations.weighted(observations.weight * kept),
     )

@@ -28,7 +28,7 @@ class Drift:
 def solve_drift(bodies: tuple[PosedBody, ...], weights: list[FloatArray], path: SampledPath) -> Drift:
     """The least squares of c_k = g + R_k d with a weight (n,) for each body's frames."""
     p, d = path.jacobian.shape[2], 3 * len(bodies)
-    matrix, side = np.zeros((d + p, d + p)), np.zeros(d + p)
+    matrix, rhs = np.zeros((d + p, d + p)), np.zeros(d + p)
     for index, (posed, weight) in enumerate(zip(bodies, weights, strict=True)):
         frames = posed.body.frames
         own = slice(3 * index, 3 * index + 3)
@@ -39,16 +39,16 @@ def solve_drift(bodies: tuple[PosedBody, ...], weights: list[FloatArray], path: 
         matrix[own, d:] += outer[:3, 3:-1]
         matrix[d:, own] += outer[3:-1, :3]
         matrix[d:, d:] += outer[3:-1, 3:-1]
-        side[own] = outer[:3, -1]
-        side[d:] += outer[3:-1, -1]
-    found = symmetric_pseudo_inverse(matrix) @ side
+        rhs[own] = outer[:3, -1]
+        rhs[d:] += outer[3:-1, -1]
+    found = symmetric_pseudo_inverse(matrix) @ rhs
     return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
 
 
 def frame_weights(
     bodies: tuple[PosedBody, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]
 ) -> list[FloatArray]:
-    """One weight for each posed frame: the inverse mean variance of c_k − R_k d, for sightings of weight (n, m).
+    """One weight for each posed frame: the inverse mean variance of c_k − R_k d, for observations of weight (n, m).
 
     The centroid of n points has the variance 1/n, and the noise of the rotation acts on d by its lever.
     """

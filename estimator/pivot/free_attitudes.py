@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, best_turned, pieces
-from baryscope.estimator.adjustment.observations import Sightings, as_slice
+from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import blind_directions, symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -29,12 +29,13 @@ IntArray = NDArray[np.intp]
 class Solution:
     """Bodies and path where one step led.
 
-    x (p,) and its covariance (p, p) for sightings whose weights are inverse variances. For each body points_covariance
-    (3 m, 3 m) for known x, and points_path (3 m, p): b follows x by −points_path δx. offset_covariance (3 k, 3 k): that
-    of the k bodies' offsets, where the centroid of a body's points is seen from the centre of mass in axes that these
-    hold; offset_path (3 k, p): the same with x. blind (p, d) and offset_blind (3 k, d): directions of which nothing is
-    seen, which are not in the covariances. squares (n, m): the weighted squared residuals before the step, 0 where
-    nothing is used; step: what it promises to take off their sum.
+    x (p,) and its covariance (p, p) for observations whose weights are inverse variances. For each body
+    points_covariance (3 m, 3 m) for known x, and points_path (3 m, p): b follows x by −points_path δx.
+    offset_covariance (3 k, 3 k): that of the k bodies' offsets, where the centroid of a body's points is seen from the
+    centre of mass in axes that these hold; offset_path (3 k, p): the same with x. null_space (p, d) and
+    offset_null_space (3 k, d): directions of which nothing is seen, which are not in the covariances. squares (n, m):
+    the weighted squared residuals before the step, 0 where nothing is used; step: what it promises to take off their
+    sum.
     """
 
     bodies: tuple[Body, ...]
@@ -44,8 +45,8 @@ class Solution:
     points_path: tuple[FloatArray, ...]
     offset_covariance: FloatArray
     offset_path: FloatArray
-    blind: FloatArray
-    offset_blind: FloatArray
+    null_space: FloatArray
+    offset_null_space: FloatArray
     squares: FloatArray
     step: float
 
@@ -59,38 +60,40 @@ class _Sums:
     points: FloatArray
     path_sizes: FloatArray  # diagonals before
     points_sizes: FloatArray
-    path_side: FloatArray
-    points_side: FloatArray
+    path_rhs: FloatArray
+    points_rhs: FloatArray
 
 
-def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x: FloatArray) -> Solution:
+def gauss_newton_step(
+    bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray
+) -> Solution:
     """One Gauss–Newton step in x and all points, with the rotations at their best before it."""
     origin = path.position(x)
-    turned, sums, squares = [], [], np.zeros_like(sightings.weight)
+    turned, sums, squares = [], [], np.zeros_like(observations.weight)
     for body in bodies:
-        own = sightings.features(body.features)
+        own = observations.features(body.features)
         attitude = np.empty_like(body.attitude)
         for part in _chunks(body):
             frames = as_slice(body.frames[part])
             attitude[part] = best_turned(own.frames(frames), body.attitude[part], origin[frames], body.points)
         turned.append(replace(body, attitude=attitude))
         sums.append(_sum(turned[-1], own, path, origin, squares))
-    matrix, side, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
+    matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     solved = []
     for body, own_sums in zip(turned, sums, strict=True):
         inverse = _points_inverse(body.points, own_sums.points, own_sums.points_sizes)
         sizes += own_sums.path_sizes
         by_path = inverse @ own_sums.path_points.T
         matrix += own_sums.path - own_sums.path_points @ by_path
-        side += own_sums.path_side - by_path.T @ own_sums.points_side
+        rhs += own_sums.path_rhs - by_path.T @ own_sums.points_rhs
         solved.append((inverse, by_path))
     covariance = symmetric_pseudo_inverse(matrix, sizes)
-    change = covariance @ side
-    blind = blind_directions(matrix, sizes)
-    moved, offsets, by_x, length = [], [], [], float(change @ side)
+    change = covariance @ rhs
+    null_space = null_space_of(matrix, sizes)
+    moved, offsets, by_x, length = [], [], [], float(change @ rhs)
     for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
-        points_change = inverse @ (own_sums.points_side - own_sums.path_points.T @ change)
-        length += float(own_sums.points_side @ inverse @ own_sums.points_side)
+        points_change = inverse @ (own_sums.points_rhs - own_sums.path_points.T @ change)
+        length += float(own_sums.points_rhs @ inverse @ own_sums.points_rhs)
         moved.append(body.moved(points_change))
         held = offset_by_points(body.points)
         offsets.append(held @ inverse @ held.T)
@@ -104,8 +107,8 @@ def improve(bodies: tuple[Body, ...], sightings: Sightings, path: SampledPath, x
         points_path=tuple(by_path for _, by_path in solved),
         offset_covariance=block_diag(*offsets) + offset_by_x @ covariance @ offset_by_x.T,
         offset_path=-offset_by_x @ covariance,
-        blind=blind,
-        offset_blind=-offset_by_x @ blind,
+        null_space=null_space,
+        offset_null_space=-offset_by_x @ null_space,
         squares=squares,
         step=length,
     )
@@ -117,7 +120,7 @@ def _chunks(body: Body) -> Iterator[slice]:
     return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
 
-def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
+def _sum(body: Body, own: Observations, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
     p, q = path.jacobian.shape[2], 3 * len(body.features)
     total = _Sums(
         np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
@@ -133,19 +136,19 @@ def _sum(body: Body, own: Sightings, path: SampledPath, origin: FloatArray, squa
         total.path_sizes += np.diag(path_part)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.path_points += found.unknowns_points(None, shift)
-        total.path_side += flat.T @ found.shift_side.ravel()
-        total.points_side += found.point_side.ravel()
+        total.path_rhs += flat.T @ found.shift_rhs.ravel()
+        total.points_rhs += found.point_rhs.ravel()
         for index, block in enumerate(found.point):
             total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
         # Take out the frames' rotations.
-        coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_side[:, :, None]], axis=2)
+        coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
         solved = symmetric_inverses(found.turn) @ coupling
         outer = coupling.reshape(-1, p + q + 1).T @ solved.reshape(-1, p + q + 1)
         total.path -= outer[:p, :p]
         total.path_points -= outer[:p, p:-1]
         total.points -= outer[p:-1, p:-1]
-        total.path_side -= outer[:p, -1]
-        total.points_side -= outer[p:-1, -1]
+        total.path_rhs -= outer[:p, -1]
+        total.points_rhs -= outer[p:-1, -1]
         squares[np.ix_(body.frames[part], body.features)] = found.squares
     return total
 

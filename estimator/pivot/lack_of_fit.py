@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
-from baryscope.estimator.adjustment.diagnostics import doubtful, missing_covariance
+from baryscope.estimator.adjustment.diagnostics import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.adjustment.normal_equations import pieces
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
-from baryscope.estimator.pivot.free_attitudes import improve
+from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.refinement import FEW_FRAMES, Pivot, thinned
 from baryscope.estimator.registration.body import Body
 
@@ -24,14 +24,14 @@ CHANCE = 1e-7  # of a departure that is none
 DEPARTURE_FRAMES = 1500  # frames at most that a departure from the path is looked for in
 
 
-def departure(found: Pivot, time: FloatArray) -> str | None:
+def lack_of_fit(found: Pivot, time: FloatArray) -> str | None:
     """A remark if the CoM departs from its kind of path by more than noise explains: by a cubic in time, added to it.
 
     Only what the path itself cannot do is added. Where there is no departure, the gain in cost of these k unknowns is
     χ² distributed with k degrees of freedom; where a direction is hardly seen noise may gain more: nothing is said.
     """
     posed = tuple(replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
-    some, few, rows = thinned(posed, found.sightings, DEPARTURE_FRAMES)
+    some, few, rows = thinned(posed, found.observations, DEPARTURE_FRAMES)
     bodies, x = tuple(one.body for one in some), found.solution.x
     own = found.sampled.jacobian[rows]
     cubic = Polynomial(3, float(time[0]), float(time[-1])).at(time[rows]).jacobian
@@ -45,7 +45,10 @@ def departure(found: Pivot, time: FloatArray) -> str | None:
     position, new = found.sampled.position(x)[rows], np.sqrt(len(rows)) * new.reshape(len(rows), 3, -1)
     wider = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
     start = np.concatenate([x, np.zeros(new.shape[2])])
-    freed, held = improve(bodies, few, wider, start), improve(bodies, few, SampledPath(own, lambda _: position), x)
+    freed, held = (
+        gauss_newton_step(bodies, few, wider, start),
+        gauss_newton_step(bodies, few, SampledPath(own, lambda _: position), x),
+    )
     gain = (freed.step - held.step) / found.variance
     if chi2.sf(gain, new.shape[2]) > CHANCE or _is_faint(found):
         return None
@@ -55,12 +58,12 @@ def departure(found: Pivot, time: FloatArray) -> str | None:
 
 def _is_faint(found: Pivot) -> bool:
     """Whether the CoM is hardly seen in some direction in which a body's offset lies."""
-    widened = with_faint_directions(found, found.sampled.position(found.solution.x))[1]
+    widened = without_spurious_information(found, found.sampled.position(found.solution.x))[1]
     before = found.variance * _diagonal_blocks(found.solution.offset_covariance)
     return bool(np.any(np.trace(widened, axis1=1, axis2=2) > 1.5 * np.trace(before, axis1=1, axis2=2)))
 
 
-def with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The covariances of x (p, p) and of each body's offset (k, 3, 3), without what only attitude noise made visible.
 
     A point on the axis of a pure spin does not move, but with noisy attitudes it seems to: by Σ (tr C − C), C a frame's
@@ -69,18 +72,22 @@ def with_faint_directions(found: Pivot, origin: FloatArray) -> tuple[FloatArray,
     variance, solution = found.variance, found.solution
     reach = float(np.linalg.norm(origin, axis=1).max())
     # All bodies at once: what one seems to see of the path the others would take for known.
-    seeming = block_diag(
+    spurious = block_diag(
         *(
-            doubtful(len(body.frames)) * _seeming_information(body, found.sightings, origin, variance)
+            three_sigma_factor(len(body.frames)) * _spurious_information(body, found.observations, origin, variance)
             for body in found.bodies
         )
     )
-    missing, gain = missing_covariance(solution.offset_covariance, solution.offset_path, seeming, variance / reach**2)
+    missing, gain = spurious_information_columns(
+        solution.offset_covariance, solution.offset_path, spurious, variance / reach**2
+    )
     # What is not seen at all may be anywhere within reach.
-    spread = reach / np.maximum(found.sampled.lengths(solution.blind), 1e-300)
-    covariance = variance * (solution.covariance + gain @ gain.T) + (solution.blind * spread**2) @ solution.blind.T
+    spread = reach / np.maximum(found.sampled.lengths(solution.null_space), 1e-300)
+    covariance = (
+        variance * (solution.covariance + gain @ gain.T) + (solution.null_space * spread**2) @ solution.null_space.T
+    )
     offsets = variance * (solution.offset_covariance + missing @ missing.T)
-    offsets += (solution.offset_blind * spread**2) @ solution.offset_blind.T
+    offsets += (solution.offset_null_space * spread**2) @ solution.offset_null_space.T
     return covariance, _diagonal_blocks(offsets)
 
 
@@ -90,7 +97,7 @@ def _diagonal_blocks(matrix: FloatArray) -> FloatArray:
     return np.asarray(matrix.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k)])
 
 
-def _seeming_information(body: Body, sightings: Sightings, origin: FloatArray, variance: float) -> FloatArray:
+def _spurious_information(body: Body, observations: Observations, origin: FloatArray, variance: float) -> FloatArray:
     """What the noise of a body's attitudes seems to tell of its offset, (3, 3) in S, in the weights' units.
 
     A frame whose attitude is off by φ sees the offset d moved by φ × d. With C the covariance of φ and Q what the frame
@@ -98,7 +105,7 @@ def _seeming_information(body: Body, sightings: Sightings, origin: FloatArray, v
     """
     every = max(1, len(body.frames) // FEW_FRAMES)
     frames, attitude = body.frames[::every], body.attitude[::every]
-    found = pieces(sightings.frames(frames).features(body.features), attitude, origin[frames], body.points)
+    found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
     inverse = symmetric_inverses(found.turn)
     known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
     axes = cross_matrices(np.eye(3))

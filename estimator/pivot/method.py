@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import assessed, clusters_of
-from baryscope.estimator.adjustment.observations import Sightings
-from baryscope.estimator.adjustment.reweighting import FAINT
-from baryscope.estimator.adjustment.stereo import sightings_of
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.dynamics.paths import Path, Polynomial, trajectory_of
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.lack_of_fit import departure, with_faint_directions
+from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import ROUNDING, Pivot, choose_degree, least_variance, refined, start_of
-from baryscope.estimator.pivot.tie_points import Tie
+from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.registration.clusters import PosedBody, find_bodies
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate
@@ -42,7 +42,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     begin = clock.perf_counter()
     found = solve_pivot(tracks, orbit, options)
     position = found.sampled.position(found.solution.x)
-    covariance, offsets = with_faint_directions(found, position)
+    covariance, offsets = without_spurious_information(found, position)
     clusters = clusters_of(found.posed, (body.points for body in found.bodies), offsets)
     return assessed(
         "pivot",
@@ -52,7 +52,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         found.sampled.covariance(covariance),
         clusters,
         weights=np.where(
-            tracks.seen & ~found.believed, np.maximum(found.sightings.weight, FAINT), found.sightings.weight
+            tracks.seen & ~found.inliers, np.maximum(found.observations.weight, NEGLIGIBLE), found.observations.weight
         ),
         variance=found.variance,
         options=options,
@@ -60,26 +60,26 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         extra={
             "converged": found.converged,
             "rounds": found.rounds,
-            "ties": [_tie_described(tie, tracks.labels) for tie in found.ties],
+            "tie_points": [_tie_described(tie, tracks.labels) for tie in found.tie_points],
         },
         remarks=found.remarks,
     )
 
 
-def _tie_described(made: Tie, labels: tuple[str, ...]) -> dict[str, Any]:
+def _tie_described(made: TiePoints, labels: tuple[str, ...]) -> dict[str, Any]:
     return {"clusters": list(made.bodies), "features": [labels[index] for index in made.features]}
 
 
 def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
     """Bodies, path and points at their least squares."""
     trajectory = trajectory_of(options.trajectory, orbit)
-    believed = screen(tracks.position, tracks.seen)
-    posed, noise = find_bodies(tracks.position, believed)
-    measured = sightings_of(tracks, tracks.seen)
-    sightings = _restricted(measured, posed, believed)
+    inliers = screen(tracks.position, tracks.seen)
+    posed, noise = find_bodies(tracks.position, inliers)
+    measured = observations_of(tracks, tracks.seen)
+    observations = _restricted(measured, posed, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     if trajectory.kind == "polynomial" and trajectory.degree is None:
-        degree = choose_degree(posed, sightings, tracks.time, span)
+        degree = choose_degree(posed, observations, tracks.time, span)
         path: Path = Polynomial(degree, *span)
     else:
         path = trajectory.path(orbit, *span, degree=0)
@@ -89,8 +89,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             f"{frames} frames show an attitude, too few for {path.name}: more than {path.size // 3 + len(posed)} needed"
         )
     sampled = path.at(tracks.time)
-    bodies, x = start_of(posed, sightings, path, tracks.time)
-    found = refined(path, sampled, bodies, x, posed, measured, sightings, believed, options)
+    bodies, x = start_of(posed, observations, path, tracks.time)
+    found = refined(path, sampled, bodies, x, posed, measured, observations, inliers, options)
     remarks = [_refusal(tie, tracks.labels) for tie in found.refused]
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
     if found.residual_variance > least_variance(measured, ROUNDING):
@@ -98,22 +98,22 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             remarks.append(
                 f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
             )
-        elif remark := departure(found, tracks.time):
+        elif remark := lack_of_fit(found, tracks.time):
             remarks.append(remark)
     return replace(found, remarks=tuple(remarks))
 
 
-def _refusal(tie: Tie, labels: tuple[str, ...]) -> str:
+def _refusal(tie: TiePoints, labels: tuple[str, ...]) -> str:
     """A remark that features of one name are not the same points."""
     names, (first, second) = ", ".join(labels[index] for index in tie.features), tie.bodies
     by = "it" if len(tie.features) == 1 else "them"
     return f"{names}: not the same in clusters {first} and {second}, which are not tied by {by}"
 
 
-def _restricted(measured: Sightings, posed: tuple[PosedBody, ...], believed: BoolArray) -> Sightings:
-    """Only what some body could explain; what is not believed keeps a faint weight, so that its residual is seen."""
+def _restricted(measured: Observations, posed: tuple[PosedBody, ...], inliers: BoolArray) -> Observations:
+    """Only what some body could explain; an outlier keeps a negligible weight, so that its residual is seen."""
     weight = np.zeros_like(measured.weight)
     for one in posed:
         block = np.ix_(one.body.frames, one.body.features)
-        weight[block] = measured.weight[block] * np.where(believed[block], 1.0, FAINT)
+        weight[block] = measured.weight[block] * np.where(inliers[block], 1.0, NEGLIGIBLE)
     return measured.weighted(weight)

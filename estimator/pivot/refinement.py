@@ -1,18 +1,18 @@
-"""Bodies and path at the least squares of all sightings, with an attitude for each frame: from a start to rest."""
+"""Bodies and path at the least squares of all observations, with an attitude for each frame: from a start to rest."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.dynamics.paths import Path, Polynomial, SampledPath
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
-from baryscope.estimator.pivot.free_attitudes import Solution, improve
-from baryscope.estimator.pivot.tie_points import Tie, tie
+from baryscope.estimator.pivot.free_attitudes import Solution, gauss_newton_step
+from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import PosedBody
 from baryscope.models.errors import ComputationError
@@ -39,24 +39,24 @@ LEAST_FRAMES = 20  # of a body, that are not left out for another's sake
 class Pivot:
     """What `pivot` finds, for `ml` to start from.
 
-    path and its unknowns x; believed (n, m): which sightings were believed at first; bodies with points seen from the
-    centre of mass; sightings with their weights, all (n, m); variance of a sighting of weight 1, as given or as the
-    residuals show it, over the given covariance or in m²; residual_variance: as they show it. ties between bodies that
-    share features, and those refused because the features differ; remarks: what does not fit.
+    path and its unknowns x; inliers (n, m): which observations passed the screening; bodies with points seen from the
+    centre of mass; observations with their weights, all (n, m); variance of an observation of weight 1, as given or as
+    the residuals show it, over the given covariance or in m²; residual_variance: as they show it. ties between bodies
+    that share features, and those refused because the features differ; remarks: what does not fit.
     """
 
     path: Path
     sampled: SampledPath
-    believed: BoolArray
+    inliers: BoolArray
     solution: Solution
     posed: tuple[PosedBody, ...]
-    sightings: Sightings
+    observations: Observations
     variance: float
     residual_variance: float
     converged: bool
     rounds: int
-    ties: tuple[Tie, ...]
-    refused: tuple[Tie, ...]
+    tie_points: tuple[TiePoints, ...]
+    refused: tuple[TiePoints, ...]
     remarks: tuple[str, ...] = ()
 
     @property
@@ -66,24 +66,24 @@ class Pivot:
 
 
 def start_of(
-    posed: tuple[PosedBody, ...], sightings: Sightings, path: Path, time: FloatArray
+    posed: tuple[PosedBody, ...], observations: Observations, path: Path, time: FloatArray
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies and path to refine: by linear least squares; of many frames, some are solved, and refined once."""
-    some, few, rows = thinned(posed, sightings, FEW_FRAMES)
+    some, few, rows = thinned(posed, observations, FEW_FRAMES)
     sampled = path.at(time[rows])
     bodies, x = _linear(some, few, sampled)
     if len(rows) < sum(len(one.body.frames) for one in posed):
-        solution = improve(bodies, few, sampled, x)
+        solution = gauss_newton_step(bodies, few, sampled, x)
         bodies, x = solution.bodies, solution.x
     return tuple(replace(one.body, points=body.points) for one, body in zip(posed, bodies, strict=True)), x
 
 
 def _linear(
-    posed: tuple[PosedBody, ...], sightings: Sightings, sampled: SampledPath
+    posed: tuple[PosedBody, ...], observations: Observations, sampled: SampledPath
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """The path and the bodies seen from the centre of mass, by linear least squares, weighted the second time."""
     first = solve_drift(posed, [np.ones(len(one.body.frames)) for one in posed], sampled)
-    drift = solve_drift(posed, frame_weights(posed, sightings.weight, first.offsets), sampled)
+    drift = solve_drift(posed, frame_weights(posed, observations.weight, first.offsets), sampled)
     moved = zip(posed, drift.offsets, strict=True)
     return tuple(replace(one.body, points=one.body.points + offset) for one, offset in moved), drift.x
 
@@ -94,14 +94,15 @@ def refined(
     bodies: tuple[Body, ...],
     x: FloatArray,
     posed: tuple[PosedBody, ...],
-    measured: Sightings,
-    sightings: Sightings,
-    believed: BoolArray,
+    measured: Observations,
+    observations: Observations,
+    inliers: BoolArray,
     options: PathOptions,
 ) -> Pivot:
     """Gauss–Newton steps until they are short and the weights at rest, then the ties.
 
-    bodies and x to start from; measured: the sightings as they came; sightings: those that posed bodies could explain.
+    bodies and x to start from; measured: the observations as they came; observations: those that posed bodies could
+    explain.
 
     Raises:
         ComputationError: too few values for the unknowns.
@@ -110,43 +111,43 @@ def refined(
     while not converged and rounds < ROUNDS:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
-            sightings = moved_to(sightings, measured, _points_in_C(bodies, sampled.position(x), measured))
-        solution = improve(bodies, sightings, sampled, x)
+            observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
+        solution = gauss_newton_step(bodies, observations, sampled, x)
         bodies, x = solution.bodies, solution.x
-        freedom = _freedom(bodies, sightings, len(x))
+        dof = _dof(bodies, observations, len(x))
         cost = float(solution.squares.sum())
-        variance = cost / freedom
-        weight = reweighted(solution.squares, sightings.weight, freedom, floor)
+        variance = cost / dof
+        weight = reweighted(solution.squares, observations.weight, dof, floor)
         if rounds > HASTY:  # weights that swing to and fro come to rest in between
-            weight = np.sqrt(weight * sightings.weight)
+            weight = np.sqrt(weight * observations.weight)
         least = max(variance, floor)
         short = solution.step <= SETTLED * least
         if rounds == 1 and measured.precision is None:
             short = CONTRACTION * solution.step <= SETTLED * least
-        plain = solution.squares / np.where(weight > 0, sightings.weight, 1.0)
-        converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * freedom)
-        sightings = sightings.weighted(weight)
+        plain = solution.squares / np.where(weight > 0, observations.weight, 1.0)
+        converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * dof)
+        observations = observations.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
-    solution, ties, strangers = tie(solution, max(scale, floor))
+    solution, ties, strangers = tie_bodies(solution, max(scale, floor))
     return Pivot(
-        path, sampled, believed, solution, posed, sightings, scale, variance, converged, rounds, ties, strangers
+        path, sampled, inliers, solution, posed, observations, scale, variance, converged, rounds, ties, strangers
     )
 
 
-def _freedom(bodies: tuple[Body, ...], sightings: Sightings, path_size: int) -> float:
+def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -> float:
     """Values less unknowns, where a frame's rotation takes three, and a body's points three each but for its turn."""
     frames = sum(len(body.frames) for body in bodies)
     points = sum(3 * len(body.features) - 3 for body in bodies)
-    freedom = 3 * float(sightings.weight.sum()) - 3 * frames - points - path_size
-    if freedom <= 0:
+    dof = 3 * float(observations.weight.sum()) - 3 * frames - points - path_size
+    if dof <= 0:
         raise ComputationError(
-            f"{frames} frames that show an attitude, with {sightings.count} sightings, are too few for a path of "
+            f"{frames} frames that show an attitude, with {observations.count} observations, are too few for a path of "
             f"{path_size} unknowns"
         )
-    return freedom
+    return dof
 
 
-def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Sightings) -> FloatArray:
+def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Observations) -> FloatArray:
     """Where the points are estimated to be, (n, m, 3) in C; where they were measured if no body has them."""
     estimated = measured.position.copy()
     for body in bodies:
@@ -155,23 +156,23 @@ def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Sightin
     return estimated
 
 
-def least_variance(sightings: Sightings, rounding: float) -> float:
-    """Of a sighting of weight 1, that of rounding to this share of the farthest distance."""
-    if sightings.precision is not None:
+def least_variance(observations: Observations, rounding: float) -> float:
+    """Of an observation of weight 1, that of rounding to this share of the farthest distance."""
+    if observations.precision is not None:
         return 1e-9
-    position = sightings.position
+    position = observations.position
     return rounding**2 * float(np.einsum("kmi,kmi->km", position, position).max(initial=0.0))
 
 
 def choose_degree(
-    posed: tuple[PosedBody, ...], sightings: Sightings, time: FloatArray, span: tuple[float, float]
+    posed: tuple[PosedBody, ...], observations: Observations, time: FloatArray, span: tuple[float, float]
 ) -> int:
     """The degree of a polynomial by Akaike's criterion, from the lowest up until it fails to improve.
 
     Each degree is refined with free attitudes: with the attitudes held, their noise alone would favour high degrees,
     which shrink the offsets that it is multiplied by.
     """
-    some, few, rows = thinned(posed, sightings, FEW_FRAMES)
+    some, few, rows = thinned(posed, observations, FEW_FRAMES)
     best, degree_of_best = np.inf, 0
     for degree in range(HIGHEST_CHOSEN + 1):
         if degree > degree_of_best + PATIENCE:
@@ -179,21 +180,21 @@ def choose_degree(
         sampled = Polynomial(degree, *span).at(time[rows])
         bodies, x = _linear(some, few, sampled)
         for _ in range(3):
-            solution = improve(bodies, few, sampled, x)
+            solution = gauss_newton_step(bodies, few, sampled, x)
             bodies, x = solution.bodies, solution.x
-        freedom = _freedom(bodies, few, len(x))
-        values = freedom + len(x)
+        dof = _dof(bodies, few, len(x))
+        values = dof + len(x)
         # Akaike's criterion for Gaussian noise of unknown size.
-        criterion = values * np.log(max(float(solution.squares.sum()), 1e-300) / freedom) + 2 * len(x)
+        criterion = values * np.log(max(float(solution.squares.sum()), 1e-300) / dof) + 2 * len(x)
         if criterion < best:
             best, degree_of_best = criterion, degree
     return degree_of_best
 
 
 def thinned(
-    posed: tuple[PosedBody, ...], sightings: Sightings, most: int
-) -> tuple[tuple[PosedBody, ...], Sightings, IntArray]:
-    """Bodies and sightings in `most` of their frames or a few more, and which these are, (k,): of each body some."""
+    posed: tuple[PosedBody, ...], observations: Observations, most: int
+) -> tuple[tuple[PosedBody, ...], Observations, IntArray]:
+    """Bodies and observations in `most` of their frames or a few more, and which these are, (k,): of each body some."""
     every = max(1, sum(len(one.body.frames) for one in posed) // most)
     steps = [max(1, min(every, len(one.body.frames) // LEAST_FRAMES)) for one in posed]
     rows = np.sort(np.concatenate([one.body.frames[::step] for one, step in zip(posed, steps, strict=True)]))
@@ -204,4 +205,4 @@ def thinned(
         few.append(
             replace(one, body=replace(body, frames=frames, attitude=attitude), translation=one.translation[::step])
         )
-    return tuple(few), sightings.frames(rows), rows
+    return tuple(few), observations.frames(rows), rows

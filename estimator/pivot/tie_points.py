@@ -28,7 +28,7 @@ ROUNDING = 1e-12  # of the greatest variance: that of products which follow from
 
 
 @dataclass(frozen=True, eq=False)
-class Tie:
+class TiePoints:
     """Two bodies, by their places in the solution, and the features (k,) that they share.
 
     rows: those features' places in either body; means (g, k): the points that are compared, each feature or the mean of
@@ -47,7 +47,7 @@ class _Gaps:
     """By how much the first bodies' products exceed the second ones': values (c,) in m², and their covariance (c, c).
 
     with_points: their covariance with each tied body's points for known x, (3 m, c); by_path (c, p): they follow x by
-    −by_path δx, as the points do. All for sightings whose weights are inverse variances.
+    −by_path δx, as the points do. All for observations whose weights are inverse variances.
     """
 
     values: FloatArray
@@ -56,10 +56,10 @@ class _Gaps:
     by_path: FloatArray
 
 
-def tie(solution: Solution, variance: float) -> tuple[Solution, tuple[Tie, ...], tuple[Tie, ...]]:
+def tie_bodies(solution: Solution, variance: float) -> tuple[Solution, tuple[TiePoints, ...], tuple[TiePoints, ...]]:
     """The solution with bodies tied that share features, the ties that were made, and those that do not fit.
 
-    variance: of a sighting of weight 1.
+    variance: of an observation of weight 1.
     """
     made, refused = [], []
     for bodies, features in _sharing(solution):
@@ -92,11 +92,11 @@ def _sharing(solution: Solution) -> Iterator[tuple[tuple[int, int], IntArray]]:
                 yield (first, second), shared
 
 
-def _comparable(solution: Solution, variance: float, bodies: tuple[int, int], features: IntArray) -> Tie | None:
+def _comparable(solution: Solution, variance: float, bodies: tuple[int, int], features: IntArray) -> TiePoints | None:
     """What a linear model can compare of the features that two bodies share, if anything."""
     first, second = (np.nonzero(np.equal.outer(features, solution.bodies[index].features))[1] for index in bodies)
     means = _means(solution.bodies[bodies[0]].points[first])
-    whole = Tie(bodies, features, (first, second), means, np.eye(len(means) ** 2))
+    whole = TiePoints(bodies, features, (first, second), means, np.eye(len(means) ** 2))
     values, axes = np.linalg.eigh(_gaps(solution, [whole]).covariance)
     spread = max(_greatest(solution, index, rows, means) for index, rows in zip(bodies, whole.rows, strict=True))
     known = (values > ROUNDING * values[-1]) & (values > (CURVED * spread) ** 2 * variance)
@@ -116,7 +116,7 @@ def _means(points: FloatArray) -> FloatArray:
     return means
 
 
-def _fits(solution: Solution, variance: float, one: Tie) -> bool:
+def _fits(solution: Solution, variance: float, one: TiePoints) -> bool:
     """Whether the gaps that a tie would close may be there by chance."""
     gaps = _gaps(solution, [one])
     square = float(gaps.values @ symmetric_pseudo_inverse(gaps.covariance) @ gaps.values)
@@ -124,7 +124,7 @@ def _fits(solution: Solution, variance: float, one: Tie) -> bool:
 
 
 def _greatest(solution: Solution, index: int, rows: IntArray, means: FloatArray) -> float:
-    """The greatest variance of means of some points of a body, over that of a sighting."""
+    """The greatest variance of means of some points of a body, over that of an observation."""
     columns = (3 * rows[:, None] + np.arange(3)).ravel()
     by_path = solution.points_path[index][columns]
     covariance = solution.points_covariance[index][np.ix_(columns, columns)] + by_path @ solution.covariance @ by_path.T
@@ -132,7 +132,7 @@ def _greatest(solution: Solution, index: int, rows: IntArray, means: FloatArray)
     return float(np.einsum("gi,ij,gj->g", whole, covariance, whole, optimize=True).reshape(-1, 3).sum(axis=1).max())
 
 
-def _gaps(solution: Solution, ties: list[Tie]) -> _Gaps:
+def _gaps(solution: Solution, ties: list[TiePoints]) -> _Gaps:
     """What there is between bodies before it is closed."""
     used = sorted({index for one in ties for index in one.bodies})
     values = [np.zeros(len(one.compared)) for one in ties]
@@ -160,7 +160,7 @@ def _products(points: FloatArray, rows: IntArray, means: FloatArray) -> tuple[Fl
     return (b @ b.T).ravel(), slope.reshape(len(b) ** 2, -1)
 
 
-def _closed(solution: Solution, ties: list[Tie]) -> Solution:
+def _closed(solution: Solution, ties: list[TiePoints]) -> Solution:
     """The most likely solution without the gaps, and its covariances."""
     gaps = _gaps(solution, ties)
     inverse = symmetric_pseudo_inverse(gaps.covariance)

@@ -1,4 +1,4 @@
-"""From sightings to rigid bodies: which features belong together, their shape, and the body's attitude in each frame.
+"""From observations to rigid bodies: which features belong together, their shape, and their attitude in each frame.
 
 The frames are cut into intervals; intervals that share three features off a line are one body, also across gaps, so
 that features which return tie them together. Features that change do not.
@@ -48,7 +48,7 @@ class _Shape:
 def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody, ...], float]:
     """The bodies in position (n, m, 3), and the noise of a coordinate in m that registration leaves over.
 
-    used (n, m) says which sightings to believe.
+    used (n, m) says which observations to believe.
 
     Raises:
         ComputationError: in no frame three features are seen, or they always lie in a line.
@@ -60,7 +60,7 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         raise ComputationError(
             f"at most {most} features are seen together in a frame, at least 3 are needed for an attitude"
         )
-    shapes, squares, freedom = [], 0.0, 0.0
+    shapes, squares, dof = [], 0.0, 0.0
     for interval in intervals:
         columns = np.array(interval.features)
         rows = enough[interval.start : interval.stop]
@@ -71,7 +71,7 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         if not fitted.valid.any():
             continue
         values = max(3 * int(np.isfinite(block[..., 0]).sum()) - 6 * len(rows) - 3 * len(columns) + 6, 0)
-        squares, freedom = squares + fitted.rms**2 * values, freedom + values
+        squares, dof = squares + fitted.rms**2 * values, dof + values
         seen = used[interval.frames][:, columns].sum(axis=0)
         placed = [index for index, point in enumerate(fitted.shape) if np.isfinite(point[0])]
         shapes.append(
@@ -83,7 +83,7 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
         )
     if not shapes:
         raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
-    noise = float(np.sqrt(squares / max(freedom, 1)))
+    noise = float(np.sqrt(squares / max(dof, 1)))
     bodies = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
     found = tuple(body for body in bodies if len(body.body.frames))
     if not found:

@@ -141,8 +141,8 @@ def _residual(
 ) -> float:
     """Standard deviation per coordinate of what the rigid motion leaves over, unknowns counted."""
     residual = (cloud - rotation @ shape.T - translation[:, :, None]) * weights[:, None, :]
-    freedom = 3 * weights.sum() - 6 * len(cloud) - 3 * (weights.sum(axis=0) > 0).sum() + 6
-    return float(np.sqrt(np.vdot(residual, residual) / max(freedom, 1.0)))
+    dof = 3 * weights.sum() - 6 * len(cloud) - 3 * (weights.sum(axis=0) > 0).sum() + 6
+    return float(np.sqrt(np.vdot(residual, residual) / max(dof, 1.0)))
 
 
 def _radius(shape: FloatArray) -> float:

@@ -16,7 +16,7 @@ SUSPECT = 0.01  # share of distances that do not fit from which on all frames ar
 
 
 def screen(position: FloatArray, seen: BoolArray) -> BoolArray:
-    """Which sightings (n, m) of positions (n, m, 3) to believe at first: those whose distances fit.
+    """Which observations (n, m) of positions (n, m, 3) to believe at first: those whose distances fit.
 
     All of them, if in a sample of frames hardly any distance is unusual.
     """
@@ -29,12 +29,12 @@ def screen(position: FloatArray, seen: BoolArray) -> BoolArray:
     fits, both = _fits(position[rows], seen[rows], pairs, usual, spread)
     if not both[:, known].any() or 1 - fits[:, known].sum() / max(both[:, known].sum(), 1) < SUSPECT:
         return seen.copy()
-    believed = np.zeros_like(seen)
+    inliers = np.zeros_like(seen)
     for first in range(0, n, SAMPLE):
         part = slice(first, first + SAMPLE)
         fits, both = _fits(position[part], seen[part], pairs, usual, spread)
-        believed[part] = seen[part] & _agreeing(fits, both, pairs, m)
-    return believed
+        inliers[part] = seen[part] & _agreeing(fits, both, pairs, m)
+    return inliers
 
 
 def _erratic(usual: FloatArray, spread: FloatArray, pairs: NDArray[np.intp], m: int) -> BoolArray:

@@ -45,7 +45,7 @@ def fit_path(
     """Fit samples position (n, 3) at time (n,) with weights (n,) >= 0; `span` is the time that will be asked for.
 
     Without a degree, 20 stretches of time are left out one after the other; of the degrees, the lowest is taken
-    that foretells them as well as the best does, within one standard error, so that gaps are not overshot.
+    that predicts them as well as the best does, within one standard error, so that gaps are not overshot.
     Samples far off lose their weight (Tukey's biweight on the distance, scaled by its median).
     """
     highest = HIGHEST_DEGREE if degree is None else degree

@@ -127,7 +127,7 @@ def _print_own(scenario: Scenario, trajectory: str | None) -> None:
     with step("Cramér–Rao bound"):
         found = cramer_rao_bound(scenario, trajectory=trajectory)
     lines = [
-        f"{scenario.name}: {scenario.duration:.0f} s at {1 / scenario.run.sample_time:g} Hz, {found.sightings} "
+        f"{scenario.name}: {scenario.duration:.0f} s at {1 / scenario.run.sample_time:g} Hz, {found.observations} "
         f"sightings of {len(scenario.features.points)} features, {noise_of(scenario)}, "
         f"path {trajectory or 'relative-orbit'}",
         f"  path of the centre of mass   ±{1000 * found.position_deviation:.3g} mm",

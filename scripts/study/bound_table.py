@@ -127,7 +127,7 @@ class Cell:
             return [*place, "", "", "", "", "", "", self.verdict]
         of_com: list[float | str] = [b.position_deviation, b.offset_deviation] if self.observable else ["", ""]
         degrees = [float(np.rad2deg(value)) for value in (b.attitude_deviation, b.rate_deviation)]
-        return [*place, b.sightings, *of_com, *degrees, b.inertia_deviation, self.verdict]
+        return [*place, b.observations, *of_com, *degrees, b.inertia_deviation, self.verdict]
 
 
 def cells_of(

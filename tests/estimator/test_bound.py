@@ -24,7 +24,7 @@ from baryscope.models.scenario import (
     Target,
     Tracking,
 )
-from baryscope.models.tracking import sighting_covariance
+from baryscope.models.tracking import observation_covariance
 from oracles import TorqueFree, relative_kepler, torque_free_attitude
 from synthetic import ENVISAT, Orbit, attitude, box_features, differences, turned_back
 
@@ -70,10 +70,10 @@ class BruteForce:
         # Changes of about one in what these are units of.
         self.units = np.repeat([1e-2, 1e-3, 1e-2, 1.0, 1e-2, 1.0], [3, 3, 5, 3, 3, 3 * m])
         zero = np.zeros(len(self.units))
-        truth = self.sightings(zero)
-        covariance = sighting_covariance(flown, truth, self.path(zero))
+        truth = self.observations(zero)
+        covariance = observation_covariance(flown, truth, self.path(zero))
         root = np.swapaxes(np.linalg.cholesky(np.linalg.inv(covariance)), -1, -2) * seen[..., None, None]
-        jacobian = differences(lambda u: (root @ self.sightings(u)[..., None]).ravel(), zero, 1e-4)
+        jacobian = differences(lambda u: (root @ self.observations(u)[..., None]).ravel(), zero, 1e-4)
         self.covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-10, hermitian=True)
         self.rank = np.linalg.matrix_rank(jacobian, tol=1e-5 * np.linalg.norm(jacobian, 2))
 
@@ -103,7 +103,7 @@ class BruteForce:
     def places(self, unknowns):
         return self.points + (self.units * unknowns)[17:].reshape(-1, 3)
 
-    def sightings(self, unknowns):
+    def observations(self, unknowns):
         return self.path(unknowns)[:, None] + self.places(unknowns) @ np.swapaxes(self.motion(unknowns)[0], 1, 2)
 
     def of(self, function):
@@ -151,7 +151,7 @@ def test_equals_the_inverse_of_a_fisher_matrix_by_brute_force(sensor, tracking):
         seen[np.ix_(time >= 110, [2, 4, 5])] = 1
     exact, found = BruteForce(flown, seen), cramer_rao_bound(flown)
     assert exact.rank == 17 + 18 - 3  # all but a turn of the axes
-    assert found.sightings == seen.sum()
+    assert found.observations == seen.sum()
     assert found.verdict.startswith("observable")
     path = exact.of(lambda u: exact.path(u).ravel()).reshape(len(time), 3, len(time), 3)
     close(found.position_covariance, np.einsum("kikj->kij", path))

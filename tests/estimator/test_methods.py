@@ -33,7 +33,7 @@ from synthetic import ENVISAT, Case, attitude, make_case
 @pytest.mark.parametrize("path", PATHS)
 @BOTH
 def test_exact_without_noise(method, path):
-    """Through clusters and gaps, with a tenth of the sightings missing."""
+    """Through clusters and gaps, with a tenth of the observations missing."""
     time, R = turning(240)
     case = make_case(time, R, PATHS[path][0](time), TEN, clusters=CLUSTERS)
     position = case.tracks.position.copy()

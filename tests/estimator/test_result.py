@@ -56,7 +56,7 @@ def test_diagnostics_say_what_was_done(case_of, at_rest, tmp_path):
     values = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"), parse_constant=refuse)
     assert values["method"] == "screw-gpa"
     assert values["rejected_features"] == []
-    # 11,000 sightings of three coordinates less the unknowns: 1 % is four standard deviations.
+    # 11,000 observations of three coordinates less the unknowns: 1 % is four standard deviations.
     assert values["residual_rms"] == pytest.approx(0.02, rel=0.02)
     assert values["options"]["chosen_from_data"] == ["lag", "cutoff", "degree"]
     assert values["condition_number"] >= 1

@@ -45,14 +45,14 @@ def test_against_scipy_for_several_bodies(case_of, at_rest):
     tracks = case_of(at_rest, noise=0.02, seed=3, clusters=clusters).tracks
     posed, _ = find_bodies(tracks.position, tracks.seen)
     assert len(posed) == 3
-    rows, side = [], []
+    rows, rhs = [], []
     for index, one in enumerate(posed):
         row = np.zeros((len(one.translation), 3, 12))
         row[:, :, 3 * index : 3 * index + 3] = one.body.attitude
         row[:, :, -3:] = np.eye(3)
         rows.append(row.reshape(-1, 12))
-        side.append(one.translation.ravel())
-    A, b = np.concatenate(rows), np.concatenate(side)
+        rhs.append(one.translation.ravel())
+    A, b = np.concatenate(rows), np.concatenate(rhs)
     expected = lstsq(A, b)[0]
     centre, offsets, inverse, variance = solve_score(posed)
     np.testing.assert_allclose(np.concatenate([offsets.ravel(), centre]), expected, atol=1e-9)

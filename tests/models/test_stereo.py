@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from baryscope.models.directions import axes_along
 from baryscope.models.scenario import Sensor, StereoRig, Tracking, load_scenario
 from baryscope.models.stereo import project, triangulate
-from baryscope.models.tracking import observe, sighting_covariance
+from baryscope.models.tracking import observation_covariance, observe
 
 RIG = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5)
 BASE = load_scenario("cubesat-class")
@@ -31,7 +31,7 @@ def measured(flown, point, frames=FRAMES, **truth):
 
 
 def true_covariance(flown, point):
-    return sighting_covariance(flown, np.reshape(point, (1, 1, 3)), TARGET[None])[0, 0]
+    return observation_covariance(flown, np.reshape(point, (1, 1, 3)), TARGET[None])[0, 0]
 
 
 def test_pixels():
@@ -109,7 +109,7 @@ def test_the_covariance_that_is_reported_is_that_at_the_point_measured():
     along = np.einsum("i,nmij,j->nm", boresight, seen.covariance, boresight)
     np.testing.assert_allclose(along, 2 * ((seen.position @ boresight) ** 2 * 0.5 / 1911.0) ** 2, rtol=1e-10)
     target = np.broadcast_to(TARGET, (50, 3))
-    np.testing.assert_allclose(seen.covariance, sighting_covariance(scenario(), seen.position, target), rtol=1e-9)
+    np.testing.assert_allclose(seen.covariance, observation_covariance(scenario(), seen.position, target), rtol=1e-9)
 
 
 def test_what_is_behind_the_rig_or_without_disparity_is_not_seen():
@@ -134,7 +134,7 @@ def test_dropout_is_the_same_with_a_rig():
 def test_isotropic_noise_has_no_covariance_in_the_tracks_but_a_true_one():
     plain = BASE.model_copy(update={"sensor": Sensor(noise=0.03)})
     assert measured(plain, TARGET, frames=3).covariance is None
-    found = sighting_covariance(plain, np.zeros((4, 2, 3)))
+    found = observation_covariance(plain, np.zeros((4, 2, 3)))
     np.testing.assert_allclose(found, np.broadcast_to(0.0009 * np.eye(3), (4, 2, 3, 3)), rtol=1e-15)
 
 
@@ -142,7 +142,7 @@ def test_a_rig_needs_the_target():
     features = np.broadcast_to(TARGET, (2, COUNT, 3))
     for call in (
         lambda: observe(scenario(), np.arange(2.0), features, features),
-        lambda: sighting_covariance(scenario(), features),
+        lambda: observation_covariance(scenario(), features),
     ):
         with pytest.raises(ValueError, match="stereo rig needs the target's position"):
             call()

@@ -1,4 +1,4 @@
-"""Wrong sightings in the tracks: `pivot` and `ml` find them, say which, and are hardly worse."""
+"""Wrong observations in the tracks: `pivot` and `ml` find them, say which, and are hardly worse."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_swapped_labels_are_rejected_where_they_are(method):
         position[begin : begin + 40, [one, two]] = position[begin : begin + 40, [two, one]]
     found = found_by(method, with_positions(case, position))
     assert_good(found, case)
-    stretches = found.diagnostics["rejected_sightings"]
+    stretches = found.diagnostics["rejected_observations"]
     expected = {"F0": 40, "F1": 40, "F2": 120, "F6": 120, "F3": 200, "F4": 200}
     assert set(stretches) >= set(expected)
     for label, begin in expected.items():
@@ -50,9 +50,9 @@ def test_a_feature_that_slides_is_rejected(method):
         assert found.diagnostics["rejected_features"] == ["F3"]
         assert squared_error(found, case) < 4.5**2
         # Of the 2,100 others, χ²₃ puts 0.4 beyond the gate.
-        others = {label: times for label, times in found.diagnostics["rejected_sightings"].items() if label != "F3"}
+        others = {label: times for label, times in found.diagnostics["rejected_observations"].items() if label != "F3"}
         assert sum(map(len, others.values())) <= 4
-        begin, end = max(found.diagnostics["rejected_sightings"]["F3"], key=lambda stretch: stretch[1] - stretch[0])
+        begin, end = max(found.diagnostics["rejected_observations"]["F3"], key=lambda stretch: stretch[1] - stretch[0])
         if start:
             assert 100 <= begin <= 115
             assert end == 299

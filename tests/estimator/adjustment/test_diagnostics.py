@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.diagnostics import Cluster, assessed, doubtful, missing_covariance, verdict
+from baryscope.estimator.adjustment.diagnostics import (
+    Cluster,
+    assessed,
+    spurious_information_columns,
+    three_sigma_factor,
+    verdict,
+)
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.registration.intervals import Interval
 from baryscope.estimator.tracks import FeatureTracks
@@ -65,14 +71,14 @@ def test_what_was_rejected_when():
     weights[:, 2] = 0.6
     weights[5:, 3] = 0.0  # not seen, or not used
     said = report(weights).diagnostics
-    assert said["rejected_sightings"] == {"a": [[2.0, 4.0], [7.0, 7.0]], "b": [[0.0, 5.0]]}
+    assert said["rejected_observations"] == {"a": [[2.0, 4.0], [7.0, 7.0]], "b": [[0.0, 5.0]]}
     assert said["rejected_features"] == ["b"]
     assert said["rejected_share"] == pytest.approx(10 / 35)
 
 
 def test_nothing_rejected():
     said = report(np.ones((10, 4))).diagnostics
-    assert (said["rejected_sightings"], said["rejected_features"], said["rejected_share"]) == ({}, [], 0.0)
+    assert (said["rejected_observations"], said["rejected_features"], said["rejected_share"]) == ({}, [], 0.0)
 
 
 def test_numbers():
@@ -108,24 +114,24 @@ def test_the_cluster_of_most_frames_speaks_for_all_and_gaps_are_not_covered():
     assert said["covered_share"] == pytest.approx(0.6)
 
 
-def test_seeming_information_is_taken_away():
-    """Against the joint covariance of offset and other unknowns, inverted, less the seeming part, inverted again."""
+def test_spurious_information_is_taken_away():
+    """Against the joint covariance of offset and other unknowns, inverted, less the spurious part, inverted again."""
     rng = np.random.default_rng(0)
     factor = rng.normal(size=(7, 7))
     joint = factor @ factor.T
     offset, crossed, others = joint[:3, :3], joint[:3, 3:], joint[3:, 3:]
     values, axes = np.linalg.eigh(np.linalg.inv(offset))
-    seeming = (axes * (values * [0.9, 0.5, 0.0])) @ axes.T
+    spurious = (axes * (values * [0.9, 0.5, 0.0])) @ axes.T
     information = np.linalg.inv(joint)
-    information[:3, :3] -= seeming
+    information[:3, :3] -= spurious
     expected = np.linalg.inv(information)
-    columns, gain = missing_covariance(offset, crossed, seeming, 1e-9)
+    columns, gain = spurious_information_columns(offset, crossed, spurious, 1e-9)
     np.testing.assert_allclose(offset + columns @ columns.T, expected[:3, :3], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(others + gain @ gain.T, expected[3:, 3:], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(crossed + columns @ gain.T, expected[:3, 3:], rtol=1e-9, atol=1e-9)
 
 
 def test_of_information_that_only_seems_the_least_remains():
-    columns, _ = missing_covariance(np.eye(3), np.zeros((3, 2)), np.diag([0.0, 0.0, 1.2]), least=1 / 400)
+    columns, _ = spurious_information_columns(np.eye(3), np.zeros((3, 2)), np.diag([0.0, 0.0, 1.2]), least=1 / 400)
     np.testing.assert_allclose(np.eye(3) + columns @ columns.T, np.diag([1.0, 1.0, 400.0]), rtol=1e-12)
-    assert doubtful(200) == pytest.approx(1.3)
+    assert three_sigma_factor(200) == pytest.approx(1.3)

@@ -69,7 +69,7 @@ def test_the_hidden_place_is_told_in_the_clusters_axes_too(method):
 
 
 # Frames, pace and path of what is too short or too slow; pace 1 is 7 °/s.
-FAINT = {
+NEGLIGIBLE = {
     "20 frames, 14° in all": (20, 0.1, "fixed"),
     "20 frames, 1.4° in all": (20, 0.01, "fixed"),
     "20 frames, 1.4° in all, in orbit": (20, 0.01, "relative-orbit"),
@@ -79,11 +79,11 @@ FAINT = {
 }
 
 
-@pytest.mark.parametrize("name", FAINT)
+@pytest.mark.parametrize("name", NEGLIGIBLE)
 @BOTH
 def test_too_little_turning_is_said_or_the_error_is_what_is_said(method, name):
     """A computation that could not be done, or an error of at most 3.5 of its deviations in the worst direction."""
-    count, pace, path = FAINT[name]
+    count, pace, path = NEGLIGIBLE[name]
     time, R = turning(count, 1.0, pace)
     for seed in range(6 if method == "pivot" else 2):
         case = make_case(time, R, PATHS[path][0](time), FEATURES, noise=NOISE, seed=seed)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.adjustment.normal_equations import best_turned, pieces
-from baryscope.estimator.adjustment.observations import Sightings, as_slice
+from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from synthetic import differences, roots
@@ -14,7 +14,7 @@ N, M = 4, 5
 
 
 def scene(full, seed=0):
-    """Random poses and points, sightings that miss them by 0.1, some weights zero, and some precisions."""
+    """Random poses and points, observations that miss them by 0.1, some weights zero, and some precisions."""
     rng = np.random.default_rng(seed)
     attitude = Rotation.random(N, random_state=seed).as_matrix()
     origin, points = rng.normal(size=(N, 3)) * 5, rng.normal(size=(M, 3)) * 2
@@ -24,30 +24,30 @@ def scene(full, seed=0):
     if full:
         factor = rng.normal(size=(N, M, 3, 3))
         precision = factor @ np.swapaxes(factor, 2, 3) + 0.1 * np.eye(3)
-    return Sightings(np.where(weight[..., None] > 0, position, 0.0), weight, precision), attitude, origin, points
+    return Observations(np.where(weight[..., None] > 0, position, 0.0), weight, precision), attitude, origin, points
 
 
-def whitened(sightings, attitude, origin, points):
+def whitened(observations, attitude, origin, points):
     """Residuals (3 n m,) of unit variance as a function of all unknowns: φ (n, 3), τ (n, 3), δb (m, 3)."""
-    root = roots(sightings.weight, sightings.precision)
+    root = roots(observations.weight, observations.precision)
 
     def function(unknowns):
         phi, tau, delta = unknowns[: 3 * N], unknowns[3 * N : 6 * N].reshape(N, 3), unknowns[6 * N :].reshape(M, 3)
         R = attitude @ Rotation.from_rotvec(phi.reshape(N, 3)).as_matrix()
         moved = origin + np.einsum("nij,nj->ni", attitude, tau)
         model = moved[:, None] + (points + delta) @ np.swapaxes(R, 1, 2)
-        return (root @ (sightings.position - model)[..., None]).ravel()
+        return (root @ (observations.position - model)[..., None]).ravel()
 
     return function
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
-    sightings, attitude, origin, points = scene(full)
-    function = whitened(sightings, attitude, origin, points)
+    observations, attitude, origin, points = scene(full)
+    function = whitened(observations, attitude, origin, points)
     residual, J = function(np.zeros(6 * N + 3 * M)), differences(function, np.zeros(6 * N + 3 * M))
-    matrix, side = J.T @ J, -J.T @ residual
-    found = pieces(sightings, attitude, origin, points)
+    matrix, rhs = J.T @ J, -J.T @ residual
+    found = pieces(observations, attitude, origin, points)
     turns, shifts, rest = np.arange(3 * N), np.arange(3 * N, 6 * N), np.arange(6 * N, 6 * N + 3 * M)
     exact = {"rtol": 0, "atol": 1e-8 * np.abs(matrix).max()}  # of central differences with steps of 1e-6
     for k in range(N):
@@ -59,9 +59,9 @@ def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
     for index in range(M):
         own = rest[3 * index : 3 * index + 3]
         np.testing.assert_allclose(found.point[index], matrix[np.ix_(own, own)], **exact)
-    np.testing.assert_allclose(found.turn_side.ravel(), side[turns], **exact)
-    np.testing.assert_allclose(found.shift_side.ravel(), side[shifts], **exact)
-    np.testing.assert_allclose(found.point_side.ravel(), side[rest], **exact)
+    np.testing.assert_allclose(found.turn_rhs.ravel(), rhs[turns], **exact)
+    np.testing.assert_allclose(found.shift_rhs.ravel(), rhs[shifts], **exact)
+    np.testing.assert_allclose(found.point_rhs.ravel(), rhs[rest], **exact)
     np.testing.assert_allclose(found.squares, (residual.reshape(N, M, 3) ** 2).sum(axis=2), rtol=1e-12, atol=1e-15)
     # Unknowns that turn and shift all poses at once.
     rng = np.random.default_rng(1)
@@ -74,25 +74,25 @@ def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
 
 
 def test_isotropic_weights_are_precisions_that_are_multiples_of_one():
-    sightings, attitude, origin, points = scene(full=False)
-    same = Sightings(sightings.position, sightings.weight, np.broadcast_to(np.eye(3), (N, M, 3, 3)))
-    one, two = (pieces(s, attitude, origin, points) for s in (sightings, same))
-    for name in ("turn", "turn_shift", "shift", "point", "turn_side", "shift_side", "point_side", "squares"):
+    observations, attitude, origin, points = scene(full=False)
+    same = Observations(observations.position, observations.weight, np.broadcast_to(np.eye(3), (N, M, 3, 3)))
+    one, two = (pieces(s, attitude, origin, points) for s in (observations, same))
+    for name in ("turn", "turn_shift", "shift", "point", "turn_rhs", "shift_rhs", "point_rhs", "squares"):
         np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(one.turn_points(), two.turn_points(), atol=1e-12)
 
 
-def test_parts_of_sightings():
-    sightings, *_ = scene(full=True)
-    part = sightings.frames(slice(1, 3)).features(np.array([4, 0]))
-    np.testing.assert_array_equal(part.position, sightings.position[1:3][:, [4, 0]])
-    np.testing.assert_array_equal(part.weight, sightings.weight[1:3][:, [4, 0]])
-    np.testing.assert_array_equal(part.precision, sightings.precision[1:3][:, [4, 0]])
-    assert sightings.count == (sightings.weight > 0).sum()
-    heavier = sightings.weighted(2 * sightings.weight)
-    np.testing.assert_array_equal(heavier.weight, 2 * sightings.weight)
+def test_parts_of_observations():
+    observations, *_ = scene(full=True)
+    part = observations.frames(slice(1, 3)).features(np.array([4, 0]))
+    np.testing.assert_array_equal(part.position, observations.position[1:3][:, [4, 0]])
+    np.testing.assert_array_equal(part.weight, observations.weight[1:3][:, [4, 0]])
+    np.testing.assert_array_equal(part.precision, observations.precision[1:3][:, [4, 0]])
+    assert observations.count == (observations.weight > 0).sum()
+    heavier = observations.weighted(2 * observations.weight)
+    np.testing.assert_array_equal(heavier.weight, 2 * observations.weight)
     residual = np.random.default_rng(0).normal(size=(N, M, 3))
-    expected = [[residual[k, i] @ sightings.precision[k, i] @ residual[k, i] for i in range(M)] for k in range(N)]
+    expected = [[residual[k, i] @ observations.precision[k, i] @ residual[k, i] for i in range(M)] for k in range(N)]
     np.testing.assert_allclose(heavier.squares(residual), expected, rtol=1e-12)
     plain, *_ = scene(full=False)
     np.testing.assert_allclose(plain.squares(residual), np.linalg.norm(residual, axis=2) ** 2, rtol=1e-12)
@@ -119,14 +119,14 @@ def test_inverses_by_cofactors_are_numpys_and_zero_where_there_is_none():
 @pytest.mark.parametrize("full", [False, True])
 def test_the_best_turn_is_scipys_alignment(full):
     """Newton's steps end at Wahba's solution, or with precisions where no small turn is better."""
-    sightings, attitude, origin, points = scene(full)
+    observations, attitude, origin, points = scene(full)
     for _ in range(40):
-        attitude = best_turned(sightings, attitude, origin, points)
+        attitude = best_turned(observations, attitude, origin, points)
     if not full:
         for k in range(N):
-            expected, _ = Rotation.align_vectors(sightings.position[k] - origin[k], points, sightings.weight[k])
+            expected, _ = Rotation.align_vectors(observations.position[k] - origin[k], points, observations.weight[k])
             np.testing.assert_allclose(attitude[k], expected.as_matrix(), atol=1e-9)
-    function = whitened(sightings, attitude, origin, points)
+    function = whitened(observations, attitude, origin, points)
     slope = differences(
         lambda phi: np.sum(function(np.append(phi, np.zeros(3 * N + 3 * M))) ** 2)[None], np.zeros(3 * N)
     )
@@ -139,6 +139,6 @@ def test_rows_that_follow_each_other_are_a_slice():
     assert as_slice(np.array([7])) == slice(7, 8)
     for index in (np.array([3, 5, 6]), np.array([5, 4, 3]), np.array([1, 3, 2, 4]), np.array([], dtype=int), rows > 4):
         assert as_slice(index) is index
-    sightings, *_ = scene(full=True)
-    assert np.shares_memory(sightings.frames(np.array([1, 2])).position, sightings.position)
-    np.testing.assert_array_equal(sightings.features(np.array([1, 2])).precision, sightings.precision[:, 1:3])
+    observations, *_ = scene(full=True)
+    assert np.shares_memory(observations.frames(np.array([1, 2])).position, observations.position)
+    np.testing.assert_array_equal(observations.features(np.array([1, 2])).precision, observations.precision[:, 1:3])

@@ -1,4 +1,4 @@
-"""Wrong sightings, made on purpose: which are found, and that right ones are left alone."""
+"""Wrong observations, made on purpose: which are found, and that right ones are left alone."""
 
 import numpy as np
 import pytest
@@ -21,9 +21,9 @@ def clean():
     return position, seen, R
 
 
-def shares(believed, seen, wrong):
-    """Of wrong sightings those believed, and of right ones those not."""
-    return (believed & wrong).sum() / max((seen & wrong).sum(), 1), (seen & ~wrong & ~believed).sum() / seen.sum()
+def shares(inliers, seen, wrong):
+    """Of wrong observations those inliers, and of right ones those not."""
+    return (inliers & wrong).sum() / max((seen & wrong).sum(), 1), (seen & ~wrong & ~inliers).sum() / seen.sum()
 
 
 def test_clean_tracks_are_left_alone(clean):
@@ -39,9 +39,9 @@ def test_blunders_are_found(clean, share):
     rng = np.random.default_rng(1)
     wrong = rng.random((N, M)) < share
     offset = 2.0 / np.sqrt(3) * rng.normal(size=position.shape)
-    believed = screen(position + np.where(wrong[..., None], offset, 0), seen)
-    assert not (believed & ~seen).any()
-    missed, lost = shares(believed, seen, wrong)
+    inliers = screen(position + np.where(wrong[..., None], offset, 0), seen)
+    assert not (inliers & ~seen).any()
+    missed, lost = shares(inliers, seen, wrong)
     # Distances see of a blunder what lies along them: less than 5 deviations of a distance, 0.14 m, are some 4 % of
     # single distances, of which several are looked at; but where few features are right, nobody is left to disagree.
     assert missed < (0.1 if share == 0.3 else 0.02)
@@ -67,13 +67,13 @@ def test_a_feature_that_slides_is_found_once_it_has_gone_far(clean, share):
     start = int((1 - share) * N)
     position = position.copy()
     position[:, 3] += 0.02 * np.maximum(np.arange(N) - start, 0)[:, None] * (R @ [0.0, 0.6, 0.8])
-    believed = screen(position, seen)
+    inliers = screen(position, seen)
     # While it is near its place, one of the others may look wrong to it, as in few frames as such a while is.
-    assert (~believed & seen)[:, np.arange(M) != 3].sum() < 0.001 * seen.sum()
-    np.testing.assert_array_equal(believed[:start, 3], seen[:start, 3])
+    assert (~inliers & seen)[:, np.arange(M) != 3].sum() < 0.001 * seen.sum()
+    np.testing.assert_array_equal(inliers[:start, 3], seen[:start, 3])
     # Five deviations of a distance are 5 × √2 × 0.02 = 0.14 m; 1 m away is too far for every partner but those across.
     assert seen[start + 50 :, 3].sum() > 30
-    assert believed[start + 50 :, 3].sum() < 0.02 * seen[start + 50 :, 3].sum()
+    assert inliers[start + 50 :, 3].sum() < 0.02 * seen[start + 50 :, 3].sum()
 
 
 def test_many_features_are_compared_with_some_of_the_others():
@@ -88,7 +88,7 @@ def test_many_features_are_compared_with_some_of_the_others():
     assert lost < 0.02
 
 
-def test_weights_are_the_probability_of_a_right_sighting():
+def test_weights_are_the_probability_of_a_right_observation():
     """e^(−d²/2) against e^(−GATE/2), at the noise that the median of χ²₃ shows, 2.366."""
     rng = np.random.default_rng(0)
     squares = (0.5 * rng.normal(size=(4000, 5, 3)) ** 2).sum(axis=2)  # of variance 0.5
@@ -99,7 +99,7 @@ def test_weights_are_the_probability_of_a_right_sighting():
     np.testing.assert_allclose(found[0, :3], 1 / (1 + np.exp([-1.5, 0, 1.5])), atol=0.05)  # the noise's 1 %, times 20/2
     assert 0 < found[0, 3] < 1e-8
     assert found[1, 1] == 0
-    # Of right sightings, χ²₃ lies beyond the gate with 1.7e-4; the slope before it takes some 1e-3 from the others.
+    # Of right observations, χ²₃ lies beyond the gate with 1.7e-4; the slope before it takes some 1e-3 from the others.
     assert found[2:].mean() > 0.998
     # The noise is told by the residuals' median, and not by a third that is wrong.
     squares[:, 0] = 1e4
@@ -108,7 +108,7 @@ def test_weights_are_the_probability_of_a_right_sighting():
     assert spoiled[2:, 1:].mean() > 0.998
 
 
-def test_the_noise_is_that_of_sightings_and_not_of_what_unknowns_left_of_it():
+def test_the_noise_is_that_of_observations_and_not_of_what_unknowns_left_of_it():
     """Half of the values are unknowns, so that squares are half of the noise; one that is GATE is on the gate."""
     rng = np.random.default_rng(0)
     weight = np.ones((4000, 5))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.stereo import moved_to, sightings_of
+from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
@@ -26,10 +26,10 @@ def of_rig(points):
     return triangulate(RIG, R_C_V, project(RIG, R_C_V, points))[1]
 
 
-def sightings(position, covariance):
+def observations(position, covariance):
     labels = tuple(f"F{k}" for k in range(position.shape[1]))
     tracks = FeatureTracks(np.arange(float(len(position))), position, labels, covariance)
-    return sightings_of(tracks, tracks.seen)
+    return observations_of(tracks, tracks.seen)
 
 
 def relative_error(found, expected):
@@ -52,7 +52,7 @@ def test_the_covariance_is_that_of_the_rig_at_the_point(way):
     aside /= np.linalg.norm(aside, axis=2, keepdims=True)
     for sign in (-1, 1):
         measured = truth + sign * (0.15 * sight if way == "along" else 0.05 * aside)
-        given = sightings(measured, of_rig(measured))
+        given = observations(measured, of_rig(measured))
         moved = moved_to(given, given, truth)
         before = relative_error(of_rig(measured), of_rig(truth))
         after = relative_error(np.linalg.inv(moved.precision), of_rig(truth))
@@ -62,7 +62,7 @@ def test_the_covariance_is_that_of_the_rig_at_the_point(way):
 
 
 def test_the_score_has_no_bias():
-    """200 sightings of each of 8 points, 2,000 times: the mean of P (measured − truth), moved to the truth.
+    """200 observations of each of 8 points, 2,000 times: the mean of P (measured − truth), moved to the truth.
 
     In units of its deviation, σ = √P, a mean score is below 5/√(400,000) where it has no bias. As measured it is biased
     by −2 σ_r/r = −0.015 deviations: the P of a point too near is too large.
@@ -72,7 +72,7 @@ def test_the_score_has_no_bias():
     truth = np.broadcast_to(places(rng), (draws, COUNT, 3))
     axes = np.broadcast_to(R_C_V, (draws, 3, 3))
     pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
-    given = sightings(*triangulate(RIG, axes, pixels))
+    given = observations(*triangulate(RIG, axes, pixels))
     sight = truth[0] / np.linalg.norm(truth[0], axis=1, keepdims=True)
     information = np.einsum("mi,mij,mj->m", sight, np.linalg.inv(of_rig(truth[:1])[0]), sight)
 
@@ -90,7 +90,7 @@ def test_across_the_line_of_sight_the_score_has_no_bias_either():
     truth = np.broadcast_to(places(rng), (draws, COUNT, 3))
     axes = np.broadcast_to(R_C_V, (draws, 3, 3))
     pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
-    given = sightings(*triangulate(RIG, axes, pixels))
+    given = observations(*triangulate(RIG, axes, pixels))
     moved = moved_to(given, given, truth)
     score = np.einsum("kmij,kmj->mi", moved.precision, moved.position - truth) / draws
     information = np.linalg.inv(of_rig(truth[:1])[0])
@@ -103,7 +103,7 @@ def test_across_the_line_of_sight_the_score_has_no_bias_either():
 def test_the_measured_point_itself_keeps_its_covariance_and_loses_the_bias_of_its_range():
     rng = np.random.default_rng(3)
     measured = places(rng)
-    given = sightings(measured, of_rig(measured))
+    given = observations(measured, of_rig(measured))
     moved = moved_to(given.weighted(0.5 * given.weight), given, measured)
     np.testing.assert_allclose(moved.precision, given.precision, rtol=1e-9, atol=1e-9 * given.precision.max())
     np.testing.assert_array_equal(moved.weight, 0.5 * given.weight)
@@ -118,13 +118,13 @@ def test_what_is_not_seen_and_what_is_isotropic_stay_as_they_are():
     position = np.repeat(places(rng), 3, axis=0)
     position[1, 2] = np.nan
     covariance = np.where(np.isnan(position)[..., None], np.nan, 0.01 * np.eye(3))
-    given = sightings(position, covariance)
+    given = observations(position, covariance)
     assert given.weight[1, 2] == 0
     np.testing.assert_array_equal(given.position[1, 2], 0)
     moved = moved_to(given, given, np.nan_to_num(position) + 0.1)
     assert np.isfinite(moved.precision).all()
     assert np.isfinite(moved.position).all()
-    plain = sightings(position, None)
+    plain = observations(position, None)
     assert plain.precision is None
     assert moved_to(plain, plain, np.nan_to_num(position)) is plain
 
@@ -132,4 +132,4 @@ def test_what_is_not_seen_and_what_is_isotropic_stay_as_they_are():
 def test_a_singular_covariance_is_refused():
     position = places(np.random.default_rng(5))
     with pytest.raises(InputError, match="a covariance of the tracks is singular, expected positive definite ones"):
-        sightings(position, np.broadcast_to(np.diag([1.0, 1.0, 0.0]), (1, COUNT, 3, 3)))
+        observations(position, np.broadcast_to(np.diag([1.0, 1.0, 0.0]), (1, COUNT, 3, 3)))

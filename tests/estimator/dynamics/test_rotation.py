@@ -47,8 +47,8 @@ def integrated(inertia, attitude0, rate0, epoch, time, orbit=None):
 
 def attitudes(inertia, attitude0, rate0, epoch, time, orbit):
     """R_C_B at time, rising, on both sides of the epoch or on one."""
-    sides = [side for side in (time[time < epoch], time[time >= epoch]) if len(side)]
-    return np.concatenate([integrated(inertia, attitude0, rate0, epoch, side, orbit)[0] for side in sides])
+    sides = [rhs for rhs in (time[time < epoch], time[time >= epoch]) if len(rhs)]
+    return np.concatenate([integrated(inertia, attitude0, rate0, epoch, rhs, orbit)[0] for rhs in sides])
 
 
 def turned(vector):
@@ -100,15 +100,15 @@ def test_gravity_gradient_over_half_an_orbit():
     assert angles(back.attitude, exact).max() < INTERPOLATION
 
 
-@pytest.mark.parametrize("pulled", [False, True])
+@pytest.mark.parametrize("gravity_gradient", [False, True])
 @pytest.mark.parametrize("span", [(-120, -1), (1, 120), (-150, 250)])
-def test_sensitivities_are_differences_of_an_independent_integration(pulled, span):
+def test_sensitivities_are_differences_of_an_independent_integration(gravity_gradient, span):
     orbit = Orbit(eccentricity=0.05)
     epoch = 0.0
-    target = inertial_states(orbit.model(), np.zeros(3), np.zeros(3))[0] if pulled else None
+    target = inertial_states(orbit.model(), np.zeros(3), np.zeros(3))[0] if gravity_gradient else None
     time = np.linspace(*span, 20)
     attitude0, inertia = turned([1.0, 0.2, -0.4]), ENVISAT / np.trace(ENVISAT)
-    found = Rotation(epoch, attitude0, RATE, inertia, orbit.model() if pulled else None).at(time)
+    found = Rotation(epoch, attitude0, RATE, inertia, orbit.model() if gravity_gradient else None).at(time)
     directions = [(axis, np.zeros((3, 3))) for axis in np.eye(3)] + [(np.zeros(3), basis) for basis in INERTIA_BASIS]
     for column, (of_rate, of_inertia) in enumerate(directions):
         # Steps that turn the body by 1e-3 rad at most: their third order is far below 1e-5 of the sensitivity.

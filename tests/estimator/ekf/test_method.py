@@ -79,7 +79,7 @@ def test_from_its_own_start_it_comes_to_the_likelihood_s_estimate(tracked, rates
         assert found.diagnostics["position_deviation"] == pytest.approx(deviation, rel=0.05)
         assert found.diagnostics["converged"]
         chosen = found.diagnostics["filter"]
-        assert chosen["process_noise"] == {"order": 1, "path": 0.0, "turn": 0.0, "pulled": False}
+        assert chosen["process_noise"] == {"order": 1, "path": 0.0, "turn": 0.0, "gravity_gradient": False}
         assert chosen["mean_normalised_innovation_squared"] == pytest.approx(1.0, abs=0.08)
         assert found.diagnostics["residual_rms"] == pytest.approx(0.02, rel=0.05)
         moments = np.linalg.eigvalsh(chosen["inertia_over_trace"])
@@ -97,7 +97,7 @@ def test_features_that_come_and_go(tracked):
 
 
 def test_after_gaps_that_a_poor_first_inertia_cannot_foretell_the_attitude_is_found_again(tracked):
-    """The first passes lose the attitude, by radians, in gaps of 180 s; the last one foretells it."""
+    """The first passes lose the attitude, by radians, in gaps of 180 s; the last one predicts it."""
     case = tracked(clusters=[(start, start + 36.0, range(6)) for start in (0.0, 216.0, 432.0, 564.0)], seed=2)
     found = run(case)
     best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions(torque="none"))
@@ -181,7 +181,7 @@ def test_the_gravity_gradient_is_told_from_none():
     com = -(CIRCULAR.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
     case = make_case(time, R_I_B, com, box_features(6, (10, 5, 5), seed=3), noise=0.02, seed=0)
     found = run(case)
-    assert found.diagnostics["filter"]["process_noise"]["pulled"]
+    assert found.diagnostics["filter"]["process_noise"]["gravity_gradient"]
     assert found.diagnostics["options"]["torque"] == "gravity-gradient"
     assert normalised(found, case) < 5 * 3
 
@@ -311,7 +311,7 @@ def test_the_smoother_against_dense_least_squares():
     empty = np.zeros((1, 0, 3))
     state = State(u[None], np.array([[1.0, 0, 0, 0]]), np.zeros((1, 3)), np.eye(3)[None], empty, P[None])
     found = smoothed_path(state, process, noise, first, tuple(traces))
-    information, side = np.zeros((n * p, n * p)), np.zeros(n * p)
+    information, rhs = np.zeros((n * p, n * p)), np.zeros(n * p)
     information[first * p : first * p + p, first * p : first * p + p] = np.linalg.inv(prior)
     for k in range(n - 1):
         step = np.hstack([-process.transition[k], np.eye(p)])
@@ -320,9 +320,9 @@ def test_the_smoother_against_dense_least_squares():
     for k in range(first, n):
         own = slice(k * p, k * p + p)
         information[own, own] += H.T @ H / 0.01
-        side[own] += H.T @ y[k] / 0.01
+        rhs[own] += H.T @ y[k] / 0.01
     covariance = np.linalg.inv(information)
-    np.testing.assert_allclose(found.u.ravel(), covariance @ side, atol=1e-8)
+    np.testing.assert_allclose(found.u.ravel(), covariance @ rhs, atol=1e-8)
     for k in range(n):
         np.testing.assert_allclose(found.covariance[k], covariance[k * p : k * p + p, k * p : k * p + p], atol=1e-8)
     assert isinstance(found.process, PathProcess)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ml.initial_tumble import fit_tumble
 from baryscope.estimator.registration.body import Body
@@ -16,7 +16,7 @@ NOISE = 0.02  # m of each coordinate
 
 
 def bodies_of(R_I_B, seen, seed=0, points=POINTS):
-    """A body for each list of frames, in axes of its own, with attitudes as noisy as sightings of `NOISE` make them."""
+    """A body for each list of frames, in axes of its own, with the attitude noise that observations of `NOISE` give."""
     rng = np.random.default_rng(seed)
     inertia = np.eye(3) * (points**2).sum() - points.T @ points
     deviation = NOISE * np.linalg.cholesky(np.linalg.inv(inertia))
@@ -28,13 +28,13 @@ def bodies_of(R_I_B, seen, seed=0, points=POINTS):
     weight = np.zeros((len(R_I_B), m * len(seen)))
     for body in bodies:
         weight[np.ix_(body.frames, body.features)] = 1.0
-    return tuple(bodies), Sightings(np.zeros((*weight.shape, 3)), weight)
+    return tuple(bodies), Observations(np.zeros((*weight.shape, 3)), weight)
 
 
 def worst_miss(found, R_I_B, time):
-    """Of the attitudes that the motion foretells, in axes of the first body, rad."""
-    foretold = found.rotation.at(time).attitude @ found.bodies[0]
-    return float(ScipyRotation.from_matrix(np.swapaxes(foretold, 1, 2) @ R_I_B).magnitude().max())
+    """Of the attitudes that the motion predicts, in axes of the first body, rad."""
+    predicted = found.rotation.at(time).attitude @ found.bodies[0]
+    return float(ScipyRotation.from_matrix(np.swapaxes(predicted, 1, 2) @ R_I_B).magnitude().max())
 
 
 def body_with(moments, seed):
@@ -57,13 +57,13 @@ TUMBLES = {
 
 @pytest.mark.parametrize("name", TUMBLES)
 def test_the_motion_of_many_bodies_is_found(name):
-    """The attitudes foretold are better than those seen by the square root of how many there are for 11 unknowns."""
+    """The attitudes predicted are better than those seen by the square root of how many there are for 11 unknowns."""
     moments, rate, step, count = TUMBLES[name]
     inertia = body_with(moments, seed=5)
     time = step * np.arange(float(count))
     R_I_B = attitude(inertia, np.deg2rad(rate), time)
-    bodies, sightings = bodies_of(R_I_B, [np.arange(count)])
-    found = fit_tumble(bodies, sightings, NOISE**2, time, (None,))
+    bodies, observations = bodies_of(R_I_B, [np.arange(count)])
+    found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
     # Each attitude is off by 0.005 rad or so; the worst of a fit by 11 unknowns by 4 √(11/n) of that.
     assert worst_miss(found, R_I_B, time) < 4 * np.sqrt(11 / count) * 0.008
     # Cauchy's cost of χ²₃ values is a little below three each.
@@ -75,8 +75,8 @@ def test_rate_and_inertia_of_envisat():
     time = np.arange(1500.0)
     rate = np.deg2rad([1.2, 2.2, 2.4])
     R_I_B = attitude(ENVISAT, rate, time)
-    bodies, sightings = bodies_of(R_I_B, [np.arange(1500)])
-    found = fit_tumble(bodies, sightings, NOISE**2, time, (None,))
+    bodies, observations = bodies_of(R_I_B, [np.arange(1500)])
+    found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
     start = Rotation(0.0, np.eye(3), rate, ENVISAT).at(np.array([found.rotation.epoch]))
     turn = found.bodies[0]  # R_B_S: axes of the tumble against those of the first body
     np.testing.assert_allclose(turn.T @ found.rotation.rate, start.rate[0], atol=1e-3 * np.linalg.norm(rate))
@@ -88,8 +88,8 @@ def test_bodies_that_share_no_features_are_joined_through_the_motion():
     time = np.arange(900.0)
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
     seen = [np.arange(0, 350), np.arange(400, 600), np.arange(650, 900)]
-    bodies, sightings = bodies_of(R_I_B, seen, seed=1)
-    found = fit_tumble(bodies, sightings, NOISE**2, time, (None,))
+    bodies, observations = bodies_of(R_I_B, seen, seed=1)
+    found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
     first = found.bodies[0]
     for index, R_B_S in enumerate(found.bodies):
         # Truth: R_I_B is the first body's attitude, and the points of the others are turned by R_B_S from it.
@@ -104,10 +104,10 @@ def test_bodies_that_share_no_features_are_joined_through_the_motion():
 def test_wrong_attitudes_do_not_rule():
     time = np.arange(500.0)
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
-    (body,), sightings = bodies_of(R_I_B, [np.arange(500)])
+    (body,), observations = bodies_of(R_I_B, [np.arange(500)])
     wrong = np.random.default_rng(0).random(500) < 0.02
     body.attitude[wrong] = ScipyRotation.random(int(wrong.sum()), random_state=0).as_matrix()
-    found = fit_tumble((body,), sightings, NOISE**2, time, (None,))
+    found = fit_tumble((body,), observations, NOISE**2, time, (None,))
     assert worst_miss(found, R_I_B, time) < 0.005
 
 
@@ -116,11 +116,11 @@ def test_the_gravity_gradient_is_found_where_it_acts():
     orbit = Orbit().model()
     time = np.linspace(0.0, 2400.0, 200)
     rate = np.deg2rad([0.1, 0.2, 0.25])
-    pulled = Rotation(0.0, np.eye(3), rate, ENVISAT, orbit).at(time).attitude
+    gravity_gradient = Rotation(0.0, np.eye(3), rate, ENVISAT, orbit).at(time).attitude
     free = Rotation(0.0, np.eye(3), rate, ENVISAT).at(time).attitude
-    for R_I_B, expected in ((pulled, orbit), (free, None)):
-        bodies, sightings = bodies_of(R_I_B, [np.arange(200)])
-        found = fit_tumble(bodies, sightings, NOISE**2, time, (None, orbit))
+    for R_I_B, expected in ((gravity_gradient, orbit), (free, None)):
+        bodies, observations = bodies_of(R_I_B, [np.arange(200)])
+        found = fit_tumble(bodies, observations, NOISE**2, time, (None, orbit))
         assert found.rotation.orbit == expected
         assert worst_miss(found, R_I_B, time) < 0.008
 
@@ -128,6 +128,6 @@ def test_the_gravity_gradient_is_found_where_it_acts():
 def test_too_short_a_stretch_is_said():
     time = np.arange(3.0)
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
-    bodies, sightings = bodies_of(R_I_B, [np.arange(3)])
+    bodies, observations = bodies_of(R_I_B, [np.arange(3)])
     with pytest.raises(ComputationError, match="features are not followed for long enough"):
-        fit_tumble(bodies, sightings, NOISE**2, time, (None,))
+        fit_tumble(bodies, observations, NOISE**2, time, (None,))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ml.likelihood import equations
@@ -31,22 +31,22 @@ def scene(full, seed=0):
     if full:
         factor = rng.normal(size=(N, M, 3, 3))
         precision = factor @ np.swapaxes(factor, 2, 3) + 0.3 * np.eye(3)
-    sightings = Sightings(
+    observations = Observations(
         np.where(used[..., None], position, 0.0), np.where(used, rng.uniform(0.5, 2, (N, M)), 0.0), precision
     )
-    return start, sampled, motion, origin, sightings, points + 0.05 * rng.normal(size=(M, 3))
+    return start, sampled, motion, origin, observations, points + 0.05 * rng.normal(size=(M, 3))
 
 
-def whitened(start, sampled, sightings, points):
+def whitened(start, sampled, observations, points):
     """Residuals as a function of all unknowns, in UNITS: rate, inertia, x and δb."""
-    root = roots(sightings.weight, sightings.precision)
+    root = roots(observations.weight, observations.precision)
 
     def function(unknowns):
         values = UNITS * unknowns
         attitude = start.changed(np.zeros(3), values[:8]).at(TIME).attitude
         model = sampled.position(X + values[8:Q])[:, None]
         model = model + (points + values[Q:].reshape(M, 3)) @ np.swapaxes(attitude, 1, 2)
-        return (root @ (sightings.position - model)[..., None]).ravel()
+        return (root @ (observations.position - model)[..., None]).ravel()
 
     return function
 
@@ -54,23 +54,23 @@ def whitened(start, sampled, sightings, points):
 @pytest.fixture(scope="module", params=[False, True], ids=["isotropic", "precisions"])
 def problem(request):
     """What `equations` finds, and residual, Jacobian and matrix of the dense problem without the feature not seen."""
-    start, sampled, motion, origin, sightings, points = scene(request.param)
-    function = whitened(start, sampled, sightings, points)
+    start, sampled, motion, origin, observations, points = scene(request.param)
+    function = whitened(start, sampled, observations, points)
     zero = np.zeros(Q + 3 * M)
     residual, J = function(zero), differences(function, zero, 1e-4) / UNITS
-    return equations(sightings, motion, sampled, origin, points), points, residual, J[:, : Q + 3 * (M - 1)]
+    return equations(observations, motion, sampled, origin, points), points, residual, J[:, : Q + 3 * (M - 1)]
 
 
 def test_matrix_is_the_schur_complement(problem):
     found, _, residual, J = problem
-    matrix, side = J.T @ J, -J.T @ residual
+    matrix, rhs = J.T @ J, -J.T @ residual
     known = matrix[Q:, Q:]
     eliminated = matrix[:Q, :Q] - matrix[:Q, Q:] @ np.linalg.solve(known, matrix[Q:, :Q])
     # Between nodes the sensitivity is a cubic: (0.4 rad)⁴/384 = 7e-5 of it.
     scale = np.sqrt(np.outer(np.diag(eliminated), np.diag(eliminated)))
     np.testing.assert_allclose(found.matrix / scale, eliminated / scale, atol=1e-4)
-    expected = side[:Q] - matrix[:Q, Q:] @ np.linalg.solve(known, side[Q:])
-    np.testing.assert_allclose(found.side / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-4)
+    expected = rhs[:Q] - matrix[:Q, Q:] @ np.linalg.solve(known, rhs[Q:])
+    np.testing.assert_allclose(found.rhs / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-4)
 
 
 def test_points_are_the_linear_least_squares_of_this_motion(problem):
@@ -113,8 +113,8 @@ def test_many_frames_are_summed_as_few():
     for time, weight in ((times, 1.0), (few_times, n / 4)):
         motion, sampled = start.at(time), path.at(time)
         position = x + points @ np.swapaxes(motion.attitude, 1, 2)
-        sightings = Sightings(position + np.array([0.01, 0, 0]), np.full(position.shape[:2], weight))
-        found.append(equations(sightings, motion, sampled, sampled.position(x), points))
+        observations = Observations(position + np.array([0.01, 0, 0]), np.full(position.shape[:2], weight))
+        found.append(equations(observations, motion, sampled, sampled.position(x), points))
     np.testing.assert_allclose(found[0].matrix, found[1].matrix, rtol=1e-9, atol=1e-9 * np.abs(found[1].matrix).max())
     np.testing.assert_allclose(found[0].points, found[1].points, atol=1e-9)
     assert found[0].cost == pytest.approx(found[1].cost, rel=1e-9)
@@ -127,8 +127,8 @@ def test_what_is_not_seen_at_all_may_be_anywhere_within_reach():
     motion, sampled = start.at(TIME), path.at(TIME)
     points = np.random.default_rng(0).normal(size=(5, 3))
     position = X[:3] + points @ np.swapaxes(motion.attitude, 1, 2)
-    sightings = Sightings(position, np.ones((N, 5)))
-    found = equations(sightings, motion, sampled, sampled.position(X[:3]), points)
+    observations = Observations(position, np.ones((N, 5)))
+    found = equations(observations, motion, sampled, sampled.position(X[:3]), points)
     y = found.covariance(sampled, reach=20.0)
     assert np.sqrt(y[10, 10]) == pytest.approx(20.0, rel=1e-3)
     assert np.sqrt(y[8, 8]) < 1.0

@@ -68,15 +68,15 @@ def test_an_unknown_torque_is_noticed_and_pivot_is_not_disturbed():
 
 
 @pytest.fixture(scope="module")
-def pulled():
+def gravity_gradient():
     """A slow tumble under the gravity gradient over two fifths of an orbit, and its orbit."""
     orbit, time = Orbit().model(), np.linspace(0.0, 2400.0, 160)
     R = Tumbling(0.0, np.eye(3), RATE / 20, ENVISAT, orbit).at(time).attitude
     return make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=3), orbit
 
 
-def test_the_gravity_gradient_is_taken_where_it_explains_more(pulled):
-    case, orbit = pulled
+def test_the_gravity_gradient_is_taken_where_it_explains_more(gravity_gradient):
+    case, orbit = gravity_gradient
     found = estimate(case.tracks, method="ml", orbit=orbit, options=FIXED)
     assert found.diagnostics["options"]["torque"] == "gravity-gradient"
     assert found.diagnostics["remarks"] == []

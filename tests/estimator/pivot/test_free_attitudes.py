@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.pivot.free_attitudes import improve
+from baryscope.estimator.pivot.free_attitudes import _chunks, gauss_newton_step
 from baryscope.estimator.registration.body import Body
 from synthetic import differences, roots, turned_back
 
@@ -20,7 +20,7 @@ PATH = Polynomial(1, 0.0, 8.0)
 
 
 def scene(full, seed=0, start=0.02):
-    """Noisy sightings, and bodies and path that are off by about `start`."""
+    """Noisy observations, and bodies and path that are off by about `start`."""
     rng = np.random.default_rng(seed)
     x = np.array([4.0, -19.0, 3.0, 0.5, 0.2, -0.3])
     sampled = PATH.at(np.arange(float(N)))
@@ -40,13 +40,13 @@ def scene(full, seed=0, start=0.02):
     if full:
         factor = rng.normal(size=(N, M, 3, 3))
         precision = factor @ np.swapaxes(factor, 2, 3) + 0.3 * np.eye(3)
-    sightings = Sightings(np.where(used[..., None], position, 0.0), weight, precision)
-    return sightings, sampled, tuple(bodies), x + start * rng.normal(size=6)
+    observations = Observations(np.where(used[..., None], position, 0.0), weight, precision)
+    return observations, sampled, tuple(bodies), x + start * rng.normal(size=6)
 
 
-def whitened(sightings, sampled, bodies, x):
+def whitened(observations, sampled, bodies, x):
     """Residuals of unit variance as a function of all unknowns: δx (6,), δb and φ of each body."""
-    root = roots(sightings.weight, sightings.precision)
+    root = roots(observations.weight, observations.precision)
 
     def function(unknowns):
         origin, rest, values = sampled.position(x + unknowns[:6]), unknowns[6:], []
@@ -57,7 +57,7 @@ def whitened(sightings, sampled, bodies, x):
             rest = rest[3 * (m + n) :]
             model = origin[body.frames][:, None] + points @ np.swapaxes(body.attitude @ turn, 1, 2)
             block = np.ix_(body.frames, body.features)
-            values.append((root[block] @ (sightings.position[block] - model)[..., None]).ravel())
+            values.append((root[block] @ (observations.position[block] - model)[..., None]).ravel())
         return np.concatenate(values)
 
     return function, 6 + sum(3 * (len(body.features) + len(body.frames)) for body in bodies)
@@ -81,14 +81,14 @@ def points_of(bodies):
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_a_step_is_that_of_the_dense_equations(full):
     """With rotations, points and path stacked; the axes of a body are held by the pseudo-inverse."""
-    sightings, sampled, bodies, x = scene(full)
-    found = improve(bodies, sightings, sampled, x)
+    observations, sampled, bodies, x = scene(full)
+    found = gauss_newton_step(bodies, observations, sampled, x)
     # The rotations were turned to their best before the step: take these.
     turned = tuple(
         Body(body.features, body.frames, body.points, new.attitude)
         for body, new in zip(bodies, found.bodies, strict=True)
     )
-    function, size = whitened(sightings, sampled, turned, x)
+    function, size = whitened(observations, sampled, turned, x)
     residual, J = function(np.zeros(size)), differences(function, np.zeros(size))
     covariance = np.linalg.pinv(J.T @ J, rcond=1e-9, hermitian=True)
     assert np.linalg.matrix_rank(J, tol=1e-5) == size - 3 * len(bodies)
@@ -117,11 +117,11 @@ def test_a_step_is_that_of_the_dense_equations(full):
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_steps_end_where_scipys_least_squares_does(full):
-    sightings, sampled, bodies, x = scene(full, seed=1)
-    function, size = whitened(sightings, sampled, bodies, x)
+    observations, sampled, bodies, x = scene(full, seed=1)
+    function, size = whitened(observations, sampled, bodies, x)
     best = least_squares(function, np.zeros(size), xtol=1e-15, ftol=1e-15, gtol=1e-12)
     for _ in range(30):
-        found = improve(bodies, sightings, sampled, x)
+        found = gauss_newton_step(bodies, observations, sampled, x)
         bodies, start, x = found.bodies, x, found.x
     np.testing.assert_allclose(start, x, atol=1e-9)
     assert found.step < 1e-12
@@ -131,9 +131,9 @@ def test_steps_end_where_scipys_least_squares_does(full):
 
 
 def test_only_weights_relative_to_each_other_matter_for_the_step():
-    sightings, sampled, bodies, x = scene(full=False)
-    one = improve(bodies, sightings, sampled, x)
-    two = improve(bodies, sightings.weighted(1e-6 * sightings.weight), sampled, x)
+    observations, sampled, bodies, x = scene(full=False)
+    one = gauss_newton_step(bodies, observations, sampled, x)
+    two = gauss_newton_step(bodies, observations.weighted(1e-6 * observations.weight), sampled, x)
     np.testing.assert_allclose(two.x, one.x, rtol=1e-9)
     np.testing.assert_allclose(two.covariance, 1e6 * one.covariance, rtol=1e-6)
 
@@ -146,12 +146,17 @@ def test_many_frames_are_summed_as_few():
     position = np.array([4.0, -19.0, 3.0]) + points @ np.swapaxes(attitude, 1, 2)
     position += NOISE * rng.normal(size=(60, 4, 3))[np.arange(n) % 60]
     body = Body(np.arange(4), np.arange(n), points, attitude)
-    assert len(list(body.chunks())) > 1
+    assert len(list(_chunks(body))) > 1
     path = Polynomial(0, 0.0, 1.0)
-    many = improve((body,), Sightings(position, np.ones((n, 4))), path.at(np.zeros(n)), np.array([4.0, -19, 3]))
+    many = gauss_newton_step(
+        (body,), Observations(position, np.ones((n, 4))), path.at(np.zeros(n)), np.array([4.0, -19, 3])
+    )
     few_body = Body(np.arange(4), np.arange(60), points, attitude[:60])
-    few = improve(
-        (few_body,), Sightings(position[:60], np.full((60, 4), n / 60)), path.at(np.zeros(60)), np.array([4.0, -19, 3])
+    few = gauss_newton_step(
+        (few_body,),
+        Observations(position[:60], np.full((60, 4), n / 60)),
+        path.at(np.zeros(60)),
+        np.array([4.0, -19, 3]),
     )
     np.testing.assert_allclose(many.x, few.x, rtol=1e-10)
     np.testing.assert_allclose(many.covariance, few.covariance, rtol=1e-8)
@@ -174,10 +179,12 @@ def test_what_cannot_be_seen_is_named():
     position = np.tile(np.array([4.0, -19, 3]) + points, (6, 1, 1))
     body = Body(np.arange(4), np.arange(6), points, np.tile(np.eye(3), (6, 1, 1)))
     path = Polynomial(0, 0.0, 5.0)
-    found = improve((body,), Sightings(position, np.ones((6, 4))), path.at(np.arange(6.0)), np.array([4.0, -19, 3]))
-    assert np.linalg.matrix_rank(found.blind) == 3
+    found = gauss_newton_step(
+        (body,), Observations(position, np.ones((6, 4))), path.at(np.arange(6.0)), np.array([4.0, -19, 3])
+    )
+    assert np.linalg.matrix_rank(found.null_space) == 3
     # Where the path goes, the body's offset goes the other way; in held axes this is a shift.
-    np.testing.assert_allclose(found.offset_blind, -found.blind, atol=1e-6 * np.abs(found.blind).max())
+    np.testing.assert_allclose(found.offset_null_space, -found.null_space, atol=1e-6 * np.abs(found.null_space).max())
     np.testing.assert_allclose(found.x, [4, -19, 3], atol=1e-9)
-    sightings, sampled, bodies, x = scene(full=False)
-    assert improve(bodies, sightings, sampled, x).blind.shape == (6, 0)
+    observations, sampled, bodies, x = scene(full=False)
+    assert gauss_newton_step(bodies, observations, sampled, x).null_space.shape == (6, 0)

@@ -70,7 +70,7 @@ def test_no_remark_where_the_path_is_right(tumbling):
 
 
 def test_a_rigs_range_has_no_bias_and_its_error_is_what_is_said(tumbling):
-    """20 m away: 0.15 m of depth a sighting. 2,400 of them leave 3 mm, and believed as they are, a bias of more."""
+    """20 m away: 0.15 m of depth an observation. 2,400 of them leave 3 mm, and inliers as they are, a bias of more."""
     com = np.tile(START, (300, 1))
     sight = START / np.linalg.norm(START)
     draws = {"stereo": 30, "fixed": 10}

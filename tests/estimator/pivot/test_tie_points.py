@@ -1,4 +1,4 @@
-"""Bodies tied by one or two features, or some in a line: against the same sightings as one body with common axes."""
+"""Bodies tied by one or two features, or some in a line: against the same observations as one body with common axes."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from baryscope.estimator.adjustment.observations import Sightings
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.pivot.free_attitudes import improve
-from baryscope.estimator.pivot.tie_points import tie
+from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
+from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FeatureTracks
 from free_paths import (
@@ -37,7 +37,7 @@ SHARED = {"one": [3], "two": [3, 4], "three in a line": [3, 4, 5]}
 
 
 def scene(groups, points, seed=0):
-    """Sightings of points by turns, 12 frames a group; a body of its own axes for each, and one for all.
+    """Observations of points by turns, 12 frames a group; a body of its own axes for each, and one for all.
 
     The body turns by a radian or so while a group is seen: alone, its frames hardly tell where its centre is.
     """
@@ -54,13 +54,13 @@ def scene(groups, points, seed=0):
         weight[np.ix_(frames, features)] = 1.0
         bodies.append(Body(np.array(features), frames, points[features] @ turn.T, attitude[frames] @ turn.T))
     whole = Body(np.arange(m), np.arange(n), points, attitude)
-    return Sightings(position * (weight[..., None] > 0), weight), sampled, tuple(bodies), whole
+    return Observations(position * (weight[..., None] > 0), weight), sampled, tuple(bodies), whole
 
 
-def settled(bodies, sightings, sampled):
+def settled(bodies, observations, sampled):
     x = X
     for _ in range(4):
-        found = improve(bodies, sightings, sampled, x)
+        found = gauss_newton_step(bodies, observations, sampled, x)
         bodies, x = found.bodies, found.x
     return found
 
@@ -76,9 +76,9 @@ def test_tied_bodies_are_as_good_as_one(kind):
     shared = SHARED[kind]
     points = in_line(POINTS) if kind == "three in a line" else POINTS
     first, second = [0, 1, 2, *shared], [*shared, *range(shared[-1] + 1, 8)]
-    sightings, sampled, bodies, whole = scene([first, second], points)
-    apart, one = settled(bodies, sightings, sampled), settled((whole,), sightings, sampled)
-    found, made, refused = tie(apart, FINE**2)
+    observations, sampled, bodies, whole = scene([first, second], points)
+    apart, one = settled(bodies, observations, sampled), settled((whole,), observations, sampled)
+    found, made, refused = tie_bodies(apart, FINE**2)
     assert [made[0].bodies, made[0].features.tolist(), len(made), refused] == [(0, 1), shared, 1, ()]
     deviation = FINE * np.sqrt(np.diag(one.covariance))
     assert np.trace(apart.covariance) > 1.1 * np.trace(one.covariance)
@@ -103,11 +103,11 @@ def test_tied_bodies_are_as_good_as_one(kind):
 def test_features_that_changed_do_not_tie():
     """F3 of the second body is another point, 1 % farther away, under the same name."""
     points = np.concatenate([POINTS, POINTS[3:4] * 1.01])
-    sightings, sampled, bodies, _ = scene([[0, 1, 2, 3], [8, 4, 5, 6]], points)
-    apart = settled(bodies, sightings, sampled)
+    observations, sampled, bodies, _ = scene([[0, 1, 2, 3], [8, 4, 5, 6]], points)
+    apart = settled(bodies, observations, sampled)
     first, second = apart.bodies
     renamed = replace(apart, bodies=(first, replace(second, features=np.array([3, 4, 5, 6]))))
-    found, made, refused = tie(renamed, FINE**2)
+    found, made, refused = tie_bodies(renamed, FINE**2)
     assert found is renamed
     assert made == ()
     assert [one.features.tolist() for one in refused] == [[3]]
@@ -115,11 +115,11 @@ def test_features_that_changed_do_not_tie():
 
 def test_features_that_are_the_same_tie_although_others_changed():
     points = np.concatenate([POINTS, POINTS[4:5] * 1.01])
-    sightings, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 8, 5, 6]], points)
-    apart = settled(bodies, sightings, sampled)
+    observations, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 8, 5, 6]], points)
+    apart = settled(bodies, observations, sampled)
     first, second = apart.bodies
     renamed = replace(apart, bodies=(first, replace(second, features=np.array([3, 4, 5, 6]))))
-    _, made, refused = tie(renamed, FINE**2)
+    _, made, refused = tie_bodies(renamed, FINE**2)
     assert [one.features.tolist() for one in made] == [[3]]
     assert [one.features.tolist() for one in refused] == [[4]]
 
@@ -129,9 +129,9 @@ def test_many_shared_features_tie_in_groups():
     on_line = np.array([0.5, 1, 2]) + np.outer(np.linspace(-3, 3, 300), [1, 0.5, -0.3])
     points = np.concatenate([POINTS, on_line])
     line = list(range(8, 308))
-    sightings, sampled, bodies, whole = scene([[0, 1, 2, *line], [*line, 4, 5, 6]], points)
-    apart, one = settled(bodies, sightings, sampled), settled((whole,), sightings, sampled)
-    found, made, refused = tie(apart, FINE**2)
+    observations, sampled, bodies, whole = scene([[0, 1, 2, *line], [*line, 4, 5, 6]], points)
+    apart, one = settled(bodies, observations, sampled), settled((whole,), observations, sampled)
+    found, made, refused = tie_bodies(apart, FINE**2)
     assert [len(tie.features) for tie in made] == [300]
     assert refused == ()
     gained = np.trace(apart.covariance) - np.trace(found.covariance)
@@ -169,16 +169,16 @@ def test_a_name_that_was_given_to_another_point_for_a_while():
 
 
 def test_nothing_shared_nothing_tied():
-    sightings, sampled, bodies, _ = scene([[0, 1, 2, 3], [4, 5, 6, 7]], POINTS)
-    apart = settled(bodies, sightings, sampled)
-    assert tie(apart, FINE**2) == (apart, (), ())
+    observations, sampled, bodies, _ = scene([[0, 1, 2, 3], [4, 5, 6, 7]], POINTS)
+    apart = settled(bodies, observations, sampled)
+    assert tie_bodies(apart, FINE**2) == (apart, (), ())
 
 
 def test_a_tie_reaches_to_the_nearest_body_that_has_the_feature():
     """The first and the third are tied by the second; the fourth shares with the first alone what no other has."""
     groups = [[0, 1, 2, 3], [3, 4, 5, 6], [3, 7, 5, 4], [0, 6, 7, 4]]
-    sightings, sampled, bodies, _ = scene(groups, POINTS)
-    _, made, _ = tie(settled(bodies, sightings, sampled), FINE**2)
+    observations, sampled, bodies, _ = scene(groups, POINTS)
+    _, made, _ = tie_bodies(settled(bodies, observations, sampled), FINE**2)
     assert [one.bodies for one in made] == [(0, 1), (1, 2), (2, 3), (1, 3), (0, 3)]
 
 
@@ -189,8 +189,8 @@ def test_features_in_a_line_with_the_centre_of_mass_tell_their_distances_alone(a
     points[3], points[4] = [2.0, aside, 0.0], [3.0, 0.0, -aside]
     squares = []
     for seed in range(40):
-        sightings, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 4, 5, 6, 7]], points, seed)
-        found, made, _ = tie(settled(bodies, sightings, sampled), FINE**2)
+        observations, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 4, 5, 6, 7]], points, seed)
+        found, made, _ = tie_bodies(settled(bodies, observations, sampled), FINE**2)
         assert len(made[0].compared) == 2
         error = found.x - X
         squares.append(error @ np.linalg.solve(FINE**2 * found.covariance, error))
@@ -226,9 +226,9 @@ def test_features_that_return_make_the_estimate_better_and_it_says_by_how_much(k
     for seed in range(DRAWS):
         case = make_case(time, R, com, TEN, noise=NOISE, seed=seed, clusters=clusters)
         found = found_by("pivot", case.tracks, "relative-orbit")
-        assert sorted(one["features"] for one in found.diagnostics["ties"]) == shared
+        assert sorted(one["features"] for one in found.diagnostics["tie_points"]) == shared
         alone = found_by("pivot", as_others(case.tracks), "relative-orbit")
-        assert alone.diagnostics["ties"] == []
+        assert alone.diagnostics["tie_points"] == []
         errors.append([rms(found, case) ** 2, rms(alone, case) ** 2])
         squares.append([squared_error(found, case), *(squared_error_of_cluster(found, case, k) for k in range(3))])
     tied, untied = np.sqrt(np.mean(errors, axis=0))

@@ -93,7 +93,7 @@ def test_least_squares_is_as_good_as_procrustes_and_raw_points_are_worse(case_of
     assert error["screw-ls"] == pytest.approx(error["screw-gpa"], rel=0.25)
     assert segment["screw-raw"] > 2 * segment["screw-gpa"]
     assert error["screw-raw"] > error["screw-gpa"]
-    # Averaged over 3000 frames, the best is far better than a sighting.
+    # Averaged over 3000 frames, the best is far better than an observation.
     assert error["screw-gpa"] < 0.1
 
 
@@ -121,7 +121,7 @@ def short_intervals():
 
 UNSOLVABLE = {
     "two features": (lambda: plain_tracks(m=2), {}, "at most 2 features"),
-    "no sighting at all": (lambda: plain_tracks(seen=np.zeros((200, 4), dtype=bool)), {}, "at most 0 features"),
+    "no observation at all": (lambda: plain_tracks(seen=np.zeros((200, 4), dtype=bool)), {}, "at most 0 features"),
     "one frame": (lambda: plain_tracks(n=2, seen=np.array([[True] * 4, [False] * 4])), {}, "has 1 frames"),
     "points in a line": (lambda: plain_tracks(line=True), {}, "in a line"),
     "intervals too short": (short_intervals, {}, "has 2 frames"),
