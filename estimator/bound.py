@@ -23,7 +23,7 @@ from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
 from baryscope.models.scenario import Scenario
-from baryscope.models.tracking import observation_covariance, visible
+from baryscope.models.sensor.tracking import observation_covariance, visible
 
 FloatArray = NDArray[np.float64]
 

@@ -29,8 +29,8 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Session, build_fmu, simulate
 from baryscope.fmu.generate import find_compiler
 from baryscope.models.scenario import Scenario, load_scenario
+from baryscope.models.sensor.tracking import observe
 from baryscope.models.target import tumbling_target
-from baryscope.models.tracking import observe
 from baryscope.models.variables import Kind
 from baryscope.scripts.benchmarks.peers import (
     Flight,

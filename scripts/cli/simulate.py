@@ -14,7 +14,7 @@ from baryscope.fmu import Recording, build_fmu, simulate
 from baryscope.models.errors import InputError
 from baryscope.models.files import replacing
 from baryscope.models.scenario import Scenario, load_scenario
-from baryscope.models.tracking import observe
+from baryscope.models.sensor.tracking import observe
 from baryscope.scripts.cli.console import Report, out, step
 
 

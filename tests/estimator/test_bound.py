@@ -24,7 +24,7 @@ from baryscope.models.scenario import (
     Target,
     Tracking,
 )
-from baryscope.models.tracking import observation_covariance
+from baryscope.models.sensor.tracking import observation_covariance
 from oracles import TorqueFree, relative_kepler, torque_free_attitude
 from synthetic import ENVISAT, Orbit, attitude, box_features, differences, turned_back
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.scenario import load_scenario, preset_names
-from baryscope.models.tracking import tracked
+from baryscope.models.sensor.tracking import tracked
 
 RATES = {"envisat": 3.5, "envisat-slow": 1.6, "tiangong": 2.2, "upper-stage": 5.0, "cubesat-class": 6.0}  # deg/s
 RATE_TOLERANCE = 0.02  # of the rate

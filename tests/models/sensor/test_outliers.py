@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.scenario import Outliers, Run, Sensor, Tracking, load_scenario
-from baryscope.models.tracking import observe
+from baryscope.models.sensor.tracking import observe
 
 BASE = load_scenario("cubesat-class")
 COUNT = len(BASE.features.points)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from baryscope.models.scenario import Run, Scenario, Sensor, Tracking, load_scenario
-from baryscope.models.tracking import incidence_cosine, observe, tracked
+from baryscope.models.sensor.tracking import incidence_cosine, observe, tracked
 
 BASE = load_scenario("cubesat-class")
 COUNT = len(BASE.features.points)

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.models.directions import axes_along
-from baryscope.models.outliers import blunders, slides, swaps
 from baryscope.models.scenario import Scenario
-from baryscope.models.stereo import project, triangulate
+from baryscope.models.sensor.outliers import blunders, slides, swaps
+from baryscope.models.sensor.stereo import project, triangulate
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
