@@ -3,7 +3,7 @@
 #define CASADI_SYMBOL_EXPORT static
 #include "model.c"
 
-#include "flow.c"
+#include "integrator.c"
 #include "dop853.c"
 #include "taylor.c"
 #include "unit.c"

@@ -2,7 +2,7 @@
    Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., sections II.4 to II.6.
    The coefficients come from scipy by way of dop853.h. */
 
-#include "flow.h"
+#include "integrator.h"
 
 #include "dop853.h"
 
@@ -15,15 +15,18 @@
 #define LARGEST_FACTOR 6.0
 #define ALL_STAGES (DOP853_STAGES + 4) /* the stages, the rates at the end, three more for dense output */
 
-/* The step at which the first-order change is one hundredth of the state, for a start. */
-static double first_step(const Flow *flow)
+/* The first step: the one over which the state changes by one hundredth, to first order. */
+static double first_step(const Integrator *integrator)
 {
     double fastest = 0.0;
-    for EACH(i) fastest = larger(fastest, fabs(flow->rates[i]) / larger(flow->scale[i], fabs(flow->state[i])));
+    for EACH(i) {
+        const double size = larger(integrator->scale[i], fabs(integrator->state[i]));
+        fastest = larger(fastest, fabs(integrator->rates[i]) / size);
+    }
     return fastest > 0.0 ? 0.01 / fastest : 1.0;
 }
 
-/* to = from + h Σ weights[j] k[j] over the first `count` stages; what is zero in the tables costs nothing. */
+/* to = from + h Σ weights[j] k[j] over the first `count` stages. Zero weights are constants to the compiler and cost nothing. */
 static inline __attribute__((always_inline)) void combine(
     double *restrict to, const double *restrict from, double h, const double *weights, int count,
     const double k[ALL_STAGES][WIDTH])
@@ -37,14 +40,15 @@ static inline __attribute__((always_inline)) void combine(
 }
 
 /* The error of a step in units of the tolerance (Hairer's estimate from the embedded orders 5 and 3). */
-static double error_of(const Flow *flow, double tolerance, double h, const double k[ALL_STAGES][WIDTH], const double *next)
+static double error_of(const Integrator *integrator, double tolerance, double h, const double k[ALL_STAGES][WIDTH],
+                       const double *next)
 {
     static const double zero[WIDTH];
     double error3[WIDTH], error5[WIDTH], sum3 = 0.0, sum5 = 0.0;
     combine(error3, zero, 1.0, DOP853_E3[0], DOP853_STAGES, k);
     combine(error5, zero, 1.0, DOP853_E5[0], DOP853_STAGES, k);
     for EACH(i) {
-        const double allowed = tolerance * larger(flow->scale[i], larger(fabs(flow->state[i]), fabs(next[i])));
+        const double allowed = tolerance * larger(integrator->scale[i], larger(fabs(integrator->state[i]), fabs(next[i])));
         error3[i] /= allowed;
         error5[i] /= allowed;
     }
@@ -54,17 +58,17 @@ static double error_of(const Flow *flow, double tolerance, double h, const doubl
     return h * sum5 / sqrt((sum5 + 0.01 * sum3) * WIDTH);
 }
 
-/* One trial step of length h: fills the stages and `next`, returns the error in units of the tolerance. */
-static double trial(const Flow *flow, Rates *rates, const void *context, double tolerance, double h,
+/* One trial step of length h: fills the stages and `next` and returns the error in units of the tolerance. */
+static double trial(const Integrator *integrator, Rates *rates, const void *context, double tolerance, double h,
                     double k[ALL_STAGES][WIDTH], double *next)
 {
-    memcpy(k[0], flow->rates, sizeof flow->rates);
+    memcpy(k[0], integrator->rates, sizeof integrator->rates);
     UNROLL for (int stage = 1; stage < DOP853_STAGES; stage++) {
-        combine(next, flow->state, h, DOP853_A[stage], stage, k);
+        combine(next, integrator->state, h, DOP853_A[stage], stage, k);
         rates(context, next, k[stage]);
     }
-    combine(next, flow->state, h, DOP853_B[0], DOP853_STAGES, k);
-    return error_of(flow, tolerance, h, k, next);
+    combine(next, integrator->state, h, DOP853_B[0], DOP853_STAGES, k);
+    return error_of(integrator, tolerance, h, k, next);
 }
 
 static double step_factor(double error)
@@ -75,66 +79,67 @@ static double step_factor(double error)
 }
 
 /* The interpolating polynomial of a step that has been taken (Hairer's form, as in scipy). */
-static void make_dense(Flow *flow, Rates *rates, const void *context, double k[ALL_STAGES][WIDTH])
+static void make_dense(Integrator *integrator, Rates *rates, const void *context, double k[ALL_STAGES][WIDTH])
 {
     static const double zero[WIDTH];
-    const double h = flow->length;
+    const double h = integrator->length;
     double argument[WIDTH];
     UNROLL for (int extra = 0; extra < 3; extra++) {
-        combine(argument, flow->previous, h, DOP853_A_EXTRA[extra], DOP853_STAGES + 1 + extra, k);
+        combine(argument, integrator->previous, h, DOP853_A_EXTRA[extra], DOP853_STAGES + 1 + extra, k);
         rates(context, argument, k[DOP853_STAGES + 1 + extra]);
     }
     for EACH(i) {
-        const double change = flow->state[i] - flow->previous[i];
-        flow->dense[0][i] = change;
-        flow->dense[1][i] = h * k[0][i] - change;
-        flow->dense[2][i] = 2.0 * change - h * (flow->rates[i] + k[0][i]);
+        const double change = integrator->state[i] - integrator->previous[i];
+        integrator->dense[0][i] = change;
+        integrator->dense[1][i] = h * k[0][i] - change;
+        integrator->dense[2][i] = 2.0 * change - h * (integrator->rates[i] + k[0][i]);
     }
-    UNROLL for (int row = 0; row < 4; row++) combine(flow->dense[3 + row], zero, h, DOP853_D[row], ALL_STAGES, k);
+    UNROLL for (int row = 0; row < 4; row++) combine(integrator->dense[3 + row], zero, h, DOP853_D[row], ALL_STAGES, k);
 }
 
-static const char *dop853_advance(Flow *flow, Rates *rates, const void *context, double tolerance, double time, bool exactly)
+static const char *dop853_advance(Integrator *integrator, Rates *rates, const void *context, double tolerance, double time,
+                                  bool exactly)
 {
     double k[ALL_STAGES][WIDTH], next[WIDTH];
-    if (flow->length == 0.0) rates(context, flow->state, flow->rates);
-    if (flow->step <= 0.0) flow->step = first_step(flow);
+    if (integrator->length == 0.0) rates(context, integrator->state, integrator->rates);
+    if (integrator->step <= 0.0) integrator->step = first_step(integrator);
 
-    for (long steps = 0; flow->time < time; steps++) {
+    for (long steps = 0; integrator->time < time; steps++) {
         if (steps == MOST_STEPS) return TOO_MANY_STEPS;
-        const double remaining = time - flow->time;
-        const bool cut = exactly && flow->step >= remaining;
-        const double h = cut ? remaining : flow->step;
-        const double error = trial(flow, rates, context, tolerance, h, k, next);
+        const double remaining = time - integrator->time;
+        const bool cut = exactly && integrator->step >= remaining;
+        const double h = cut ? remaining : integrator->step;
+        const double error = trial(integrator, rates, context, tolerance, h, k, next);
         const double proposal = h * step_factor(error);
         if (error <= 1.0) {
-            memcpy(flow->previous, flow->state, sizeof flow->state);
-            memcpy(flow->state, next, sizeof next);
-            rates(context, flow->state, flow->rates);
-            memcpy(k[DOP853_STAGES], flow->rates, sizeof flow->rates);
-            flow->length = h;
-            flow->time = cut ? time : flow->time + h;
-            /* A step cut short says nothing against the length that was planned. */
-            flow->step = cut ? fmax(flow->step, proposal) : proposal;
-            if (flow->time > time) make_dense(flow, rates, context, k);
+            memcpy(integrator->previous, integrator->state, sizeof integrator->state);
+            memcpy(integrator->state, next, sizeof next);
+            rates(context, integrator->state, integrator->rates);
+            memcpy(k[DOP853_STAGES], integrator->rates, sizeof integrator->rates);
+            integrator->length = h;
+            integrator->time = cut ? time : integrator->time + h;
+            /* A step that was cut short is no reason to shorten the planned one. */
+            integrator->step = cut ? fmax(integrator->step, proposal) : proposal;
+            if (integrator->time > time) make_dense(integrator, rates, context, k);
         } else {
-            flow->step = proposal;
-            if (!(proposal > SHORTEST_STEP * fmax(flow->time, remaining))) return OUT_OF_BOUNDS;
+            integrator->step = proposal;
+            if (!(proposal > SHORTEST_STEP * fmax(integrator->time, remaining))) return OUT_OF_BOUNDS;
         }
     }
     return NULL;
 }
 
-static void dop853_interpolate(const Flow *flow, double time, double *state, int size)
+static void dop853_interpolate(const Integrator *integrator, double time, double *state, int size)
 {
-    if (time == flow->time) {
-        memcpy(state, flow->state, (size_t)size * sizeof *state);
+    if (time == integrator->time) {
+        memcpy(state, integrator->state, (size_t)size * sizeof *state);
         return;
     }
-    const double forth = (time - (flow->time - flow->length)) / flow->length, back = 1.0 - forth;
+    const double fraction = (time - (integrator->time - integrator->length)) / integrator->length;
     double sum[WIDTH] = {0.0};
     UNROLL for (int term = DOP853_DENSE_ORDER - 1; term >= 0; term--) {
-        const double factor = term % 2 ? back : forth;
-        for EACH(i) sum[i] = (sum[i] + flow->dense[term][i]) * factor;
+        const double factor = term % 2 ? 1.0 - fraction : fraction;
+        for EACH(i) sum[i] = (sum[i] + integrator->dense[term][i]) * factor;
     }
-    for (int i = 0; i < size; i++) state[i] = flow->previous[i] + sum[i];
+    for (int i = 0; i < size; i++) state[i] = integrator->previous[i] + sum[i];
 }

@@ -58,12 +58,12 @@ fmi2Status fmi2Reset(fmi2Component c) { return (fmi2Status)instance_reset(c, "fm
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
 {
-    return (fmi2Status)instance_get(c, "fmi2GetReal", REAL, vr, nvr, value, nvr);
+    return (fmi2Status)instance_get(c, "fmi2GetReal", REAL, (Selection){vr, nvr}, value, nvr);
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
 {
-    return (fmi2Status)instance_set(c, "fmi2SetReal", REAL, vr, nvr, value, nvr);
+    return (fmi2Status)instance_set(c, "fmi2SetReal", REAL, (Selection){vr, nvr}, value, nvr);
 }
 
 /* FMI 2 has its Booleans in ints. Whether as many as are asked for can be handed on as the core's; if not, says so. */
@@ -79,7 +79,7 @@ fmi2Status fmi2GetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
 {
     bool ours[N_REFERENCES];
     if (!booleans_fit(c, GET_VALUES, "fmi2GetBoolean", nvr)) return fmi2Error;
-    Status status = instance_get(c, "fmi2GetBoolean", BOOLEAN, vr, nvr, value ? ours : NULL, nvr);
+    Status status = instance_get(c, "fmi2GetBoolean", BOOLEAN, (Selection){vr, nvr}, value ? ours : NULL, nvr);
     for (size_t i = 0; i < nvr && status == OK; i++) value[i] = ours[i] ? fmi2True : fmi2False;
     return (fmi2Status)status;
 }
@@ -89,7 +89,7 @@ fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t
     bool ours[N_REFERENCES];
     if (!booleans_fit(c, SET_VALUES, "fmi2SetBoolean", nvr)) return fmi2Error;
     for (size_t i = 0; i < nvr && value; i++) ours[i] = value[i] != fmi2False;
-    return (fmi2Status)instance_set(c, "fmi2SetBoolean", BOOLEAN, vr, nvr, value ? ours : NULL, nvr);
+    return (fmi2Status)instance_set(c, "fmi2SetBoolean", BOOLEAN, (Selection){vr, nvr}, value ? ours : NULL, nvr);
 }
 
 fmi2Status fmi2GetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
@@ -141,8 +141,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2ValueReference known[], size_t n_known, const fmi2Real seed[],
                                         fmi2Real sensitivity[])
 {
-    return (fmi2Status)instance_derivative(c, "fmi2GetDirectionalDerivative", false, unknown, n_unknown, known, n_known, seed,
-                                           n_known, sensitivity, n_unknown);
+    return (fmi2Status)instance_derivative(c, "fmi2GetDirectionalDerivative", false, (Selection){unknown, n_unknown},
+                                           (Selection){known, n_known}, (Seed){seed, n_known}, (Image){sensitivity, n_unknown});
 }
 
 /* ---- Co-Simulation ---- */
@@ -162,7 +162,7 @@ fmi2Status fmi2CancelStep(fmi2Component c)
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
                                         fmi2Real value[])
 {
-    return (fmi2Status)instance_output_derivatives(c, "fmi2GetRealOutputDerivatives", vr, nvr, order, value, nvr);
+    return (fmi2Status)instance_output_derivatives(c, "fmi2GetRealOutputDerivatives", (Selection){vr, nvr}, order, value, nvr);
 }
 
 /* Inputs are held over a step: canInterpolateInputs is false. */

@@ -70,22 +70,22 @@ fmi3Status fmi3Reset(fmi3Instance c) { return (fmi3Status)instance_reset(c, "fmi
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[], size_t n)
 {
-    return (fmi3Status)instance_get(c, "fmi3GetFloat64", REAL, vr, nvr, values, n);
+    return (fmi3Status)instance_get(c, "fmi3GetFloat64", REAL, (Selection){vr, nvr}, values, n);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const fmi3Float64 values[], size_t n)
 {
-    return (fmi3Status)instance_set(c, "fmi3SetFloat64", REAL, vr, nvr, values, n);
+    return (fmi3Status)instance_set(c, "fmi3SetFloat64", REAL, (Selection){vr, nvr}, values, n);
 }
 
 fmi3Status fmi3GetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, fmi3Boolean values[], size_t n)
 {
-    return (fmi3Status)instance_get(c, "fmi3GetBoolean", BOOLEAN, vr, nvr, values, n);
+    return (fmi3Status)instance_get(c, "fmi3GetBoolean", BOOLEAN, (Selection){vr, nvr}, values, n);
 }
 
 fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const fmi3Boolean values[], size_t n)
 {
-    return (fmi3Status)instance_set(c, "fmi3SetBoolean", BOOLEAN, vr, nvr, values, n);
+    return (fmi3Status)instance_set(c, "fmi3SetBoolean", BOOLEAN, (Selection){vr, nvr}, values, n);
 }
 
 /* ---- saved states and derivatives ---- */
@@ -113,16 +113,16 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance c, const fmi3ValueReference
                                         const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
 {
-    return (fmi3Status)instance_derivative(c, "fmi3GetDirectionalDerivative", false, unknowns, n_unknowns, knowns, n_knowns,
-                                           seed, n_seed, sensitivity, n_sensitivity);
+    return (fmi3Status)instance_derivative(c, "fmi3GetDirectionalDerivative", false, (Selection){unknowns, n_unknowns},
+                                           (Selection){knowns, n_knowns}, (Seed){seed, n_seed}, (Image){sensitivity, n_sensitivity});
 }
 
 fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unknowns[], size_t n_unknowns,
                                     const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
                                     size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
 {
-    return (fmi3Status)instance_derivative(c, "fmi3GetAdjointDerivative", true, unknowns, n_unknowns, knowns, n_knowns, seed,
-                                           n_seed, sensitivity, n_sensitivity);
+    return (fmi3Status)instance_derivative(c, "fmi3GetAdjointDerivative", true, (Selection){unknowns, n_unknowns},
+                                           (Selection){knowns, n_knowns}, (Seed){seed, n_seed}, (Image){sensitivity, n_sensitivity});
 }
 
 /* ---- Co-Simulation ---- */
@@ -146,7 +146,7 @@ fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 point, fmi3Float64 step, fmi3B
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const fmi3Int32 orders[],
                                     fmi3Float64 values[], size_t n)
 {
-    return (fmi3Status)instance_output_derivatives(c, "fmi3GetOutputDerivatives", vr, nvr, orders, values, n);
+    return (fmi3Status)instance_output_derivatives(c, "fmi3GetOutputDerivatives", (Selection){vr, nvr}, orders, values, n);
 }
 
 /* ---- Model Exchange ---- */

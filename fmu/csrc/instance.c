@@ -54,7 +54,7 @@ static const char *state_name(unsigned state)
 /* ---- messages ---- */
 
 /* Not every importer expands a format: send none. */
-static void defuse(char *message)
+static void remove_formats(char *message)
 {
     for (char *c = message; *c; c++)
         if (*c == '%') *c = '_';
@@ -68,7 +68,7 @@ static Status refuse(const Instance *instance, const char *format, ...)
     va_start(arguments, format);
     vsnprintf(message, sizeof message, format, arguments);
     va_end(arguments);
-    defuse(message);
+    remove_formats(message);
     instance->log(instance, ERROR, "logStatusError", message);
     return ERROR;
 }
@@ -108,7 +108,7 @@ static Instance *instance_create(const char *name, Interface interface, const ch
     Instance *instance = calloc(1, sizeof *instance);
     if (!instance) return NULL;
     snprintf(instance->name, NAME_SIZE, "%s", name ? name : "");
-    defuse(instance->name);
+    remove_formats(instance->name);
     instance->log = log;
     instance->logger = logger;
     instance->environment = environment;

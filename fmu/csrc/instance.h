@@ -1,6 +1,6 @@
 /* An instance of the unit as FMI sees it, of either version: its life cycle, and calls that are refused with a reason.
 
-   The adapters (fmi2*.c, fmi3*.c) translate types and names; what a call does and when it is allowed stands here.
+   The adapters (fmi2*.c, fmi3*.c) translate types and names; what a call does and when it is allowed is decided here.
    Statuses have the same numbers in FMI 2 and 3. */
 
 #ifndef BARYSCOPE_INSTANCE_H
@@ -11,7 +11,7 @@
 #include <stdint.h>
 
 #define NAME_SIZE 128
-#define MARK 0x62617279u /* tells an instance from any other pointer, as far as that can be told */
+#define MARK 0x62617279u /* tells an instance from most other pointers */
 
 typedef enum { OK = 0, DISCARD = 2, ERROR = 3 } Status;
 typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Interface;
@@ -21,7 +21,7 @@ enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, EVENT = 8, CONTINUOUS
 typedef struct Instance Instance;
 typedef void Log(const Instance *instance, Status status, const char *category, const char *message);
 
-/* What a saved state keeps. */
+/* What a saved state holds. */
 typedef struct {
     unsigned state;
     Interface interface;
@@ -52,10 +52,10 @@ static Instance *instance_create(const char *name, Interface interface, const ch
                                  void *environment, bool log_events);
 static void instance_free(void *component);
 
-/* The instance behind a component, if it is one and may be called so now; else NULL, with a message. */
+/* The instance behind a component, if it is one and its state allows the call; else NULL, with a message. */
 static Instance *enter(void *component, Call call, const char *function);
 
-/* Log why a call is refused; the instance stays as it was. Returns ERROR. */
+/* Log why a call is refused; the instance is unchanged. Returns ERROR. */
 static Status refuse(const Instance *instance, const char *format, ...);
 
 static Status instance_set_logging(void *component, const char *function, bool on, size_t count, const char *const *categories);
@@ -65,22 +65,35 @@ static Status instance_exit_initialization(void *component, const char *function
 static Status instance_move(void *component, Call call, const char *function, unsigned state);
 static Status instance_reset(void *component, const char *function);
 
-/* Make the initial state if the parameters have changed since. */
+/* Compute the initial state if the parameters have changed since the last time. */
 static Status initialise(Instance *instance, const char *function);
 
-/* ---- values (values.c); `n_values` is the length of the array of values, which arrays may make longer than `count` ---- */
+/* ---- values (values.c); `n_values` is the length of the array of values, which exceeds `count` where variables are arrays ---- */
 
-static Status instance_get(void *component, const char *function, Type type, const uint32_t *references, size_t count,
-                           void *values, size_t n_values);
-static Status instance_set(void *component, const char *function, Type type, const uint32_t *references, size_t count,
-                           const void *values, size_t n_values);
-/* The unit has no variables of other types: only the empty request can be met. */
+/* The variables that a call asks for. */
+typedef struct {
+    const uint32_t *references;
+    size_t count;
+} Selection;
+
+static Status instance_get(void *component, const char *function, Type type, Selection selection, void *values, size_t n_values);
+static Status instance_set(void *component, const char *function, Type type, Selection selection, const void *values,
+                           size_t n_values);
+/* The unit has no variables of other types: every request but the empty one is refused. */
 static Status instance_none(void *component, Call call, const char *function, const char *type, size_t count);
-static Status instance_derivative(void *component, const char *function, bool reverse, const uint32_t *unknowns,
-                                  size_t n_unknowns, const uint32_t *knowns, size_t n_knowns, const double *seed,
-                                  size_t n_seed, double *image, size_t n_image);
-static Status instance_output_derivatives(void *component, const char *function, const uint32_t *references, size_t count,
-                                          const int32_t *orders, double *values, size_t n_values);
+/* The image of a seed under the Jacobian of unknowns by knowns, or with `reverse` under its transpose. */
+typedef struct {
+    const double *values;
+    size_t count;
+} Seed;
+typedef struct {
+    double *values;
+    size_t count;
+} Image;
+static Status instance_derivative(void *component, const char *function, bool reverse, Selection unknowns, Selection knowns,
+                                  Seed seed, Image image);
+static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
+                                          double *values, size_t n_values);
 
 /* ---- stepping, and continuous states for Model Exchange (step.c) ---- */
 
@@ -97,6 +110,7 @@ static Status instance_restore(void *component, const char *function, const void
 static Status instance_forget(void *component, const char *function, void **saved);
 static Status instance_saved_size(void *component, const char *function, const void *saved, size_t *size);
 static Status instance_serialise(void *component, const char *function, const void *saved, unsigned char *bytes, size_t size);
-static Status instance_deserialise(void *component, const char *function, const unsigned char *bytes, size_t size, void **saved);
+static Status instance_deserialise(void *component, const char *function, const unsigned char *bytes, size_t size,
+                                   void **saved);
 
 #endif

@@ -1,21 +1,21 @@
 /* Taylor's method for an autonomous quadratic system: rates that are a constant and weighted products of the states.
 
-   The coefficients of the solution follow one from the other by convolutions, and their size gives the length of the step:
-   Jorba, Zou, A software package for the numerical integration of ODEs by means of high-order Taylor methods,
-   Experimental Mathematics 14 (2005). A step need not be tried twice. At a tolerance of 1e-13 orders from 18 to 22 are
-   equally fast, and 14 is slower by a quarter. */
+   Each coefficient of the solution follows from those before it by convolutions, and their size gives the length of the
+   step, so that no step is rejected: Jorba, Zou, A software package for the numerical integration of ODEs by means of
+   high-order Taylor methods, Experimental Mathematics 14 (2005). At a tolerance of 1e-13, orders from 18 to 22 are equally
+   fast, and order 14 is slower by a quarter. */
 
-#include "flow.h"
+#include "integrator.h"
 
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, which has a part in every product: RATE_PART in models/target.py */
-#define REST 1e-100                       /* slower relative changes than this, 1/s, are none */
+enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, a factor of every product: RATE_PART in models/target.py */
+#define REST 1e-100                       /* relative changes slower than this, 1/s, count as rest */
 #define LONGEST_REACH 1e9                 /* for a body at rest, whose terms are zero */
 
-/* Two doubles in one register. In plain arrays gcc finds some of the pairs only, and half the speed is lost. */
+/* Two doubles in one register. With plain arrays gcc vectorises only some of them, at half the speed. */
 typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
 #define PAIRS (WIDTH / 2)
 typedef union {
@@ -30,8 +30,8 @@ static inline __attribute__((always_inline)) void add_products(Row sums[N_FACTOR
         UNROLL for (int i = 0; i < PAIRS; i++) sums[j].pairs[i] += left->pairs[i] * right->of[FIRST_FACTOR + j];
 }
 
-/* The coefficients from the second on, for a time that is counted in `unit`. The last ones come in last: the processor
-   adds up the others while it is still at work on these. */
+/* The coefficients from the second on, with time in multiples of `unit`. The products of the newest coefficient are added
+   last, so that the processor can add the others while it still computes that one. */
 static inline __attribute__((always_inline)) void expand(
     Row terms[TAYLOR_ORDER + 1], double unit, Products *products, const void *context)
 {
@@ -47,10 +47,10 @@ static inline __attribute__((always_inline)) void expand(
     }
 }
 
-/* What the sizes of the states are multiplied by to be relative ones. */
-static void relate(const Flow *flow, double relative[WIDTH])
+/* The factors that make the states relative to their sizes. */
+static void relate(const Integrator *integrator, double relative[WIDTH])
 {
-    for EACH(i) relative[i] = 1.0 / larger(flow->scale[i], fabs(flow->state[i]));
+    for EACH(i) relative[i] = 1.0 / larger(integrator->scale[i], fabs(integrator->state[i]));
 }
 
 /* The mean relative size of a term. */
@@ -61,7 +61,7 @@ static double size_of(const double *term, const double relative[WIDTH])
     return sum / WIDTH;
 }
 
-/* The time, in the unit of the terms, at which each of the last two is within the tolerance; 0 if they are not finite. */
+/* The time, in the unit of the terms, up to which the last two are within the tolerance; 0 if they are not finite. */
 static double reach_of(const Row terms[TAYLOR_ORDER + 1], const double relative[WIDTH], double tolerance)
 {
     const double last = size_of(terms[TAYLOR_ORDER].of, relative), former = size_of(terms[TAYLOR_ORDER - 1].of, relative);
@@ -71,7 +71,7 @@ static double reach_of(const Row terms[TAYLOR_ORDER + 1], const double relative[
     return smaller(smaller(of_last, of_former), LONGEST_REACH);
 }
 
-/* state = start + the terms from the first on, at a time in their unit; the least come first. */
+/* state = start + the terms from the first on, at a time in their unit; the smallest are added first. */
 static inline void evaluate(const double *start, const double terms[TAYLOR_ORDER][WIDTH], double time, double *state, int size)
 {
     double sum[WIDTH] = {0.0};
@@ -80,42 +80,48 @@ static inline void evaluate(const double *start, const double terms[TAYLOR_ORDER
     for (int i = 0; i < size; i++) state[i] = start[i] + sum[i];
 }
 
-/* All terms at the state, in a unit of time in which it changes by its size, and the reach of their sum. */
+/* All terms at the current state, in a unit of time over which it changes by its own size; returns their reach. */
 static inline __attribute__((always_inline)) double expand_at(
-    Flow *flow, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context, double tolerance)
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
+    double tolerance)
 {
     double relative[WIDTH];
-    relate(flow, relative);
-    rates(context, flow->state, flow->rates);
-    const double speed = size_of(flow->rates, relative);
-    flow->unit = speed > REST ? 1.0 / speed : 1.0;
-    memcpy(terms[0].of, flow->state, sizeof flow->state);
-    for EACH(i) terms[1].of[i] = flow->rates[i] * flow->unit;
-    expand(terms, flow->unit, products, context);
+    relate(integrator, relative);
+    rates(context, integrator->state, integrator->rates);
+    const double speed = size_of(integrator->rates, relative);
+    integrator->unit = speed > REST ? 1.0 / speed : 1.0;
+    memcpy(terms[0].of, integrator->state, sizeof integrator->state);
+    for EACH(i) terms[1].of[i] = integrator->rates[i] * integrator->unit;
+    expand(terms, integrator->unit, products, context);
     return reach_of(terms, relative, tolerance);
 }
 
-static inline const char *taylor_advance(Flow *flow, Rates *rates, Products *products, const void *context,
+static inline const char *taylor_advance(Integrator *integrator, Rates *rates, Products *products, const void *context,
                                          double tolerance, double time, bool exactly)
 {
     Row terms[TAYLOR_ORDER + 1];
-    for (long steps = 0; flow->time < time; steps++) {
+    for (long steps = 0; integrator->time < time; steps++) {
         if (steps == MOST_STEPS) return TOO_MANY_STEPS;
-        const double remaining = time - flow->time;
-        const double reach = expand_at(flow, terms, rates, products, context, tolerance), planned = reach * flow->unit;
-        if (!(planned > SHORTEST_STEP * fmax(flow->time, remaining))) return OUT_OF_BOUNDS;
+        const double remaining = time - integrator->time;
+        const double reach = expand_at(integrator, terms, rates, products, context, tolerance);
+        const double planned = reach * integrator->unit;
+        if (!(planned > SHORTEST_STEP * fmax(integrator->time, remaining))) return OUT_OF_BOUNDS;
         const bool cut = exactly && planned >= remaining;
-        flow->length = cut ? remaining : planned;
-        flow->time = cut ? time : flow->time + planned;
-        memcpy(flow->previous, flow->state, sizeof flow->state);
-        evaluate(flow->previous, &terms[1].of, cut ? remaining / flow->unit : reach, flow->state, WIDTH);
-        if (flow->time > time) memcpy(flow->dense, &terms[1], sizeof flow->dense);
+        integrator->length = cut ? remaining : planned;
+        integrator->time = cut ? time : integrator->time + planned;
+        memcpy(integrator->previous, integrator->state, sizeof integrator->state);
+        evaluate(integrator->previous, &terms[1].of, cut ? remaining / integrator->unit : reach, integrator->state, WIDTH);
+        if (integrator->time > time) memcpy(integrator->dense, &terms[1], sizeof integrator->dense);
     }
     return NULL;
 }
 
-static void taylor_interpolate(const Flow *flow, double time, double *state, int size)
+static void taylor_interpolate(const Integrator *integrator, double time, double *state, int size)
 {
-    if (time == flow->time) memcpy(state, flow->state, (size_t)size * sizeof *state);
-    else evaluate(flow->previous, flow->dense, (time - (flow->time - flow->length)) / flow->unit, state, size);
+    if (time == integrator->time) {
+        memcpy(state, integrator->state, (size_t)size * sizeof *state);
+        return;
+    }
+    const double elapsed = (time - (integrator->time - integrator->length)) / integrator->unit;
+    evaluate(integrator->previous, integrator->dense, elapsed, state, size);
 }

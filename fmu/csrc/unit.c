@@ -20,7 +20,7 @@ static void unit_set(Unit *unit, int index, double value)
         unit->initialised = false;
         return;
     }
-    unit->flows_stale = true;
+    unit->integrators_stale = true;
     unit->rates_current = false;
     if (index >= AT_STATES) unit->outputs_current = false;
 }
@@ -52,7 +52,7 @@ static void orbit_rates(const void *unit, const double *state, double *rates)
     rates[ORBIT_SIZE] = 0.0;
 }
 
-/* The quadratic part of the free attitude's rates. */
+/* The quadratic part of the rates of the free attitude. */
 static void free_attitude_products(const void *unit, const double *products, double *rates)
 {
     const double *arguments[] = {products, ((const Unit *)unit)->weights};
@@ -60,7 +60,7 @@ static void free_attitude_products(const void *unit, const double *products, dou
     target_free_attitude_products(arguments, results, NULL, NULL, 0);
 }
 
-/* Without gravity gradient: the torque, a constant, is all that turns the attitude from outside. */
+/* Without gravity gradient, the torque input is the only external torque, and it is constant over a step. */
 static bool attitude_is_free(const Unit *unit) { return unit->values[AT_GRAVITY_GRADIENT] == 0.0; }
 
 static void update_rates(Unit *unit)
@@ -87,9 +87,9 @@ static void unit_update(Unit *unit, unsigned kinds)
     if (kinds & DERIVATIVE && !unit->rates_current) update_rates(unit);
 }
 
-/* ---- the beginning ---- */
+/* ---- initialisation ---- */
 
-/* Whether all checks of the parameters hold; if not, says which does not. */
+/* Whether all checks of the parameters hold; if not, `message` names the first that fails. */
 static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
 {
     double margins[N_CHECKS], found[N_CHECKS];
@@ -106,7 +106,7 @@ static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
     return true;
 }
 
-/* Constants and tolerance from the parameters. */
+/* Compute constants and tolerance from the parameters. */
 static void take_parameters(Unit *unit)
 {
     const double *parameters[] = {unit->values + AT_PARAMETERS}, *constants[] = {unit->constants};
@@ -119,12 +119,12 @@ static void take_parameters(Unit *unit)
     unit->outputs_current = unit->rates_current = false;
 }
 
-/* Both flows begin at the unit's state and time. */
-static void start_flows(Unit *unit)
+/* Start both integrators at the unit's state and time. */
+static void start_integrators(Unit *unit)
 {
     unit->started = unit->time;
-    flow_start(&unit->attitude, unit->values + AT_STATES, ATTITUDE_SIZE);
-    flow_start(&unit->orbit, unit->values + AT_STATES + ORBIT_START, ORBIT_SIZE);
+    integrator_start(&unit->attitude, unit->values + AT_STATES, ATTITUDE_SIZE);
+    integrator_start(&unit->orbit, unit->values + AT_STATES + ORBIT_START, ORBIT_SIZE);
 }
 
 static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE])
@@ -137,10 +137,10 @@ static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE])
     take_parameters(unit);
     memcpy(unit->attitude.scale, unit->scale, ATTITUDE_SIZE * sizeof *unit->scale);
     memcpy(unit->orbit.scale, unit->scale + ORBIT_START, ORBIT_SIZE * sizeof *unit->scale);
-    unit->orbit.scale[ORBIT_SIZE] = 1.0; /* of a state that is not there */
+    unit->orbit.scale[ORBIT_SIZE] = 1.0; /* the eighth place is not used */
     unit->attitude.step = unit->orbit.step = 0.0;
-    start_flows(unit);
-    unit->flows_stale = unit->inputs_busy = false;
+    start_integrators(unit);
+    unit->integrators_stale = unit->inputs_changing = false;
     return true;
 }
 
@@ -149,77 +149,78 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
     if (unit->initialised) return true;
     if (!parameters_hold(unit, message)) return false;
     take_parameters(unit);
-    unit->flows_stale = true;
+    unit->integrators_stale = true;
     return true;
 }
 
-/* ---- the way ---- */
+/* ---- advancing ---- */
 
-/* Let the attitude reach `elapsed`, without gravity gradient and with it. */
+/* Integrate the attitude until `elapsed` is reached or passed, without gravity gradient and with it. */
 static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, double elapsed)
 {
     return taylor_advance(&unit->attitude, free_attitude_rates, free_attitude_products, unit, unit->tolerance, elapsed,
-                          unit->inputs_busy);
+                          unit->inputs_changing);
 }
 
-static const char *advance_pulled_attitude(Unit *unit, double elapsed)
+static const char *advance_attitude_under_gravity_gradient(Unit *unit, double elapsed)
 {
-    return dop853_advance(&unit->attitude, attitude_rates, unit, unit->tolerance, elapsed, unit->inputs_busy);
+    return dop853_advance(&unit->attitude, attitude_rates, unit, unit->tolerance, elapsed, unit->inputs_changing);
 }
 
-/* Let the attitude reach `elapsed` and put its state there. */
+/* Advance the attitude and write its state at `elapsed`. */
 static const char *run_attitude(Unit *unit, double elapsed)
 {
     const bool is_free = attitude_is_free(unit);
-    const char *trouble = NULL;
-    if (unit->attitude.time < elapsed) trouble = (is_free ? advance_free_attitude : advance_pulled_attitude)(unit, elapsed);
-    if (trouble) return trouble;
+    const char *failure = NULL;
+    if (unit->attitude.time < elapsed)
+        failure = (is_free ? advance_free_attitude : advance_attitude_under_gravity_gradient)(unit, elapsed);
+    if (failure) return failure;
     (is_free ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, unit->values + AT_STATES, ATTITUDE_SIZE);
     return NULL;
 }
 
-/* The same for the orbit. */
+/* Advance the orbit and write its state at `elapsed`. */
 static const char *run_orbit(Unit *unit, double elapsed)
 {
-    const char *trouble = NULL;
+    const char *failure = NULL;
     if (unit->orbit.time < elapsed)
-        trouble = dop853_advance(&unit->orbit, orbit_rates, unit, unit->tolerance, elapsed, unit->inputs_busy);
-    if (!trouble) dop853_interpolate(&unit->orbit, elapsed, unit->values + AT_STATES + ORBIT_START, ORBIT_SIZE);
-    return trouble;
+        failure = dop853_advance(&unit->orbit, orbit_rates, unit, unit->tolerance, elapsed, unit->inputs_changing);
+    if (!failure) dop853_interpolate(&unit->orbit, elapsed, unit->values + AT_STATES + ORBIT_START, ORBIT_SIZE);
+    return failure;
 }
 
-static const char *run_flows(Unit *unit, double elapsed)
+static const char *run_integrators(Unit *unit, double elapsed)
 {
-    const char *trouble = run_attitude(unit, elapsed);
-    /* The orbit's true anomaly is the one that counts, so it comes second. */
-    return trouble ? trouble : run_orbit(unit, elapsed);
+    const char *failure = run_attitude(unit, elapsed);
+    /* Both hold the true anomaly; the orbit's is the one to keep, so it is written last. */
+    return failure ? failure : run_orbit(unit, elapsed);
 }
 
-/* The same where something has to be integrated, and may fail. */
+/* Advance where an integration step is needed, which may fail. */
 static const char *integrate(Unit *unit, double time)
 {
     const Unit before = *unit;
-    if (unit->flows_stale) start_flows(unit);
-    unit->inputs_busy = unit->flows_stale;
-    const char *trouble = run_flows(unit, time - unit->started);
-    if (trouble) *unit = before;
-    return trouble;
+    if (unit->integrators_stale) start_integrators(unit);
+    unit->inputs_changing = unit->integrators_stale;
+    const char *failure = run_integrators(unit, time - unit->started);
+    if (failure) *unit = before;
+    return failure;
 }
 
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE])
 {
     const double elapsed = time - unit->started;
-    if (unit->flows_stale || unit->attitude.time < elapsed || unit->orbit.time < elapsed) {
-        const char *trouble = integrate(unit, time);
-        if (trouble) {
-            snprintf(message, MESSAGE_SIZE, "integration from %.17g s to %.17g s failed: %s", unit->time, time, trouble);
+    if (unit->integrators_stale || unit->attitude.time < elapsed || unit->orbit.time < elapsed) {
+        const char *failure = integrate(unit, time);
+        if (failure) {
+            snprintf(message, MESSAGE_SIZE, "integration from %.17g s to %.17g s failed: %s", unit->time, time, failure);
             return false;
         }
     } else {
-        unit->inputs_busy = false;
-        run_flows(unit, elapsed);
+        unit->inputs_changing = false;
+        run_integrators(unit, elapsed);
     }
-    unit->flows_stale = false;
+    unit->integrators_stale = false;
     unit->time = time;
     unit->outputs_current = unit->rates_current = false;
     return true;
@@ -227,32 +228,32 @@ static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE])
 
 /* ---- derivatives ---- */
 
-/* A stretch of the values that stands in a vector of knowns or unknowns. */
+/* A range of the values that stands in a vector of knowns or unknowns. */
 typedef struct {
     int offset;
     int size;
-} Stretch;
+} Range;
 
-static const Stretch RUN_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_STATES, N_STATES}, {0, 0}};
-static const Stretch RUN_UNKNOWNS[] = {{AT_OUTPUTS, N_OUTPUTS}, {AT_DERIVATIVES, N_STATES}, {0, 0}};
-static const Stretch START_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_PARAMETERS, N_PARAMETERS}, {0, 0}};
-static const Stretch START_UNKNOWNS[] = {{AT_OUTPUTS, N_OUTPUTS}, {AT_STATES, N_STATES}, {AT_DERIVATIVES, N_STATES}, {0, 0}};
+static const Range RUN_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_STATES, N_STATES}, {0, 0}};
+static const Range RUN_UNKNOWNS[] = {{AT_OUTPUTS, N_OUTPUTS}, {AT_DERIVATIVES, N_STATES}, {0, 0}};
+static const Range START_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_PARAMETERS, N_PARAMETERS}, {0, 0}};
+static const Range START_UNKNOWNS[] = {{AT_OUTPUTS, N_OUTPUTS}, {AT_STATES, N_STATES}, {AT_DERIVATIVES, N_STATES}, {0, 0}};
 
-static void gather(const Stretch *stretches, const double values[N_VALUES], double *vector)
+static void gather(const Range *ranges, const double values[N_VALUES], double *vector)
 {
-    for (; stretches->size; vector += stretches->size, stretches++)
-        memcpy(vector, values + stretches->offset, (size_t)stretches->size * sizeof *vector);
+    for (; ranges->size; vector += ranges->size, ranges++)
+        memcpy(vector, values + ranges->offset, (size_t)ranges->size * sizeof *vector);
 }
 
-static void scatter(const Stretch *stretches, const double *vector, double values[N_VALUES])
+static void scatter(const Range *ranges, const double *vector, double values[N_VALUES])
 {
-    for (; stretches->size; vector += stretches->size, stretches++)
-        memcpy(values + stretches->offset, vector, (size_t)stretches->size * sizeof *vector);
+    for (; ranges->size; vector += ranges->size, ranges++)
+        memcpy(values + ranges->offset, vector, (size_t)ranges->size * sizeof *vector);
 }
 
 static void unit_derivative(Unit *unit, bool at_start, bool reverse, const double seed[N_VALUES], double image[N_VALUES])
 {
-    const Stretch *knowns = at_start ? START_KNOWNS : RUN_KNOWNS, *unknowns = at_start ? START_UNKNOWNS : RUN_UNKNOWNS;
+    const Range *knowns = at_start ? START_KNOWNS : RUN_KNOWNS, *unknowns = at_start ? START_UNKNOWNS : RUN_UNKNOWNS;
     double from[N_VALUES], to[N_VALUES];
     gather(reverse ? unknowns : knowns, seed, from);
     const double *u = unit->values + AT_INPUTS, *p = unit->values + AT_PARAMETERS, *x = unit->values + AT_STATES;

@@ -1,12 +1,12 @@
 /* The tumbling target as a unit: parameters, state and outputs in one pointer-free struct.
 
-   What depends on the number of features (sizes, names, starts, texts of the checks) is generated into tables.h, the
-   equations into model.c. Nothing here knows of FMI. */
+   What depends on the number of features (sizes, names, starts, texts of the checks) is generated into tables.h, and the
+   equations into model.c. FMI plays no part in this file. */
 
 #ifndef BARYSCOPE_UNIT_H
 #define BARYSCOPE_UNIT_H
 
-#include "flow.h"
+#include "integrator.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -36,23 +36,23 @@ typedef struct {
 
 /* Values in the order of the table of variables: inputs, parameters, outputs, states, derivatives, time.
 
-   The attitude (q, w, true anomaly) and the orbit (true anomaly, position, velocity) flow apart, each with steps of
-   its own length; the attitude carries the true anomaly for the gravity gradient only. */
+   The attitude (q, w, true anomaly) and the orbit (true anomaly, position, velocity) are integrated separately, each with
+   steps of its own length; the attitude carries the true anomaly for the gravity gradient only. */
 typedef struct {
     double values[N_VALUES];
     double constants[N_CONSTANTS];
-    double weights[N_WEIGHTS];   /* of the products in the free attitude's rates */
-    double scale[N_STATES];      /* sizes of the states */
-    Flow attitude, orbit;
+    double weights[N_WEIGHTS];   /* of the products in the rates of the free attitude */
+    double scale[N_STATES];      /* nominal sizes of the states */
+    Integrator attitude, orbit;
     double time;                 /* s */
-    double started;              /* when the flows were started, s */
+    double started;              /* time 0 of the integrators, s */
     double tolerance;            /* the smaller of the parameter's and the importer's */
     double experiment_tolerance; /* 0 for none */
-    bool initialised;            /* constants, state and flows belong to the parameters */
+    bool initialised;            /* constants, state and integrators belong to the parameters */
     bool outputs_current;        /* outputs belong to the state */
     bool rates_current;          /* derivatives belong to the state and the inputs */
-    bool flows_stale;            /* state or inputs were set since the last step */
-    bool inputs_busy;            /* they had been set before the last step, too */
+    bool integrators_stale;      /* state or inputs were set since the last step */
+    bool inputs_changing;        /* they were set right before this step, and may be again after it */
 } Unit;
 
 /* Back to the start values of the table. */
@@ -61,16 +61,16 @@ static void unit_reset(Unit *unit);
 /* Set one value, an input, a parameter or a state. */
 static void unit_set(Unit *unit, int index, double value);
 
-/* The values must be current before they are read: outputs, derivatives or both, by their kinds. */
+/* Bring outputs, derivatives or both up to date, by their kinds; to be called before they are read. */
 static void unit_update(Unit *unit, unsigned kinds);
 
-/* Check the parameters and make the initial state. On failure says why in `message`. */
+/* Check the parameters and compute the initial state. On failure, `message` holds the reason. */
 static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE]);
 
-/* Take over parameters that were set in mid-run. On failure says why in `message`; the caller sets them back. */
+/* Take over parameters that were set during a run. On failure, `message` holds the reason; the caller restores them. */
 static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE]);
 
-/* Go to `time` with the inputs held. On failure the unit is as before and `message` says why. */
+/* Advance to `time` with the inputs held. On failure the unit is unchanged and `message` holds the reason. */
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
 /* Image of a seed under the Jacobian of (outputs, states, derivatives) by (inputs, parameters) at the start,

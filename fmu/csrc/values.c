@@ -29,17 +29,18 @@ static const Variable *variable(const Instance *instance, const char *function, 
 }
 
 /* Whether the references are of this type and their values number `n_values`; tells the kinds among them. */
-static bool request_fits(const Instance *instance, const char *function, Type type, const uint32_t *references, size_t count,
-                         const void *values, size_t n_values, unsigned *kinds)
+static bool request_fits(const Instance *instance, const char *function, Type type, Selection selection, const void *values,
+                         size_t n_values, unsigned *kinds)
 {
+    const size_t count = selection.count;
     size_t size = 0;
     *kinds = 0;
-    if ((count && !references) || (n_values && !values)) {
+    if ((count && !selection.references) || (n_values && !values)) {
         refuse(instance, "%s: found a null pointer, expected arrays for %zu variables", function, count);
         return false;
     }
     for (size_t i = 0; i < count; i++) {
-        const Variable *one = variable(instance, function, references[i], type);
+        const Variable *one = variable(instance, function, selection.references[i], type);
         if (!one) return false;
         size += (size_t)one->size;
         *kinds |= one->kind;
@@ -48,13 +49,12 @@ static bool request_fits(const Instance *instance, const char *function, Type ty
     return size == n_values;
 }
 
-static Status instance_get(void *component, const char *function, Type type, const uint32_t *references, size_t count,
-                           void *values, size_t n_values)
+static Status instance_get(void *component, const char *function, Type type, Selection selection, void *values, size_t n_values)
 {
     Instance *instance = enter(component, GET_VALUES, function);
     unsigned kinds;
     if (!instance) return ERROR;
-    if (!request_fits(instance, function, type, references, count, values, n_values, &kinds)) return ERROR;
+    if (!request_fits(instance, function, type, selection, values, n_values, &kinds)) return ERROR;
     if (instance->core.state == INSTANTIATED && kinds & ~(unsigned)(INPUT | PARAMETER | TUNABLE))
         return refuse(instance, "%s: in state Instantiated only inputs and parameters can be read", function);
     if (instance->core.state == INITIALIZATION && initialise(instance, function) != OK) return ERROR;
@@ -62,8 +62,8 @@ static Status instance_get(void *component, const char *function, Type type, con
     unit_update(unit, kinds);
     double *real = values;
     bool *boolean = values;
-    for (size_t i = 0; i < count; i++) {
-        const Variable *one = &VARIABLES[references[i]];
+    for (size_t i = 0; i < selection.count; i++) {
+        const Variable *one = &VARIABLES[selection.references[i]];
         if (type == BOOLEAN) *boolean++ = unit->values[one->offset] != 0.0;
         else
             for (int k = 0; k < one->size; k++) *real++ = unit->values[one->offset + k];
@@ -121,17 +121,17 @@ static Status tune(Instance *instance, const char *function, const Unit *former)
 }
 
 /* All values are checked before the first is set. */
-static Status instance_set(void *component, const char *function, Type type, const uint32_t *references, size_t count,
-                           const void *values, size_t n_values)
+static Status instance_set(void *component, const char *function, Type type, Selection selection, const void *values,
+                           size_t n_values)
 {
     Instance *instance = enter(component, SET_VALUES, function);
     unsigned kinds;
     if (!instance) return ERROR;
-    if (!request_fits(instance, function, type, references, count, values, n_values, &kinds)) return ERROR;
+    if (!request_fits(instance, function, type, selection, values, n_values, &kinds)) return ERROR;
     const double *real = values;
     const bool *boolean = values;
-    for (size_t i = 0; i < count; i++) {
-        const Variable *one = &VARIABLES[references[i]];
+    for (size_t i = 0; i < selection.count; i++) {
+        const Variable *one = &VARIABLES[selection.references[i]];
         if (!settable(instance, function, one)) return ERROR;
         if (type == REAL && !finite_values(instance, function, one, real)) return ERROR;
         if (type == REAL) real += one->size;
@@ -141,8 +141,8 @@ static Status instance_set(void *component, const char *function, Type type, con
     Unit former;
     if (tuning) memcpy(&former, unit, sizeof former);
     real = values;
-    for (size_t i = 0; i < count; i++) {
-        const Variable *one = &VARIABLES[references[i]];
+    for (size_t i = 0; i < selection.count; i++) {
+        const Variable *one = &VARIABLES[selection.references[i]];
         for (int k = 0; k < one->size; k++) unit_set(unit, one->offset + k, type == REAL ? *real++ : (double)*boolean++);
     }
     return tuning ? tune(instance, function, &former) : OK;
@@ -157,12 +157,11 @@ static Status instance_none(void *component, Call call, const char *function, co
 
 /* ---- derivatives ---- */
 
-/* Whether all references are Reals of these kinds; if not, says which is not. */
-static bool of_kinds(const Instance *instance, const char *function, const uint32_t *references, size_t count, unsigned kinds,
-                     const char *expected)
+/* Whether all references are Reals of these kinds; if not, names the first that is not. */
+static bool of_kinds(const Instance *instance, const char *function, Selection selection, unsigned kinds, const char *expected)
 {
-    for (size_t i = 0; i < count; i++) {
-        const Variable *one = variable(instance, function, references[i], REAL);
+    for (size_t i = 0; i < selection.count; i++) {
+        const Variable *one = variable(instance, function, selection.references[i], REAL);
         if (!one) return false;
         if (one->kind & kinds) continue;
         refuse(instance, "%s: found %s, expected %s", function, one->name, expected);
@@ -171,43 +170,52 @@ static bool of_kinds(const Instance *instance, const char *function, const uint3
     return true;
 }
 
-static Status instance_derivative(void *component, const char *function, bool reverse, const uint32_t *unknowns,
-                                  size_t n_unknowns, const uint32_t *knowns, size_t n_knowns, const double *seed,
-                                  size_t n_seed, double *image, size_t n_image)
+/* Copy what belongs to the selected variables from an array laid out as the unit's values, one after the other. */
+static void pick(const double values[N_VALUES], Selection selection, double *to)
+{
+    for (size_t i = 0; i < selection.count; i++) {
+        const Variable *one = &VARIABLES[selection.references[i]];
+        for (int k = 0; k < one->size; k++) *to++ = values[one->offset + k];
+    }
+}
+
+static Status instance_derivative(void *component, const char *function, bool reverse, Selection unknowns, Selection knowns,
+                                  Seed seed, Image image)
 {
     Instance *instance = enter(component, GET_DERIVATIVES, function);
     if (!instance) return ERROR;
     const bool at_start = instance->core.state == INITIALIZATION;
-    const uint32_t *from = reverse ? unknowns : knowns, *to = reverse ? knowns : unknowns;
-    const size_t n_from = reverse ? n_unknowns : n_knowns, n_to = reverse ? n_knowns : n_unknowns;
+    const Selection from = reverse ? unknowns : knowns, to = reverse ? knowns : unknowns;
     unsigned kinds;
-    if (!request_fits(instance, function, REAL, from, n_from, seed, n_seed, &kinds)) return ERROR;
-    if (!request_fits(instance, function, REAL, to, n_to, image, n_image, &kinds)) return ERROR;
-    if (!of_kinds(instance, function, knowns, n_knowns, at_start ? INPUT | PARAMETER | TUNABLE : INPUT | STATE,
+    if (!request_fits(instance, function, REAL, from, seed.values, seed.count, &kinds)) return ERROR;
+    if (!request_fits(instance, function, REAL, to, image.values, image.count, &kinds)) return ERROR;
+    if (!of_kinds(instance, function, knowns, at_start ? INPUT | PARAMETER | TUNABLE : INPUT | STATE,
                   at_start ? "an input or a parameter among the knowns" : "an input or a state among the knowns") ||
-        !of_kinds(instance, function, unknowns, n_unknowns, at_start ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE,
+        !of_kinds(instance, function, unknowns, at_start ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE,
                   at_start ? "an output, state or derivative among the unknowns" : "an output or a derivative among the unknowns"))
         return ERROR;
     if (at_start && initialise(instance, function) != OK) return ERROR;
 
     double seeds[N_VALUES] = {0.0}, images[N_VALUES];
-    for (size_t i = 0; i < n_from; i++)
-        for (int k = 0; k < VARIABLES[from[i]].size; k++) seeds[VARIABLES[from[i]].offset + k] += *seed++;
+    for (size_t i = 0; i < from.count; i++) {
+        const Variable *one = &VARIABLES[from.references[i]];
+        for (int k = 0; k < one->size; k++) seeds[one->offset + k] += *seed.values++;
+    }
     unit_derivative(&instance->core.unit, at_start, reverse, seeds, images);
-    for (size_t i = 0; i < n_to; i++)
-        for (int k = 0; k < VARIABLES[to[i]].size; k++) *image++ = images[VARIABLES[to[i]].offset + k];
+    pick(images, to, image.values);
     return OK;
 }
 
 /* Outputs change as the states do, with the inputs held: ẏ = ∂y/∂x ẋ. */
-static Status instance_output_derivatives(void *component, const char *function, const uint32_t *references, size_t count,
-                                          const int32_t *orders, double *values, size_t n_values)
+static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
+                                          double *values, size_t n_values)
 {
     Instance *instance = enter(component, GET_OUTPUT_DERIVATIVES, function);
+    const size_t count = selection.count;
     unsigned kinds;
     if (!instance) return ERROR;
-    if (!request_fits(instance, function, REAL, references, count, values, n_values, &kinds)) return ERROR;
-    if (!of_kinds(instance, function, references, count, OUTPUT, "an output")) return ERROR;
+    if (!request_fits(instance, function, REAL, selection, values, n_values, &kinds)) return ERROR;
+    if (!of_kinds(instance, function, selection, OUTPUT, "an output")) return ERROR;
     if (count && !orders) return refuse(instance, "%s: found a null pointer, expected %zu orders", function, count);
     for (size_t i = 0; i < count; i++)
         if (orders[i] != 1) return refuse(instance, "%s: found order %d, expected 1", function, (int)orders[i]);
@@ -216,7 +224,6 @@ static Status instance_output_derivatives(void *component, const char *function,
     double seeds[N_VALUES] = {0.0}, images[N_VALUES];
     memcpy(seeds + AT_STATES, unit->values + AT_DERIVATIVES, N_STATES * sizeof *seeds);
     unit_derivative(unit, false, false, seeds, images);
-    for (size_t i = 0; i < count; i++)
-        for (int k = 0; k < VARIABLES[references[i]].size; k++) *values++ = images[VARIABLES[references[i]].offset + k];
+    pick(images, selection, values);
     return OK;
 }
