@@ -93,11 +93,11 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
     c = ca.SX.sym("c", constants_of_p.numel_out())
     constants = _unpack(c, _constants(parameters))
 
-    pulled = parameters["gravityGradient"]
+    gravity_gradient = parameters["gravityGradient"]
     attitude = {on: _attitude_rates(x[ATTITUDE_PART], inputs, constants, on) for on in (0, 1)}
     orbit = _orbit_rates(x[ORBIT_PART], inputs, constants)
     free, turned = attitude[0][RATE_PART], attitude[1][RATE_PART]
-    rates = ca.vertcat(attitude[0][:4], free + pulled * (turned - free), orbit)
+    rates = ca.vertcat(attitude[0][:4], free + gravity_gradient * (turned - free), orbit)
     values = _output_values(ca.vertsplit(x, [0, 4, 7, 8, 11, 14]), parameters, constants)
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
 

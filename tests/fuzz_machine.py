@@ -8,8 +8,15 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule
 
 OK, ERROR = 0, 3
-START, INIT, STEP, EVENT, FLOW, END = "instantiated", "initialization", "stepping", "event", "continuous", "terminated"
-RUN = {STEP, EVENT, FLOW}
+START, INIT, STEP, EVENT, CONTINUOUS, END = (
+    "instantiated",
+    "initialization",
+    "stepping",
+    "event",
+    "continuous",
+    "terminated",
+)
+RUN = {STEP, EVENT, CONTINUOUS}
 STATES = 14
 
 # Mostly what is sensible, sometimes what is not.
@@ -136,7 +143,7 @@ class Machine(RuleBasedStateMachine):
         if variable.causality == "parameter":
             late = {STEP, EVENT} if variable.variability == "tunable" else set()
             return self.mode in {START, INIT} | late
-        return variable.name.startswith("state.") and self.mode in {EVENT, FLOW}
+        return variable.name.startswith("state.") and self.mode in {EVENT, CONTINUOUS}
 
     def chosen(self, picks, type_name):
         """References, some of them to nowhere or of another type, and whether all are of the type."""
@@ -199,13 +206,13 @@ class Machine(RuleBasedStateMachine):
 
     @rule(name=st.sampled_from(["EnterEventMode", "EnterContinuousTimeMode"]))
     def change_mode(self, name):
-        source, target = (FLOW, EVENT) if name == "EnterEventMode" else (EVENT, FLOW)
+        source, target = (CONTINUOUS, EVENT) if name == "EnterEventMode" else (EVENT, CONTINUOUS)
         if self.attempt(self.mode == source, name):
             self.mode = target
 
     @rule(time=numbers)
     def set_time(self, time):
-        legal = self.mode in {EVENT, FLOW} and math.isfinite(time)
+        legal = self.mode in {EVENT, CONTINUOUS} and math.isfinite(time)
         if self.attempt(legal, "SetTime", ctypes.c_double(time)):
             self.time = time
 
@@ -215,9 +222,9 @@ class Machine(RuleBasedStateMachine):
     def continuous_states(self, values, name):
         fits = len(values) == STATES
         if name == "SetContinuousStates":
-            legal = self.mode == FLOW and fits and all(map(math.isfinite, values))
+            legal = self.mode == CONTINUOUS and fits and all(map(math.isfinite, values))
         else:
-            legal = self.mode in {INIT, EVENT, FLOW, END} and fits
+            legal = self.mode in {INIT, EVENT, CONTINUOUS, END} and fits
             legal = None if legal and self.mode == INIT else legal
         self.attempt(legal, name, reals(values), ctypes.c_size_t(len(values)))
 

@@ -34,16 +34,16 @@ class Importer(Listener):
         self.messages = []
         self.callbacks = fmi2CallbackFunctions()
         self.callbacks.logger = fmi2CallbackLoggerTYPE(lambda *a: self.messages.append(a[4].decode()))
-        self.slave = self.kind(
+        self.fmu = self.kind(
             guid=description.guid,
             modelIdentifier=description.modelName,
             unzipDirectory=str(folder),
             instanceName="x",
         )
-        self.slave.instantiate(callbacks=self.callbacks)
+        self.fmu.instantiate(callbacks=self.callbacks)
         self.references = {v.name: v.valueReference for v in description.modelVariables}
 
     def initialise(self):
-        self.slave.setupExperiment()
-        self.slave.enterInitializationMode()
-        self.slave.exitInitializationMode()
+        self.fmu.setupExperiment()
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()

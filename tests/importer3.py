@@ -17,13 +17,13 @@ class Importer3(Listener):
         self.description = fmpy.read_model_description(str(path))
         fmpy.extract(str(path), str(folder))
         self.messages = []
-        self.slave = self.kind(
+        self.fmu = self.kind(
             guid=self.description.guid,
             modelIdentifier=self.description.modelName,
             unzipDirectory=str(folder),
             instanceName="x",
         )
-        self.slave.instantiate(logMessage=self.hear)
+        self.fmu.instantiate(logMessage=self.hear)
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self.arrays = "features" in self.references
         self.table = {variable.name: variable for variable in variable_table(12)}
@@ -32,8 +32,8 @@ class Importer3(Listener):
         self.messages.append(message.decode())
 
     def initialise(self, **experiment):
-        self.slave.enterInitializationMode(**experiment)
-        self.slave.exitInitializationMode()
+        self.fmu.enterInitializationMode(**experiment)
+        self.fmu.exitInitializationMode()
 
     def of(self, *names):
         """The value references of variables of the table, whole."""
@@ -48,11 +48,11 @@ class Importer3(Listener):
         return sum(self.table[name].size for name in names)
 
     def get(self, *names):
-        return np.array(self.slave.getFloat64(self.of(*names), self.size(*names)))
+        return np.array(self.fmu.getFloat64(self.of(*names), self.size(*names)))
 
     def set(self, name, values):
-        self.slave.setFloat64(self.of(name), np.ravel(values).tolist())
+        self.fmu.setFloat64(self.of(name), np.ravel(values).tolist())
 
     def step(self, time, duration):
         """Whether an event, the end or an early return is asked for, and the time reached."""
-        return self.slave.doStep(time, duration)
+        return self.fmu.doStep(time, duration)

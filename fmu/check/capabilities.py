@@ -212,7 +212,7 @@ def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Findi
                 )
 
 
-def flow_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
+def state_rate_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
     """In Co-Simulation, states change as their derivatives say: the mean of both ends against the change in between."""
     if name != "CoSimulation" or not states(description) or description.coSimulation.fixedInternalStepSize:
         return
@@ -272,6 +272,6 @@ PROBES: dict[str, Probe] = {
     "saved states": state_findings,
     "steps": step_findings,
     "vectors of states": vector_findings,
-    "change of states": flow_findings,
+    "change of states": state_rate_findings,
     "instances": instance_findings,
 }

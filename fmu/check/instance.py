@@ -36,7 +36,7 @@ class Instance:
         self._said: list[str] = []
         module = fmi2 if self.second else fmi3
         kind = getattr(module, f"FMU{2 if self.second else 3}{'Slave' if self.co_simulation else 'Model'}")
-        self.slave: Any = None
+        self.fmu: Any = None
         self._guarded("loading", lambda: self._load(kind, folder, token))
         try:
             self._guarded("instantiation", self._instantiate)
@@ -48,7 +48,7 @@ class Instance:
         identifier = self.description.coSimulation if self.co_simulation else self.description.modelExchange
         here = Path.cwd()
         try:
-            self.slave = kind(
+            self.fmu = kind(
                 guid=token or self.description.guid,
                 modelIdentifier=identifier.modelIdentifier,
                 unzipDirectory=str(folder),
@@ -59,7 +59,7 @@ class Instance:
 
     def _instantiate(self) -> None:
         if not self.second:
-            self.slave.instantiate(logMessage=lambda *a: self._hear(a[3]))
+            self.fmu.instantiate(logMessage=lambda *a: self._hear(a[3]))
             return
 
         def allocate(count: int, size: int) -> Any:
@@ -70,7 +70,7 @@ class Instance:
         callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *a: self._hear(a[4]))
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(allocate)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
-        self.slave.instantiate(callbacks=callbacks)
+        self.fmu.instantiate(callbacks=callbacks)
 
     def _hear(self, message: bytes | None) -> None:
         self._said.append((message or b"").decode("utf-8", "replace"))
@@ -84,16 +84,16 @@ class Instance:
 
     def call(self, name: str, *arguments: Any) -> Any:
         """One of fmpy's methods by name."""
-        return self._guarded(name, lambda: getattr(self.slave, name)(*arguments))
+        return self._guarded(name, lambda: getattr(self.fmu, name)(*arguments))
 
     def close(self) -> None:
         """Free the instance and give the library back, which others may still use."""
-        slave, self.slave = self.slave, None
-        if slave is None:
+        fmu, self.fmu = self.fmu, None
+        if fmu is None:
             return
-        if slave.component:
-            (slave.fmi2FreeInstance if self.second else slave.fmi3FreeInstance)(slave.component)
-        slave.freeLibrary()
+        if fmu.component:
+            (fmu.fmi2FreeInstance if self.second else fmu.fmi3FreeInstance)(fmu.component)
+        fmu.freeLibrary()
 
     def __enter__(self) -> "Instance":
         return self
@@ -128,7 +128,7 @@ class Instance:
             return bool(self.call("updateDiscreteStates")[0])
         info = fmi2.fmi2EventInfo()
         self._guarded(
-            "fmi2NewDiscreteStates", lambda: self.slave.fmi2NewDiscreteStates(self.slave.component, ctypes.byref(info))
+            "fmi2NewDiscreteStates", lambda: self.fmu.fmi2NewDiscreteStates(self.fmu.component, ctypes.byref(info))
         )
         return bool(info.newDiscreteStatesNeeded)
 
@@ -199,7 +199,7 @@ class Instance:
         )
         self._guarded(
             "fmi3GetOutputDerivatives",
-            lambda: self.slave.fmi3GetOutputDerivatives(self.slave.component, *arguments),
+            lambda: self.fmu.fmi3GetOutputDerivatives(self.fmu.component, *arguments),
         )
         return np.asarray(values, dtype=float)
 

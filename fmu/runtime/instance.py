@@ -109,7 +109,7 @@ _VERSIONS: dict[FmiVersion, _Version] = {
 }
 
 
-class Slave:
+class Instance:
     """A Co-Simulation instance, at first in the state Instantiated.
 
     Every method raises UnitError where the unit refuses the call; the instance is then as it was before.

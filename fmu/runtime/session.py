@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.fmu.layout.archive import UnitFile, open_unit
-from baryscope.fmu.runtime.slave import Buffer, Slave, UnitError
+from baryscope.fmu.runtime.instance import Buffer, Instance, UnitError
 from baryscope.fmu.runtime.state import SavedState, read_times
 from baryscope.models.errors import InputError
 from baryscope.models.variables import Kind, Variable
@@ -59,10 +59,10 @@ class Session:
             UnitError: the unit refuses a parameter; the message says why.
         """
         self._unit = open_unit(Path(fmu))
-        self._slave: Slave | None = None
+        self._instance: Instance | None = None
         self._states: WeakSet[SavedState] = WeakSet()
         try:
-            self._slave = Slave(self._unit)
+            self._instance = Instance(self._unit)
             self._inputs = _Block(self._unit.of_kind(Kind.INPUT), self._unit)
             self._outputs = _Block(self._unit.of_kind(Kind.OUTPUT), self._unit)
             self.outputs = self._outputs.values.view()
@@ -73,15 +73,15 @@ class Session:
             raise
 
     @property
-    def slave(self) -> Slave:
+    def instance(self) -> Instance:
         """The instance of the unit.
 
         Raises:
             InputError: the session was closed.
         """
-        if self._slave is None:
+        if self._instance is None:
             raise InputError("the session was closed")
-        return self._slave
+        return self._instance
 
     def reset(
         self,
@@ -96,14 +96,14 @@ class Session:
         Raises:
             InputError, UnitError: as for the constructor.
         """
-        slave = self.slave
-        slave.reset()
+        instance = self.instance
+        instance.reset()
         for name, value in (parameters or {}).items():
             self._set_parameter(self._unit.find(name, Kind.PARAMETER), value)
-        slave.initialise(start_time, stop_time, tolerance)
+        instance.initialise(start_time, stop_time, tolerance)
         self._inputs.values[:] = 0.0
         self.time, self._time_rest = start_time, 0.0
-        slave.get(self._outputs)
+        instance.get(self._outputs)
 
     def tune(self, parameters: Mapping[str, ArrayLike]) -> None:
         """Change tunable parameters in mid-run, one after the other, and read the outputs anew.
@@ -121,17 +121,17 @@ class Session:
             for variable, value in changes:
                 self._set_parameter(variable, value)
         finally:
-            self.slave.get(self._outputs)
+            self.instance.get(self._outputs)
 
     def _set_parameter(self, variable: Variable, value: ArrayLike) -> None:
         array = _shaped(variable, value)
         references = self._unit.references(variable)
         if variable.boolean:
-            self.slave.set_boolean(references[0], bool(array.item() != 0))
+            self.instance.set_boolean(references[0], bool(array.item() != 0))
         else:
             buffer = Buffer(references, variable.size, self._unit.fmi)
             buffer.values[:] = array.ravel()
-            self.slave.set(buffer)
+            self.instance.set(buffer)
 
     def set_inputs(self, *, acceleration: ArrayLike | None = None, torque: ArrayLike | None = None) -> None:
         """Set inputs for the steps to come.
@@ -140,15 +140,15 @@ class Session:
             acceleration: commanded acceleration of the chaser, (3,), m/s², LVLH.
             torque: torque on the target, (3,), N m, body axes.
         """
-        block, slave = self._inputs, self.slave
+        block, instance = self._inputs, self.instance
         try:
             if acceleration is not None:
                 block[_ACCELERATION] = acceleration
             if torque is not None:
                 block[_TORQUE] = torque
-            slave.set(block)
+            instance.set(block)
         except (InputError, UnitError):
-            slave.get(block)
+            instance.get(block)
             raise
 
     def step(self, duration: float, *, acceleration: ArrayLike | None = None, torque: ArrayLike | None = None) -> None:
@@ -160,10 +160,10 @@ class Session:
         """
         if acceleration is not None or torque is not None:
             self.set_inputs(acceleration=acceleration, torque=torque)
-        slave = self.slave
-        slave.step(self.time, duration)
+        instance = self.instance
+        instance.step(self.time, duration)
         self._advance_time(duration)
-        slave.get(self._outputs)
+        instance.get(self._outputs)
 
     def _advance_time(self, duration: float) -> None:
         """Add to the time without losing its low digits (Kahan's sum): 60,000 tenths are 6,000 s."""
@@ -179,7 +179,7 @@ class Session:
 
     def state(self) -> SavedState:
         """Everything that the further run depends on: restored, it continues bitwise as it did."""
-        state = SavedState(self.slave, self.time, self._time_rest)
+        state = SavedState(self.instance, self.time, self._time_rest)
         self._states.add(state)
         return state
 
@@ -193,20 +193,20 @@ class Session:
             InputError: the state was closed, or the bytes are none of a saved state.
             UnitError: the state is of another unit; the session is as it was before.
         """
-        slave = self.slave
+        instance = self.instance
         if isinstance(state, SavedState):
-            slave.restore(state.pointer)
+            instance.restore(state.pointer)
             self.time, self._time_rest = state.time, state.time_rest
         else:
             time, rest, content = read_times(state)
-            pointer = slave.deserialise(content)
+            pointer = instance.deserialise(content)
             try:
-                slave.restore(pointer)
+                instance.restore(pointer)
             finally:
-                slave.forget(pointer)
+                instance.forget(pointer)
             self.time, self._time_rest = time, rest
-        slave.get(self._inputs)
-        slave.get(self._outputs)
+        instance.get(self._inputs)
+        instance.get(self._outputs)
 
     def __getitem__(self, name: str) -> FloatArray:
         """A copy of an output by its name in the table of variables, in its shape."""
@@ -251,9 +251,9 @@ class Session:
         """Free the instance and the unpacked files; closing twice is fine."""
         for state in list(self._states):
             state.close()
-        slave, self._slave = self._slave, None
-        if slave is not None:
-            slave.close()
+        instance, self._instance = self._instance, None
+        if instance is not None:
+            instance.close()
         shutil.rmtree(self._unit.folder, ignore_errors=True)
 
     def __enter__(self) -> Self:

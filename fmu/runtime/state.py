@@ -6,7 +6,7 @@ import zlib
 from types import TracebackType
 from typing import Self
 
-from baryscope.fmu.runtime.slave import Slave
+from baryscope.fmu.runtime.instance import Instance
 from baryscope.models.errors import InputError
 
 _MAGIC = b"barysess"
@@ -23,10 +23,10 @@ class SavedState:
         time_rest: what the sum of the steps' durations is above `time`, s, below its last digit.
     """
 
-    def __init__(self, slave: Slave, time: float, time_rest: float):
-        self._slave = slave
+    def __init__(self, instance: Instance, time: float, time_rest: float):
+        self._instance = instance
         self.time, self.time_rest = time, time_rest
-        self._state: ctypes.c_void_p | None = slave.save()
+        self._state: ctypes.c_void_p | None = instance.save()
 
     @property
     def pointer(self) -> ctypes.c_void_p:
@@ -42,7 +42,7 @@ class SavedState:
     def to_bytes(self) -> bytes:
         """The state for another session of the same unit, in this process or another."""
         times = struct.pack("<dd", self.time, self.time_rest)
-        return _HEAD.pack(_MAGIC, self.time, self.time_rest, zlib.crc32(times)) + self._slave.serialise(self.pointer)
+        return _HEAD.pack(_MAGIC, self.time, self.time_rest, zlib.crc32(times)) + self._instance.serialise(self.pointer)
 
     __bytes__ = to_bytes
 
@@ -50,7 +50,7 @@ class SavedState:
         """Free it; closing twice is fine."""
         state, self._state = self._state, None
         if state is not None:
-            self._slave.forget(state)
+            self._instance.forget(state)
 
     def __enter__(self) -> Self:
         return self

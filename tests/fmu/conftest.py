@@ -19,7 +19,7 @@ def importer3(any_fmu3, tmp_path):
     """A Co-Simulation instance by FMI 3."""
     importer = Importer3(any_fmu3, tmp_path)
     yield importer
-    importer.slave.freeInstance()
+    importer.fmu.freeInstance()
 
 
 @pytest.fixture
@@ -27,4 +27,4 @@ def model3(any_fmu3, tmp_path):
     """A Model Exchange instance by FMI 3."""
     model = Model3(any_fmu3, tmp_path / "model")
     yield model
-    model.slave.freeInstance()
+    model.fmu.freeInstance()

@@ -26,13 +26,11 @@ from importer import Importer
 def importer(envisat_fmu, tmp_path):
     importer = Importer(envisat_fmu, tmp_path)
     yield importer
-    importer.slave.freeInstance()
+    importer.fmu.freeInstance()
 
 
 def outputs_of(importer):
-    return importer.slave.getReal(
-        [r for name, r in importer.references.items() if name.startswith(("features", "der("))]
-    )
+    return importer.fmu.getReal([r for name, r in importer.references.items() if name.startswith(("features", "der("))])
 
 
 def references_of(importer, *kinds):
@@ -46,7 +44,7 @@ def references_of(importer, *kinds):
 
 
 def test_a_restored_state_continues_bitwise(importer):
-    s = importer.slave
+    s = importer.fmu
     torque = [importer.references[f"target.torque[{i}]"] for i in (1, 2, 3)]
     importer.initialise()
     for k in range(7):
@@ -70,7 +68,7 @@ def test_a_restored_state_continues_bitwise(importer):
 
 
 def test_a_state_survives_a_reset_and_knows_its_mode(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     s.doStep(0, 5.0)
     state, expected = s.getFMUstate(), outputs_of(importer)
@@ -82,7 +80,7 @@ def test_a_state_survives_a_reset_and_knows_its_mode(importer):
 
 
 def test_a_serialised_state_continues_bitwise_in_another_process(importer, envisat_fmu, tmp_path):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     for k in range(5):
         s.doStep(k * 0.7, 0.7)
@@ -96,11 +94,11 @@ def test_a_serialised_state_continues_bitwise_in_another_process(importer, envis
         "import sys; sys.path[:0] = [sys.argv[4]]\n"
         "from pathlib import Path; from importer import Importer\n"
         "i = Importer(sys.argv[1], sys.argv[2]); i.initialise()\n"
-        "state = i.slave.deSerializeFMUstate(Path(sys.argv[3]).read_bytes())\n"
-        "i.slave.setFMUstate(state)\n"
-        "for k in range(5, 20): i.slave.doStep(k * 0.7, 0.7)\n"
+        "state = i.fmu.deSerializeFMUstate(Path(sys.argv[3]).read_bytes())\n"
+        "i.fmu.setFMUstate(state)\n"
+        "for k in range(5, 20): i.fmu.doStep(k * 0.7, 0.7)\n"
         "outputs = range(i.references['features[1,1]'], i.references['state.attitude[1]'])\n"
-        "print([v.hex() for v in i.slave.getReal(list(outputs))])"
+        "print([v.hex() for v in i.fmu.getReal(list(outputs))])"
     )
     arguments = [str(envisat_fmu), str(tmp_path / "other"), str(saved), str(Path(__file__).parents[2])]
     result = subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True)
@@ -110,7 +108,7 @@ def test_a_serialised_state_continues_bitwise_in_another_process(importer, envis
 
 @pytest.mark.parametrize("place", [0, 10, 100, 999_999])
 def test_damaged_states_are_refused(importer, place):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     state = s.getFMUstate()
     good = bytes(s.serializeFMUstate(state))
@@ -127,12 +125,12 @@ def test_states_of_another_build_are_refused(importer, envisat, tmp_path):
     run = envisat.run.model_copy(update={"tolerance": 1e-10})
     other = Importer(build_fmu(envisat.model_copy(update={"run": run}), tmp_path / "o.fmu"), tmp_path / "o")
     other.initialise()
-    state = other.slave.getFMUstate()
-    foreign = bytes(other.slave.serializeFMUstate(state))
-    importer.refused(lambda: importer.slave.deSerializeFMUstate(foreign), "another build")
-    importer.refused(lambda: importer.slave.setFMUstate(state), "another build")
-    other.slave.freeFMUstate(state)
-    other.slave.freeInstance()
+    state = other.fmu.getFMUstate()
+    foreign = bytes(other.fmu.serializeFMUstate(state))
+    importer.refused(lambda: importer.fmu.deSerializeFMUstate(foreign), "another build")
+    importer.refused(lambda: importer.fmu.setFMUstate(state), "another build")
+    other.fmu.freeFMUstate(state)
+    other.fmu.freeInstance()
 
 
 # ---- derivatives ----
@@ -140,7 +138,7 @@ def test_states_of_another_build_are_refused(importer, envisat, tmp_path):
 
 def perturbed(importer, change, unknowns):
     """The unknowns after `change()`, from the saved state, which is put back."""
-    s = importer.slave
+    s = importer.fmu
     state = s.getFMUstate()
     change()
     values = np.array(s.getReal(unknowns))
@@ -151,7 +149,7 @@ def perturbed(importer, change, unknowns):
 
 def test_directional_derivatives_at_the_start_are_exact(importer, envisat):
     """Against CasADi's own Jacobian of the same functions, and against central differences through the unit."""
-    s = importer.slave
+    s = importer.fmu
     s.setupExperiment()
     s.enterInitializationMode()
     parameters = references_of(importer, Kind.PARAMETER)
@@ -180,7 +178,7 @@ def test_directional_derivatives_at_the_start_are_exact(importer, envisat):
 
 
 def test_directional_derivatives_in_a_run(importer, envisat):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     s.doStep(0, 12.5)
     knowns = references_of(importer, Kind.INPUT, Kind.STATE)
@@ -196,7 +194,7 @@ def test_directional_derivatives_in_a_run(importer, envisat):
 
 
 def test_derivatives_of_what_is_no_known_are_refused(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     importer.initialise()
     feature, rate = reference["features[1,1]"], reference["der(state.velocity[1])"]
     importer.refused(lambda: s.getDirectionalDerivative([feature], [reference["orbit.raan"]], [1.0]),
@@ -208,7 +206,7 @@ def test_derivatives_of_what_is_no_known_are_refused(importer):
 
 
 def test_output_derivatives_are_the_velocities(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     importer.initialise()
     s.doStep(0, 100.0)
     position = [reference[f"target.position[{i}]"] for i in (1, 2, 3)]
@@ -219,7 +217,7 @@ def test_output_derivatives_are_the_velocities(importer):
 
 
 def test_derivatives_are_those_of_the_model(importer, envisat):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     s.doStep(0, 30.0)
     s.setReal([0, 4], [1e-3, 7.0])
@@ -234,7 +232,7 @@ def test_derivatives_are_those_of_the_model(importer, envisat):
 
 
 def test_tuning_in_mid_run(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     importer.initialise()
     s.doStep(0, 10.0)
     point = [reference[f"target.features[1,{i}]"] for i in (1, 2, 3)]
@@ -253,7 +251,7 @@ def test_tuning_in_mid_run(importer):
 
 
 def test_tuning_to_the_impossible_is_refused_and_undone(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     importer.initialise()
     s.doStep(0, 10.0)
     before = outputs_of(importer)
@@ -277,7 +275,7 @@ class Model(Importer):
 def model(envisat_fmu, tmp_path):
     model = Model(envisat_fmu, tmp_path / "model")
     yield model
-    model.slave.freeInstance()
+    model.fmu.freeInstance()
 
 
 def array(values):
@@ -290,7 +288,7 @@ def pointer(values):
 
 def test_model_exchange_integrated_by_scipy(model, envisat):
     """The importer's integrator on the unit's derivatives, against the difference of two Kepler orbits."""
-    m = model.slave
+    m = model.fmu
     model.initialise()
     m.newDiscreteStates()
     m.enterContinuousTimeMode()
@@ -323,7 +321,7 @@ def test_model_exchange_by_fmpy_agrees_with_co_simulation(envisat_fmu):
 
 
 def test_model_exchange_calls_at_the_wrong_time(model):
-    m = model.slave
+    m = model.fmu
     values = array(np.ones(14))
     model.refused(lambda: m.setContinuousStates(pointer(values), 14), "Instantiated")
     model.initialise()
@@ -347,9 +345,9 @@ def test_model_exchange_calls_at_the_wrong_time(model):
 
 def test_a_co_simulation_state_is_no_model_exchange_state(importer, model):
     importer.initialise()
-    state = importer.slave.getFMUstate()
-    model.refused(lambda: model.slave.setFMUstate(state), "other interface")
-    importer.slave.freeFMUstate(state)
+    state = importer.fmu.getFMUstate()
+    model.refused(lambda: model.fmu.setFMUstate(state), "other interface")
+    importer.fmu.freeFMUstate(state)
 
 
 # ---- several instances ----
@@ -376,7 +374,7 @@ def test_instances_in_threads_compute_what_they_compute_alone(envisat_fmu):
 def test_a_component_that_was_never_made_is_refused(importer):
     junk = ctypes.create_string_buffer(4096)
     with pytest.raises(FMICallException):
-        importer.slave.fmi2Terminate(ctypes.cast(junk, ctypes.c_void_p))
+        importer.fmu.fmi2Terminate(ctypes.cast(junk, ctypes.c_void_p))
 
 
 def test_presets_are_not_needed(tmp_path):

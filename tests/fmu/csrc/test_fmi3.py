@@ -112,12 +112,12 @@ def test_outputs_are_bitwise_those_of_fmi_2(importer3, envisat_fmu, tmp_path):
     torque = [two.references[f"target.torque[{i}]"] for i in (1, 2, 3)]
     for k in range(40):
         if k % 13 == 5:
-            two.slave.setReal(torque, [float(k), -1.0, 0.25])
+            two.fmu.setReal(torque, [float(k), -1.0, 0.25])
             importer3.set("target.torque", [float(k), -1.0, 0.25])
-        two.slave.doStep(k * 0.7, 0.7)
+        two.fmu.doStep(k * 0.7, 0.7)
         assert importer3.step(k * 0.7, 0.7) == (False, False, False, k * 0.7 + 0.7)
-        assert importer3.get(*outputs).tolist() == two.slave.getReal(references)
-    two.slave.freeInstance()
+        assert importer3.get(*outputs).tolist() == two.fmu.getReal(references)
+    two.fmu.freeInstance()
 
 
 def test_starts_can_be_read_at_once(importer3, envisat):
@@ -139,10 +139,10 @@ def test_starts_can_be_read_at_once(importer3, envisat):
 def test_time_is_the_independent_variable(importer3):
     time = importer3.references["time"]
     importer3.initialise(startTime=3.0)
-    assert importer3.slave.getFloat64([time]) == [3.0]
+    assert importer3.fmu.getFloat64([time]) == [3.0]
     importer3.step(3.0, 0.5)
-    assert importer3.slave.getFloat64([time]) == [3.5]
-    importer3.refused(lambda: importer3.slave.setFloat64([time], [1.0]), "time is calculated")
+    assert importer3.fmu.getFloat64([time]) == [3.5]
+    importer3.refused(lambda: importer3.fmu.setFloat64([time], [1.0]), "time is calculated")
 
 
 def test_the_gravity_gradient_is_a_boolean(importer3):
@@ -150,9 +150,9 @@ def test_the_gravity_gradient_is_a_boolean(importer3):
     importer3.initialise()
     importer3.step(0.0, 10.0)
     before = importer3.get("target.rotationalEnergy")
-    assert importer3.slave.getBoolean([reference]) == [False]
-    importer3.slave.setBoolean([reference], [True])
-    assert importer3.slave.getBoolean([reference]) == [True]
+    assert importer3.fmu.getBoolean([reference]) == [False]
+    importer3.fmu.setBoolean([reference], [True])
+    assert importer3.fmu.getBoolean([reference]) == [True]
     importer3.step(10.0, 50.0)
     assert importer3.get("target.rotationalEnergy") != pytest.approx(before, rel=1e-9)
 
@@ -161,7 +161,7 @@ def test_the_gravity_gradient_is_a_boolean(importer3):
 
 
 def test_calls_at_the_wrong_time(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.refused(lambda: s.doStep(0, 1), "fmi3DoStep", "Instantiated")
     importer3.refused(lambda: s.exitInitializationMode(), "fmi3ExitInitializationMode", "Instantiated")
     importer3.refused(lambda: s.terminate(), "fmi3Terminate", "Instantiated")
@@ -186,7 +186,7 @@ def test_calls_at_the_wrong_time(importer3):
 
 
 def test_wrong_counts_references_types_and_pointers(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.initialise()
     position = importer3.of("target.position")
     importer3.refused(lambda: s.getFloat64(position, 2), "found room for 2 values, expected 3")
@@ -199,7 +199,7 @@ def test_wrong_counts_references_types_and_pointers(importer3):
     importer3.refused(lambda: importer3.set("target.torque", [0.0, math.nan, 0.0]), "target.torque[2] is nan")
     points = np.zeros((12, 3))
     points[4, 1] = np.inf
-    importer3.slave.reset()
+    importer3.fmu.reset()
     importer3.refused(lambda: importer3.set("target.features", points), "target.features[5,2] is inf")
     importer3.initialise()
     place, number = fmi3Boolean(), fmi3Float64()
@@ -217,7 +217,7 @@ OTHER_TYPES = ["Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32",
 
 
 def test_there_are_no_variables_of_other_types(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.initialise()
     for name in OTHER_TYPES:
         get, put, one = getattr(s, f"get{name}"), getattr(s, f"set{name}"), ["x"] if name == "String" else [1]
@@ -230,7 +230,7 @@ def test_there_are_no_variables_of_other_types(importer3):
 
 
 def test_what_is_not_declared_is_refused(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.initialise()
     importer3.refused(lambda: s.enterConfigurationMode(), "no structural parameters")
     importer3.refused(lambda: s.exitConfigurationMode(), "no structural parameters")
@@ -247,7 +247,7 @@ def test_what_is_not_declared_is_refused(importer3):
 
 def test_every_function_bears_a_null_instance_and_null_arrays(importer3):
     """All functions of the standard, as fmpy declares them, with nothing but zeros and null pointers."""
-    s = importer3.slave
+    s = importer3.fmu
     functions = [name for name in dir(s) if name.startswith("fmi3") and "Instantiate" not in name]
     assert len(functions) == 72
     nothing = {ctypes.c_uint: 0, ctypes.c_size_t: 0, ctypes.c_double: 0.0, ctypes.c_bool: False}
@@ -258,13 +258,13 @@ def test_every_function_bears_a_null_instance_and_null_arrays(importer3):
         assert name in ("fmi3GetVersion", "fmi3FreeInstance") or status == 3
         if name not in ("fmi3GetVersion", "fmi3FreeInstance", "fmi3Reset"):
             assert function(s.component, *blank[1:]) in (0, 3)
-    importer3.slave.reset()
+    importer3.fmu.reset()
     importer3.initialise()
     importer3.step(0, 1)
 
 
 def test_instantiation_that_cannot_be(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     common = (False, False)
     none = (None, 0, None, s.logMessage, s.intermediateUpdate)
     token = s.guid.encode()
@@ -283,7 +283,7 @@ def test_instantiation_that_cannot_be(importer3):
 
 
 def test_logging_categories_are_honoured(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.refused(lambda: s.setDebugLogging(True, ["logAll"]), "logAll", "logStatusError")
     s.setDebugLogging(False, ["logStatusError"])
     heard = len(importer3.messages)

@@ -36,7 +36,7 @@ def jacobian_in_a_run(importer3, envisat):
 
 
 def test_derivatives_in_a_run_are_exact_both_ways(importer3, envisat):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.initialise()
     importer3.step(0, 12.5)
     knowns, unknowns = importer3.of_kinds(Kind.INPUT, Kind.STATE), importer3.of_kinds(Kind.OUTPUT, Kind.DERIVATIVE)
@@ -52,7 +52,7 @@ def test_derivatives_in_a_run_are_exact_both_ways(importer3, envisat):
 
 
 def test_derivatives_at_the_start_are_exact_both_ways(importer3, envisat):
-    s = importer3.slave
+    s = importer3.fmu
     s.enterInitializationMode()
     knowns = importer3.of_kinds(Kind.PARAMETER)
     unknowns = importer3.of_kinds(Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE)
@@ -75,7 +75,7 @@ def test_derivatives_at_the_start_are_exact_both_ways(importer3, envisat):
 
 
 def test_derivatives_of_the_wrong_things_are_refused(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     importer3.initialise()
     feature, torque = importer3.of("target.position"), importer3.of("target.torque")
     raan, words = importer3.of("orbit.raan"), "found orbit.raan, expected an input or a state"
@@ -98,8 +98,8 @@ def test_output_derivatives_are_the_velocities(importer3):
     def derivatives(order):
         orders = (ctypes.c_int32 * len(references))(*[order] * len(references))
         numbers = (ctypes.c_uint * len(references))(*references)
-        importer3.slave.fmi3GetOutputDerivatives(
-            importer3.slave.component, numbers, len(references), orders, pointer(values), 3
+        importer3.fmu.fmi3GetOutputDerivatives(
+            importer3.fmu.component, numbers, len(references), orders, pointer(values), 3
         )
 
     derivatives(1)
@@ -111,7 +111,7 @@ def test_output_derivatives_are_the_velocities(importer3):
 
 
 def test_a_restored_state_continues_bitwise(importer3):
-    s = importer3.slave
+    s = importer3.fmu
     outputs = importer3.of_kinds(Kind.OUTPUT, Kind.DERIVATIVE)
     importer3.initialise()
     for k in range(7):
@@ -144,11 +144,11 @@ def test_a_restored_state_continues_bitwise(importer3):
 def test_a_state_of_fmi_2_is_foreign(importer3, envisat_fmu, tmp_path):
     two = Importer(envisat_fmu, tmp_path / "two")
     two.initialise()
-    state = two.slave.getFMUstate()
-    foreign = bytes(two.slave.serializeFMUstate(state))
-    importer3.refused(lambda: importer3.slave.deserializeFMUState(foreign), "another build")
-    two.slave.freeFMUstate(state)
-    two.slave.freeInstance()
+    state = two.fmu.getFMUstate()
+    foreign = bytes(two.fmu.serializeFMUstate(state))
+    importer3.refused(lambda: importer3.fmu.deserializeFMUState(foreign), "another build")
+    two.fmu.freeFMUstate(state)
+    two.fmu.freeInstance()
 
 
 # ---- Model Exchange ----
@@ -156,7 +156,7 @@ def test_a_state_of_fmi_2_is_foreign(importer3, envisat_fmu, tmp_path):
 
 def test_model_exchange_integrated_by_scipy(model3, envisat):
     """The importer's integrator on the unit's derivatives, against the difference of two Kepler orbits."""
-    m = model3.slave
+    m = model3.fmu
     model3.initialise()
     assert m.updateDiscreteStates() == (False, False, False, False, False, 0.0)
     m.enterContinuousTimeMode()
@@ -179,7 +179,7 @@ def test_model_exchange_integrated_by_scipy(model3, envisat):
 
 
 def test_model_exchange_numbers_and_calls_at_the_wrong_time(model3):
-    m = model3.slave
+    m = model3.fmu
     values = array(np.ones(14))
     assert m.getNumberOfContinuousStates() == 14
     assert m.getNumberOfEventIndicators() == 0
@@ -204,6 +204,6 @@ def test_model_exchange_numbers_and_calls_at_the_wrong_time(model3):
 
 def test_a_co_simulation_state_is_no_model_exchange_state(importer3, model3):
     importer3.initialise()
-    state = importer3.slave.getFMUState()
-    model3.refused(lambda: model3.slave.setFMUState(state), "other interface")
-    importer3.slave.freeFMUState(state)
+    state = importer3.fmu.getFMUState()
+    model3.refused(lambda: model3.fmu.setFMUState(state), "other interface")
+    importer3.fmu.freeFMUState(state)

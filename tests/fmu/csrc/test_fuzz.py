@@ -77,7 +77,7 @@ def test_random_calls_from_python(envisat_fmu, tmp_path, interface):
 
 def test_a_refused_list_of_booleans_sets_none(envisat_fmu, tmp_path):
     importer = Importer(envisat_fmu, tmp_path)
-    s, flag = importer.slave, importer.references["gravityGradient"]
+    s, flag = importer.fmu, importer.references["gravityGradient"]
     importer.refused(lambda: s.setBoolean([flag, 9999], [True, True]), "9999")
     importer.initialise()
     assert s.getBoolean([flag]) == [0]
@@ -87,7 +87,7 @@ def test_a_refused_list_of_booleans_sets_none(envisat_fmu, tmp_path):
 def test_a_refused_tuning_sets_no_input_either(envisat_fmu, tmp_path):
     importer = Importer(envisat_fmu, tmp_path)
     s, torque, tolerance = (
-        importer.slave,
+        importer.fmu,
         importer.references["target.torque[1]"],
         importer.references["solver.tolerance"],
     )

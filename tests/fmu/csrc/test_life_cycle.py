@@ -13,11 +13,11 @@ from importer import DISCARD, Importer
 def importer(envisat_fmu, tmp_path):
     importer = Importer(envisat_fmu, tmp_path)
     yield importer
-    importer.slave.freeInstance()
+    importer.fmu.freeInstance()
 
 
 def test_calls_before_initialization(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.refused(lambda: s.doStep(0, 1), "fmi2DoStep", "Instantiated")
     importer.refused(lambda: s.getReal([0]), "fmi2GetReal", "Instantiated")
     importer.refused(lambda: s.exitInitializationMode(), "fmi2ExitInitializationMode", "Instantiated")
@@ -28,7 +28,7 @@ def test_calls_before_initialization(importer):
 
 
 def test_calls_after_termination(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     s.doStep(0, 2.5)
     s.terminate()
@@ -43,7 +43,7 @@ def test_calls_after_termination(importer):
 
 
 def test_initialization_twice_or_with_a_wrong_experiment(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.refused(lambda: s.setupExperiment(startTime=math.nan), "startTime", "finite")
     importer.refused(lambda: s.setupExperiment(startTime=1.0, stopTime=0.0), "stopTime is 0", "at least startTime, 1")
     importer.refused(lambda: s.setupExperiment(tolerance=-1.0), "tolerance is -1")
@@ -54,7 +54,7 @@ def test_initialization_twice_or_with_a_wrong_experiment(importer):
 
 
 def test_parameters_are_fixed_after_initialization(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     importer.initialise()
     importer.refused(lambda: s.setReal([reference["orbit.raan"]], [1.0]), "orbit.raan", "fixed after initialization")
     importer.refused(lambda: s.setReal([reference["state.velocity[1]"]], [1.0]), "state.velocity[1] is a state")
@@ -62,7 +62,7 @@ def test_parameters_are_fixed_after_initialization(importer):
 
 
 def test_values_are_all_checked_before_any_is_set(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     pair = [reference["orbit.raan"], reference["orbit.inclination"]]
     importer.refused(lambda: s.setReal(pair, [0.5, math.inf]), "orbit.inclination is inf")
     s.setupExperiment()
@@ -71,7 +71,7 @@ def test_values_are_all_checked_before_any_is_set(importer):
 
 
 def test_wrong_references_types_and_pointers(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     importer.initialise()
     importer.refused(lambda: s.getReal([10_000]), "value reference 10000", "expected one below")
     importer.refused(lambda: s.getReal([reference["gravityGradient"]]), "gravityGradient is a Boolean")
@@ -84,14 +84,14 @@ def test_wrong_references_types_and_pointers(importer):
 
 
 def test_a_null_instance_is_an_error_and_no_crash(importer):
-    for call in (importer.slave.fmi2Reset, importer.slave.fmi2Terminate):
+    for call in (importer.fmu.fmi2Reset, importer.fmu.fmi2Terminate):
         with pytest.raises(FMICallException):
             call(ctypes.c_void_p())
-    importer.slave.fmi2FreeInstance(ctypes.c_void_p())
+    importer.fmu.fmi2FreeInstance(ctypes.c_void_p())
 
 
 def test_initial_outputs_follow_the_parameters(importer):
-    s, reference = importer.slave, importer.references
+    s, reference = importer.fmu, importer.references
     name = reference["chaser.position[1]"]
     s.setupExperiment()
     s.enterInitializationMode()
@@ -106,7 +106,7 @@ def test_initial_outputs_follow_the_parameters(importer):
 
 
 def test_the_communication_point_must_be_where_the_unit_is(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     s.doStep(0, 1)
     importer.refused(lambda: s.doStep(5.0, 1.0), "currentCommunicationPoint is 5", "expected 1")
@@ -117,7 +117,7 @@ def test_the_communication_point_must_be_where_the_unit_is(importer):
 
 
 def test_what_is_not_declared_is_refused(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.initialise()
     importer.refused(
         lambda: s.setRealInputDerivatives([0], [1], [1.0]), "fmi2SetRealInputDerivatives", "holds its inputs"
@@ -128,7 +128,7 @@ def test_what_is_not_declared_is_refused(importer):
 
 
 def test_instantiation_for_another_build(importer):
-    s = importer.slave
+    s = importer.fmu
     callbacks = ctypes.byref(importer.callbacks)
     for name, token, words in ((b"", s.guid.encode(), "name is empty"), (b"x", b"{other}", "different builds")):
         assert not s.fmi2Instantiate(name, 1, token, b"", callbacks, 0, 0)
@@ -136,7 +136,7 @@ def test_instantiation_for_another_build(importer):
 
 
 def test_logging_categories_are_honoured(importer):
-    s = importer.slave
+    s = importer.fmu
     importer.refused(lambda: s.setDebugLogging(True, ["logAll"]), "logAll", "logStatusError")
     s.setDebugLogging(False, ["logStatusError"])
     heard = len(importer.messages)
@@ -154,7 +154,7 @@ def test_logging_categories_are_honoured(importer):
 
 
 def test_a_long_instance_name_and_percent_signs_do_no_harm(importer):
-    s = importer.slave
+    s = importer.fmu
     component = s.fmi2Instantiate(b"%n%s" * 100, 1, s.guid.encode(), b"", ctypes.byref(importer.callbacks), 0, 0)
     with pytest.raises(FMICallException):
         s.fmi2Terminate(component)

@@ -126,10 +126,10 @@ def test_outputs_do_not_depend_on_inputs_at_the_same_instant(envisat_fmu, descri
     outputs = [
         reference for name, reference in importer.references.items() if name.startswith(("features", "target.p"))
     ]
-    before = importer.slave.getReal(outputs)
-    importer.slave.setReal(list(range(6)), [1.0] * 6)
-    assert importer.slave.getReal(outputs) == before
-    importer.slave.freeInstance()
+    before = importer.fmu.getReal(outputs)
+    importer.fmu.setReal(list(range(6)), [1.0] * 6)
+    assert importer.fmu.getReal(outputs) == before
+    importer.fmu.freeInstance()
 
 
 def test_the_compiler_has_nothing_to_say(envisat, tmp_path, monkeypatch):
