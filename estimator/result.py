@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.tracks import COVARIANCE_COLUMNS, UPPER
+from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
 from baryscope.models.errors import InputError
 from baryscope.models.files import replacing
 

@@ -1,6 +1,7 @@
 """Tracks of features on the target's surface: what the estimator is given, in memory and as a CSV file."""
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -8,25 +9,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baryscope.estimator.csv_table import Table, read_table
+from baryscope.estimator.geometry.symmetric import is_covariance
+from baryscope.estimator.tables.table import read_table
+from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
 from baryscope.models.errors import InputError
-from baryscope.models.files import read_text, replacing
+from baryscope.models.files import read_bytes, replacing
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-COLUMNS = ("time", "feature", "x", "y", "z")
-COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
-UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # where the six columns stand in the matrix
 
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class FeatureTracks:
     """Positions of labelled features in frame C (origin at the chaser, inertial axes), frame by frame.
 
     time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN where a feature is not seen;
-    covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once.
+    covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around.
 
     Raises:
         InputError: a shape, an order or a value is not as above.
@@ -35,14 +34,15 @@ class FeatureTracks:
     time: FloatArray
     position: FloatArray
     labels: tuple[str, ...]
-    covariance: FloatArray | None = None
+    covariance: FloatArray | None
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time", _floats(self.time, "time"))
-        object.__setattr__(self, "position", _floats(self.position, "position"))
-        object.__setattr__(self, "labels", tuple(self.labels))
-        if self.covariance is not None:
-            object.__setattr__(self, "covariance", _floats(self.covariance, "covariance"))
+    def __init__(
+        self, time: ArrayLike, position: ArrayLike, labels: Sequence[str], covariance: ArrayLike | None = None
+    ) -> None:
+        object.__setattr__(self, "time", _floats(time, "time"))
+        object.__setattr__(self, "position", _floats(position, "position"))
+        object.__setattr__(self, "labels", tuple(map(_label, labels)))
+        object.__setattr__(self, "covariance", None if covariance is None else _floats(covariance, "covariance"))
         self._check_shapes()
         self._check_values()
 
@@ -61,13 +61,13 @@ class FeatureTracks:
         Raises:
             InputError: one line that names file, line and column, what was found and what was expected.
         """
-        text = read_text(path, "feature tracks in CSV")
-        table = read_table(text, str(path), COLUMNS, "feature", COVARIANCE_COLUMNS)
+        table = read_table(read_bytes(path, FORM.what), str(path), FORM)
+        arrays = arrays_of(table)
         try:
-            return cls(*_arrays(table))
+            return cls(*arrays)
         except InputError as error:
-            place = "" if str(error).startswith(table.source) else f"{path}: "
-            raise InputError(f"{place}{error}") from error
+            refuse_covariances(table)  # with the line, if it is one of these
+            raise InputError(f"{path}: {error}") from error
 
     def write_csv(self, path: Path) -> None:
         """Write the file that `read_csv` gives back exactly, times of empty frames and order of labels included.
@@ -146,27 +146,10 @@ class FeatureTracks:
         return f"feature {self.labels[feature]!r} at {self.time[frame]} s"
 
 
-def is_covariance(matrix: FloatArray) -> BoolArray:
-    """Whether matrices (..., 3, 3) are symmetric and positive semidefinite, up to rounding; NaN is not.
-
-    By the signs of the principal minors, which for half a million small matrices is much faster than eigenvalues.
-    """
-    c = matrix
-    xx, yy, zz = c[..., 0, 0], c[..., 1, 1], c[..., 2, 2]
-    xy, xz, yz = c[..., 0, 1], c[..., 0, 2], c[..., 1, 2]
-    room = 1 + 1e-9
-    determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
-    symmetric = (np.abs(c - np.swapaxes(c, -1, -2)) <= 1e-9 * (xx + yy + zz)[..., None, None]).all(axis=(-1, -2))
-    return np.asarray(
-        symmetric
-        & (xx >= 0)
-        & (yy >= 0)
-        & (zz >= 0)
-        & (xy * xy <= xx * yy * room)
-        & (xz * xz <= xx * zz * room)
-        & (yz * yz <= yy * zz * room)
-        & (determinant >= -1e-9 * xx * yy * zz)
-    )
+def _label(label: object) -> str:
+    if not isinstance(label, str):
+        raise InputError(f"label {label!r}: expected a text")
+    return label.strip()
 
 
 def _floats(values: ArrayLike, name: str) -> FloatArray:
@@ -181,50 +164,3 @@ def _cells(values: FloatArray, seen: BoolArray, blanks: int) -> list[object]:
     for index in np.nonzero(~seen)[0].tolist():
         cells[index] = ""
     return cells + [""] * blanks
-
-
-def _arrays(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], FloatArray | None]:
-    """The arguments of FeatureTracks from the rows of a file; checks what only rows can get wrong."""
-    numbers, codes = table.numbers, table.codes
-    position = np.stack([numbers[axis] for axis in "xyz"], axis=-1)
-    empty = np.isnan(position)
-    _refuse(table, np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
-    seen = np.asarray(~empty.all(axis=1))
-    for index, axis in enumerate("xyz"):
-        _refuse(table, seen & empty[:, index], axis, "empty, expected a number (x, y and z, or none of them)")
-    _refuse(table, seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
-    time, frame = np.unique(numbers["time"], return_inverse=True)
-    key = np.where(codes < 0, -1 - np.arange(len(codes)), frame * max(len(table.labels), 1) + codes)
-    first = np.zeros(len(codes), dtype=bool)
-    first[np.unique(key, return_index=True)[1]] = True
-    if not first.all():
-        row = int(np.argmin(first))
-        label = table.labels[codes[row]]
-        raise InputError(
-            f"{table.place(row)}, column feature: {label!r} stands twice at {numbers['time'][row]} s, expected once"
-        )
-    shape = (len(time), len(table.labels))
-    filled = np.full((*shape, 3), np.nan)
-    filled[frame[seen], codes[seen]] = position[seen]
-    if COVARIANCE_COLUMNS[0] not in numbers:
-        return time, filled, table.labels, None
-    covariance = np.full((*shape, 3, 3), np.nan)
-    covariance[frame[seen], codes[seen]] = _covariances(table, seen)
-    return time, filled, table.labels, covariance
-
-
-def _covariances(table: Table, seen: BoolArray) -> FloatArray:
-    covariance = np.empty((len(seen), 3, 3))
-    for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
-        values = table.numbers[name]
-        _refuse(table, seen & np.isnan(values), name, "empty, expected a number (all six, wherever x, y, z stand)")
-        _refuse(table, ~seen & ~np.isnan(values), name, "a number without a position, expected an empty cell")
-        covariance[:, row, column] = covariance[:, column, row] = values
-    wrong = seen & ~is_covariance(covariance)
-    _refuse(table, wrong, "cxx to czz", "not positive semidefinite, expected a covariance matrix in m²")
-    return covariance[seen]
-
-
-def _refuse(table: Table, wrong: BoolArray, column: str, message: str) -> None:
-    if wrong.any():
-        raise InputError(f"{table.place(int(np.argmax(wrong)))}, column {column}: {message}")

@@ -37,15 +37,34 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def read_bytes(path: Path, expected: str) -> bytes:
+    """The content of a file that should hold `expected` ("a scenario in TOML"), which an error then names.
+
+    Raises:
+        InputError: the file is missing, is a folder or cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}, expected {expected}") from error
+
+
+def decoded(content: bytes, source: str, expected: str) -> str:
+    """The text of `content`: without a byte order mark, each line ended by a line feed; `source` names the file.
+
+    Raises:
+        InputError: it is not UTF-8.
+    """
+    try:
+        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{source}: byte {error.start} is not UTF-8 text, expected {expected}") from error
+
+
 def read_text(path: Path, expected: str) -> str:
-    """The text of a file that should hold `expected` ("a scenario in TOML"), which an error then names.
+    """The text of a file that should hold `expected`, which an error then names.
 
     Raises:
         InputError: the file is missing, is a folder, cannot be read, or is not UTF-8.
     """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: byte {error.start} is not UTF-8 text, expected {expected}") from error
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}, expected {expected}") from error
+    return decoded(read_bytes(path, expected), str(path), expected)

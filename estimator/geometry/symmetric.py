@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 SEEN = 1e-13  # an eigenvalue below which a direction is not seen, the matrix scaled by its sizes
 
@@ -47,3 +48,28 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
     inverse[:, 0, 2] = inverse[:, 2, 0] = c
     inverse[:, 1, 2] = inverse[:, 2, 1] = xy * xz - xx * yz
     return np.asarray(scale[:, None, None] * inverse)
+
+
+def is_covariance(matrix: FloatArray) -> BoolArray:
+    """Whether matrices (..., 3, 3) are symmetric and positive semidefinite, up to rounding; NaN is not.
+
+    By the signs of the principal minors, which for half a million small matrices is much faster than eigenvalues.
+    """
+    c = matrix
+    xx, yy, zz = c[..., 0, 0], c[..., 1, 1], c[..., 2, 2]
+    xy, xz, yz = c[..., 0, 1], c[..., 0, 2], c[..., 1, 2]
+    room = 1 + 1e-9
+    determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    small = 1e-9 * (xx + yy + zz)
+    return np.asarray(
+        (np.abs(xy - c[..., 1, 0]) <= small)
+        & (np.abs(xz - c[..., 2, 0]) <= small)
+        & (np.abs(yz - c[..., 2, 1]) <= small)
+        & (xx >= 0)
+        & (yy >= 0)
+        & (zz >= 0)
+        & (xy * xy <= xx * yy * room)
+        & (xz * xz <= xx * zz * room)
+        & (yz * yz <= yy * zz * room)
+        & (determinant >= -1e-9 * xx * yy * zz)
+    )

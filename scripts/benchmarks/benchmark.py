@@ -13,7 +13,8 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -25,6 +26,8 @@ from rich.table import Table
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.tables.strict import read_strict
+from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Session, build_fmu, simulate
 from baryscope.fmu.generate import find_compiler
@@ -192,6 +195,28 @@ def alignment_peer(tracks: FeatureTracks) -> float:
     return best(run) * len(centred) / few
 
 
+READING_ROWS = 500_000
+
+
+def reading_rows(folder: Path) -> Iterator[tuple[str, float, str, float]]:
+    """Reading of long CSV files, without and with covariances: what, its time, the peer, the peer's time, s.
+
+    The peer is the strict reader, which reads what the fast one leaves, and writes the messages.
+    """
+    rng = np.random.default_rng(0)
+    frames = READING_ROWS // FEATURES
+    position = rng.normal(size=(frames, FEATURES, 3))
+    factor = rng.normal(size=(frames, FEATURES, 3, 3))
+    labels = [f"F{index}" for index in range(FEATURES)]
+    for covariance in (None, factor @ np.swapaxes(factor, -1, -2)):
+        path = folder / "long.csv"
+        FeatureTracks(STEP * np.arange(frames), position, labels, covariance).write_csv(path)
+        columns = len(COLUMNS) + (0 if covariance is None else len(COVARIANCE_COLUMNS))
+        taken = best(partial(FeatureTracks.read_csv, path), 5)
+        strictly = best(partial(read_strict, path.read_text(encoding="utf-8"), str(path), FORM), 1)
+        yield f"read_csv, {READING_ROWS:,} rows × {columns}", taken, "Python's csv and float", strictly
+
+
 def main() -> int:
     """Measure and print."""
     scenario = load_scenario("envisat")
@@ -211,6 +236,9 @@ def main() -> int:
         with step("stepping"):
             plain, reading = c_steps(unit, scenario, folder)
             stepped = session_step(unit)
+        with step(f"reading {READING_ROWS:,} rows"):
+            for what, taken, peer_name, peers in reading_rows(folder):
+                row(what, taken, 0.3, "s", peer_name, peers)
         times = np.arange(STEPS + 1) * STEP
         with step("whole orbits"):
             recorded = best(lambda: simulate(unit, times))

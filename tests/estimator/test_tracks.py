@@ -33,7 +33,8 @@ def test_rows_in_any_order_columns_in_any_order_and_unseen_features(tmp_path):
     np.testing.assert_array_equal(tracks.position[1, 0], [4, 5, 6])
 
 
-labels = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\r\n"), min_size=1, max_size=5)
+characters = st.characters(exclude_categories=["Cs"], exclude_characters="\r\n")
+labels = st.text(characters, min_size=1, max_size=5).map(str.strip).filter(bool)
 
 
 @st.composite
@@ -66,6 +67,13 @@ def test_what_is_written_is_read_back_exactly(tmp_path_factory, tracks):
         np.testing.assert_array_equal(back.covariance[..., *upper], tracks.covariance[..., *upper])
 
 
+def test_blanks_around_labels_do_not_count(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text('time,feature,x,y,z\n0, left,1,2,3\n1,left,4,5,6\n1," right ",7,8,9\n', encoding="utf-8")
+    assert FeatureTracks.read_csv(path).labels == ("left", "right")
+    assert FeatureTracks([0.0], np.zeros((1, 2, 3)), [" left", "right\t"]).labels == ("left", "right")
+
+
 def test_times_of_a_blackout_survive(tmp_path):
     position = np.arange(12.0).reshape(4, 1, 3)
     position[1:3] = np.nan
@@ -85,6 +93,9 @@ WRONG = {
     "half a position": ({"position": np.broadcast_to([1, np.nan, 1], (2, 2, 3))}, "partly NaN"),
     "label twice": ({"labels": ("a", "a")}, "twice"),
     "empty label": ({"labels": ("a", "")}, "empty"),
+    "label of blanks": ({"labels": ("a", " \t")}, "empty"),
+    "label twice but for blanks": ({"labels": ("a", " a")}, "'a' stands twice"),
+    "label that is no text": ({"labels": ("a", 2)}, "label 2: expected a text"),
     "label that is no Unicode": ({"labels": ("a", "\ud800")}, "UTF-8"),
     "covariance of the wrong shape": ({"covariance": np.zeros((2, 2, 3))}, "shape"),
     "covariance not symmetric": ({"covariance": np.eye(3) + np.eye(3, k=1) + np.zeros((2, 2, 3, 3))}, "symmetric"),

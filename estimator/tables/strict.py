@@ -1,53 +1,29 @@
-"""A CSV table read by columns, numbers as floats, with errors that name the line and the column."""
+"""The strict way of reading a CSV table: row by row, with errors that name the line and the column."""
 
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from baryscope.estimator.tables.form import Columns, FloatArray, Form, IntArray
 from baryscope.models.errors import InputError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 CHUNK = 50_000  # rows turned into numbers at a time: the strings of a long file are never all in memory
 
 
-@dataclass(frozen=True)
-class Table:
-    """Columns of a CSV file: numbers (rows,) with NaN for empty cells, and one text column as codes."""
-
-    source: str  # names the file in errors
-    numbers: dict[str, FloatArray]
-    labels: tuple[str, ...]  # distinct texts in the order of appearance, without the empty one
-    codes: IntArray  # (rows,) index into labels, -1 where the cell is empty
-    text: str
-
-    def place(self, row: int) -> str:
-        """File and line of a data row, for an error."""
-        for index, (line, _) in enumerate(_data_rows(self.text, self.source)):
-            if index == row:
-                return f"{self.source}, line {line}"
-        raise IndexError(row)
-
-
-def read_table(text: str, source: str, required: Sequence[str], label: str, optional: Sequence[str]) -> Table:
-    """Parse `text`, whose header names each of `required`, and either all of `optional` or none.
-
-    Column `label` is text, the others are finite numbers or empty; columns may stand in any order.
+def read_strict(text: str, source: str, form: Form) -> Columns:
+    """The columns of a CSV text, row by row; `source` names the file in errors.
 
     Raises:
         InputError: one line that names file, line and column, what was found and what was expected.
     """
-    header = _read_header(text, source, required, optional)
+    header = read_header(text, source, form)
     labels: dict[str, int] = {}
     codes: list[IntArray] = []
-    chunks: dict[str, list[FloatArray]] = {name: [] for name in header if name != label}
-    rows = _data_rows(text, source)
+    chunks: dict[str, list[FloatArray]] = {name: [] for name in header if name != form.label}
+    rows = data_rows(text, source)
     while chunk := list(islice(rows, CHUNK)):
         for line, cells in chunk:
             if len(cells) != len(header):
@@ -55,20 +31,27 @@ def read_table(text: str, source: str, required: Sequence[str], label: str, opti
                     f"{source}, line {line}: {len(cells)} cells, expected {len(header)} ({','.join(header)})"
                 )
         columns = dict(zip(header, zip(*(cells for _, cells in chunk), strict=True), strict=True))
-        for text_cell in columns[label]:
+        texts = [cell.strip() for cell in columns[form.label]]
+        for text_cell in texts:
             if text_cell and text_cell not in labels:
                 labels[text_cell] = len(labels)
-        codes.append(np.array([labels.get(cell, -1) for cell in columns[label]], dtype=np.intp))
+        codes.append(np.array([labels.get(cell, -1) for cell in texts], dtype=np.intp))
         lines = [line for line, _ in chunk]
         for name, parts in chunks.items():
             parts.append(_numbers(columns[name], name, lines, source))
     if not codes:
         raise InputError(f"{source}: no rows below the header, expected at least one")
     numbers = {name: np.concatenate(parts) for name, parts in chunks.items()}
-    return Table(source, numbers, tuple(labels), np.concatenate(codes), text)
+    return Columns(numbers, tuple(labels), np.concatenate(codes))
 
 
-def _read_header(text: str, source: str, required: Sequence[str], optional: Sequence[str]) -> list[str]:
+def read_header(text: str, source: str, form: Form) -> list[str]:
+    """The names of the columns, in the order of the file.
+
+    Raises:
+        InputError: a name that is missing, unknown or there twice, or no header at all.
+    """
+    required, optional = form.required, form.optional
     wanted = f"{','.join(required)} and, if known, {','.join(optional)}"
     found = next(_rows(text, source), None)
     if found is None:
@@ -98,7 +81,12 @@ def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"{source}, line {reader.line_num}: {error}, expected a row of CSV cells") from error
 
 
-def _data_rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
+def data_rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
+    """The rows below the header: the number of the line on which each ends, and its cells.
+
+    Raises:
+        InputError: a quote that is not closed, or more text behind a closed one.
+    """
     return islice(_rows(text, source), 1, None)
 
 

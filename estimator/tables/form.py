@@ -1,0 +1,30 @@
+"""What a CSV table is to hold, what it holds, and its header."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What a table is to hold: columns that it must have, those it has all or none of, and which one is text."""
+
+    what: str  # "feature tracks in CSV", for errors
+    required: tuple[str, ...]
+    optional: tuple[str, ...]
+    label: str
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Columns of a table: numbers (rows,) with NaN for empty cells, and one text column as codes."""
+
+    numbers: dict[str, FloatArray]
+    labels: tuple[
+        str, ...
+    ]  # distinct texts in the order of appearance, without blanks around and without the empty one
+    codes: IntArray  # (rows,) index into labels, -1 where the cell is empty

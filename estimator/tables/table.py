@@ -1,0 +1,56 @@
+"""A CSV table read by columns: the fast way where that is certain to read the same, else the strict way."""
+
+from codecs import BOM_UTF8
+from dataclasses import dataclass
+
+from baryscope.estimator.tables.fast import read_fast
+from baryscope.estimator.tables.form import Columns, Form
+from baryscope.estimator.tables.strict import data_rows, read_header, read_strict
+from baryscope.models.errors import InputError
+from baryscope.models.files import decoded
+
+LONG = 1_000_000  # bytes from which on the fast way is worth the import of polars
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of a CSV file, and the file itself, to find the line of a row that is wrong."""
+
+    source: str  # names the file in errors
+    columns: Columns
+    content: bytes
+    form: Form
+
+    def place(self, row: int) -> str:
+        """File and line of a data row, for an error."""
+        text = decoded(self.content, self.source, self.form.what)
+        for index, (line, _) in enumerate(data_rows(text, self.source)):
+            if index == row:
+                return f"{self.source}, line {line}"
+        raise IndexError(row)
+
+
+def read_table(content: bytes, source: str, form: Form) -> Table:
+    """Parse the content of a CSV file; `source` names it in errors.
+
+    The text column's cells are stripped of blanks around; the others are finite numbers or empty. Columns may stand in
+    any order. A long file goes the fast way, where that reads it.
+
+    Raises:
+        InputError: one line that names file, line and column, what was found and what was expected.
+    """
+    columns = _fast(content, source, form) if len(content) >= LONG else None
+    if columns is None:
+        columns = read_strict(decoded(content, source, form.what), source, form)
+    return Table(source, columns, content, form)
+
+
+def _fast(content: bytes, source: str, form: Form) -> Columns | None:
+    content = content.removeprefix(BOM_UTF8)
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    try:
+        header = read_header(decoded(content[: content.find(b"\n")], source, form.what), source, form)
+    except InputError:
+        return None
+    return read_fast(content, header, form.label)

@@ -1,0 +1,99 @@
+"""The CSV form of feature tracks, one row per sighting, and its rows as arrays over frames and features."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.geometry.symmetric import is_covariance
+from baryscope.estimator.tables.form import FloatArray, Form, IntArray
+from baryscope.estimator.tables.table import Table
+from baryscope.models.errors import InputError
+
+BoolArray = NDArray[np.bool_]
+
+COLUMNS = ("time", "feature", "x", "y", "z")
+COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
+UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # where the six columns stand in the matrix
+FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature")
+
+
+def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], FloatArray | None]:
+    """Time (n,), position (n, m, 3), labels (m) and covariance (n, m, 3, 3), or None, from the rows of a file.
+
+    NaN stands where a feature is not seen. Whether the covariances are some is left to be checked.
+
+    Raises:
+        InputError: what only rows can get wrong: half a position, a position without a label or time, one given twice.
+    """
+    numbers, labels, codes = table.columns.numbers, table.columns.labels, table.columns.codes
+    empty = np.stack([np.isnan(numbers[axis]) for axis in "xyz"])
+    _refuse(table, np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
+    seen = np.asarray(~empty.all(axis=0))
+    for index, axis in enumerate("xyz"):
+        _refuse(table, seen & empty[index], axis, "empty, expected a number (x, y and z, or none of them)")
+    _refuse(table, seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
+    time, frame = _frames(numbers["time"])
+    place = frame * len(labels) + codes
+    _refuse_repetition(table, place, len(time) * len(labels))
+    _check_covariance_cells(table, seen)
+    rows, place = (slice(None), place) if seen.all() else (seen, place[seen])
+    position = np.full((len(time), len(labels), 3), np.nan)
+    for index, axis in enumerate("xyz"):
+        position.reshape(-1, 3)[place, index] = numbers[axis][rows]
+    if COVARIANCE_COLUMNS[0] not in numbers:
+        return time, position, labels, None
+    covariance = np.full((len(time), len(labels), 3, 3), np.nan)
+    for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
+        for entry in {(row, column), (column, row)}:
+            covariance.reshape(-1, 3, 3)[place, *entry] = numbers[name][rows]
+    return time, position, labels, covariance
+
+
+def refuse_covariances(table: Table) -> None:
+    """Name the row whose covariance is not one, if there is such a row.
+
+    Raises:
+        InputError: there is.
+    """
+    numbers = table.columns.numbers
+    if COVARIANCE_COLUMNS[0] in numbers:
+        covariance = np.empty((len(numbers["time"]), 3, 3))
+        for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
+            covariance[:, row, column] = covariance[:, column, row] = numbers[name]
+        wrong = ~is_covariance(covariance) & ~np.isnan(numbers["x"])
+        _refuse(table, wrong, "cxx to czz", "not positive semidefinite, expected a covariance matrix in m²")
+
+
+def _frames(time: FloatArray) -> tuple[FloatArray, IntArray]:
+    """The distinct times, rising, and each row's index into them."""
+    steps = np.diff(time)
+    if (steps < 0).any():
+        return np.unique(time, return_inverse=True)
+    begins = np.concatenate([[True], steps > 0])
+    return time[begins], np.cumsum(begins) - 1
+
+
+def _refuse_repetition(table: Table, place: IntArray, places: int) -> None:
+    """place (rows,): which of so many pairs of frame and feature a row is for, where it names a feature."""
+    named = table.columns.codes >= 0
+    taken = np.zeros(places, dtype=bool)
+    taken[place[named]] = True
+    if np.count_nonzero(taken) == np.count_nonzero(named):
+        return
+    again = np.ones(len(place), dtype=bool)
+    again[np.unique(np.where(named, place, -1 - np.arange(len(place))), return_index=True)[1]] = False
+    row = int(np.argmax(again))
+    label, time = table.columns.labels[table.columns.codes[row]], table.columns.numbers["time"][row]
+    raise InputError(f"{table.place(row)}, column feature: {label!r} stands twice at {time} s, expected once")
+
+
+def _check_covariance_cells(table: Table, seen: BoolArray) -> None:
+    for name in COVARIANCE_COLUMNS:
+        if name in table.columns.numbers:
+            empty = np.isnan(table.columns.numbers[name])
+            _refuse(table, seen & empty, name, "empty, expected a number (all six, wherever x, y, z stand)")
+            _refuse(table, ~seen & ~empty, name, "a number without a position, expected an empty cell")
+
+
+def _refuse(table: Table, wrong: BoolArray, column: str, message: str) -> None:
+    if wrong.any():
+        raise InputError(f"{table.place(int(np.argmax(wrong)))}, column {column}: {message}")
