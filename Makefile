@@ -5,22 +5,26 @@ VENV := .venv
 BIN := $(VENV)/bin
 DEMO := out/envisat
 
-.PHONY: demo test check benchmark lock clean
+.PHONY: demo test check site benchmark lock clean
 .DELETE_ON_ERROR:
 
 demo: $(VENV)/.ready
 	$(BIN)/baryscope compare --scenario envisat -o $(DEMO)
 
-test: check
+test: check site
 	$(BIN)/python -m pytest
 
 # Type checkers don't follow an editable install, so mypy reads a plain one.
 check: $(VENV)/.ready
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
+	$(BIN)/python -m ruff check .
+	$(BIN)/python -m ruff format --check .
 	rm -rf build/typed build/lib build/bdist.*
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --target build/typed .
 	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml -p baryscope
+
+# The pages of docs/ and the reference, from the docstrings of the plain install; a dead link or name is an error.
+site: check
+	$(BIN)/python -m zensical build --clean --strict --config-file mkdocs.yml
 
 benchmark: $(VENV)/.ready
 	$(BIN)/python scripts/benchmarks/benchmark.py
@@ -34,8 +38,8 @@ $(VENV)/.ready: requirements.lock pyproject.toml
 
 # Renew the pins; needs uv, and only those who change dependencies need it.
 lock:
-	uv pip compile pyproject.toml --universal --extra cross --extra report --extra test --generate-hashes --python-version 3.11 \
+	uv pip compile pyproject.toml --universal --extra cross --extra docs --extra report --extra test --generate-hashes --python-version 3.11 \
 	    --no-emit-index-url --custom-compile-command 'make lock' -o requirements.lock
 
 clean:
-	rm -rf $(VENV) build out *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build out *.egg-info .cache .mypy_cache .ruff_cache .pytest_cache .hypothesis
