@@ -14,13 +14,14 @@ demo: $(VENV)/.ready
 test: check site
 	$(BIN)/python -m pytest
 
-# Type checkers don't follow an editable install, so mypy reads a plain one.
+# Type checkers don't follow an editable install, so mypy reads a plain one, and with it the documents' examples.
 check: $(VENV)/.ready
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m ruff format --check .
 	rm -rf build/typed build/lib build/bdist.*
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --target build/typed .
-	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml -p baryscope
+	$(BIN)/python tests/documents.py build/typed/examples
+	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml -p baryscope -p examples
 
 # The pages of docs/ and the reference, from the docstrings of the plain install; a dead link or name is an error.
 site: check

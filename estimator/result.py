@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
 from baryscope.models.errors import InputError
-from baryscope.models.files import replacing
+from baryscope.models.files import AnyPath, replacing
 
 FloatArray = NDArray[np.float64]
 
@@ -29,12 +29,13 @@ class Estimate:
     covariance: FloatArray | None = None
     diagnostics: dict[str, Any] = field(default_factory=dict)
 
-    def write(self, path: Path) -> None:
+    def write(self, path: AnyPath) -> None:
         """Write the path as a CSV file, and the diagnostics beside it with the suffix .json.
 
         Raises:
             InputError: a file cannot be written, or the two names are one.
         """
+        path = Path(path)
         beside = path.with_suffix(".json")
         if beside == path:
             raise InputError(f"{path}: this name is kept for the diagnostics, expected another suffix than .json")

@@ -4,7 +4,6 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +12,7 @@ from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
 from baryscope.models.errors import InputError
-from baryscope.models.files import read_bytes, replacing
+from baryscope.models.files import AnyPath, read_bytes, replacing
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -52,7 +51,7 @@ class FeatureTracks:
         return np.asarray(~np.isnan(self.position[..., 0]))
 
     @classmethod
-    def read_csv(cls, path: Path) -> "FeatureTracks":
+    def read_csv(cls, path: AnyPath) -> "FeatureTracks":
         """Read a file of one row per observation, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
 
         A row whose position is empty stands for "not seen"; where its feature is empty too, it keeps the
@@ -69,7 +68,7 @@ class FeatureTracks:
             refuse_covariances(table)  # with the line, if it is one of these
             raise InputError(f"{path}: {error}") from error
 
-    def write_csv(self, path: Path) -> None:
+    def write_csv(self, path: AnyPath) -> None:
         """Write the file that `read_csv` gives back exactly, times of empty frames and order of labels included.
 
         Raises:

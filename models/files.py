@@ -8,9 +8,11 @@ from pathlib import Path
 
 from baryscope.models.errors import InputError
 
+AnyPath = str | os.PathLike[str]  # what functions take that users call
+
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: AnyPath) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; rename it to `path` on success, remove it on failure.
 
     Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was.
@@ -18,6 +20,7 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         InputError: the folder cannot be made or written to, or `path` is a folder.
     """
+    path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
     try:
@@ -37,14 +40,14 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def read_bytes(path: Path, expected: str) -> bytes:
+def read_bytes(path: AnyPath, expected: str) -> bytes:
     """The content of a file that should hold `expected` ("a scenario in TOML"), which an error then names.
 
     Raises:
         InputError: the file is missing, is a folder or cannot be read.
     """
     try:
-        return path.read_bytes()
+        return Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}, expected {expected}") from error
 
@@ -61,7 +64,7 @@ def decoded(content: bytes, source: str, expected: str) -> str:
         raise InputError(f"{source}: byte {error.start} is not UTF-8 text, expected {expected}") from error
 
 
-def read_text(path: Path, expected: str) -> str:
+def read_text(path: AnyPath, expected: str) -> str:
     """The text of a file that should hold `expected`, which an error then names.
 
     Raises:

@@ -2,21 +2,17 @@
 
 import re
 import shlex
-from pathlib import Path
 
 import pytest
 
 from baryscope.scripts.cli import app
-
-ROOT = Path(__file__).parents[1]
-DOCUMENTS = ["README.md", "docs/unit.md"]
+from documents import DOCUMENTS, ROOT, python_blocks
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_python_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    text = (ROOT / document).read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    blocks = python_blocks(document)
     assert blocks
     names = {"__name__": "example"}
     for block in blocks:

@@ -15,11 +15,12 @@ from baryscope.fmu.check.finding import Finding, Severity, error
 from baryscope.fmu.check.ours import is_ours, table_findings
 from baryscope.fmu.layout.archive import unpack
 from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath
 
 TIME_LIMIT = 300.0  # seconds for all that is done with the binary
 
 
-def check_unit(path: str | Path, *, isolated: bool = True) -> list[Finding]:
+def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
     """Check an FMU of FMI 2 or 3, for Co-Simulation and Model Exchange.
 
     First fmpy's validation, then ours of the XML, then the binary in a process of its own: token, start values, every

@@ -12,7 +12,7 @@ from baryscope.fmu.generate.description import model_description
 from baryscope.fmu.generate.sources import MAIN, build_description, licences, unit_sources
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import PLATFORMS, X86_64_WINDOWS, FmiVersion, binary_members, host_platform
-from baryscope.models.files import replacing
+from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import tumbling_target
 
@@ -21,7 +21,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)  # one date for all members, so that equal conten
 
 def build_fmu(
     scenario: Scenario,
-    path: str | Path,
+    path: AnyPath,
     *,
     fmi: FmiVersion = 2,
     scalar: bool = False,

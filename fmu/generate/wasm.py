@@ -7,7 +7,7 @@ from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import Platform
-from baryscope.models.files import replacing
+from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import tumbling_target
 
@@ -22,7 +22,7 @@ WASM = Platform(
 )
 
 
-def build_wasm(scenario: Scenario, path: str | Path, *, progress: Progress | None = None) -> Path:
+def build_wasm(scenario: Scenario, path: AnyPath, *, progress: Progress | None = None) -> Path:
     """Build a scenario's unit as a WebAssembly module, with a table of its variables beside it.
 
     The module imports nothing, and exports its memory, `malloc`, `free`, `_initialize` (to be called first), the

@@ -14,6 +14,7 @@ from baryscope.fmu.layout.archive import UnitFile, open_unit
 from baryscope.fmu.runtime.instance import Buffer, Instance, UnitError
 from baryscope.fmu.runtime.state import SavedState, read_times
 from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath
 from baryscope.models.variables import Kind, Variable
 
 __all__ = ["Session", "UnitError"]
@@ -38,7 +39,7 @@ class Session:
 
     def __init__(
         self,
-        fmu: str | Path,
+        fmu: AnyPath,
         parameters: Mapping[str, ArrayLike] | None = None,
         *,
         start_time: float = 0.0,

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.fmu.runtime.session import Session
 from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath
 from baryscope.models.variables import Kind, Variable
 
 FloatArray = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Recording:
 
 
 def simulate(
-    fmu: str | Path,
+    fmu: AnyPath,
     times: ArrayLike,
     parameters: Mapping[str, ArrayLike] | None = None,
     *,

@@ -4,6 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath
 from baryscope.models.scenario.scenario import Scenario
 from baryscope.models.scenario.schema import read_toml
 
@@ -14,14 +15,14 @@ def preset_names() -> list[str]:
     return sorted(item.name.removesuffix(".toml") for item in folder.iterdir() if item.name.endswith(".toml"))
 
 
-def load_scenario(name_or_path: str) -> Scenario:
-    """A preset by name, or a scenario file by its path (anything with a folder or the ending .toml).
+def load_scenario(name_or_path: AnyPath) -> Scenario:
+    """A preset by name, or a scenario file by its path (any text with a folder or the ending .toml, any path object).
 
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
     path = Path(name_or_path)
-    if path.suffix != ".toml" and len(path.parts) <= 1:
+    if isinstance(name_or_path, str) and path.suffix != ".toml" and len(path.parts) <= 1:
         names = preset_names()
         if name_or_path not in names:
             raise InputError(

@@ -1,12 +1,11 @@
 """Orbits in files: the table [orbit] with its angles in degrees, and `Orbit`, in SI, made from it and written to it."""
 
 from math import inf, nextafter
-from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
 
-from baryscope.models.files import replacing
+from baryscope.models.files import AnyPath, replacing
 from baryscope.models.orbit import EARTH_MU, Orbit
 from baryscope.models.scenario.schema import Degrees, FileModel, Metres, ReadFrom, Unit, UnitTable, read_toml
 
@@ -61,7 +60,7 @@ class OrbitFile(FileModel):
     orbit: OrbitField
 
 
-def load_orbit(path: Path) -> Orbit:
+def load_orbit(path: AnyPath) -> Orbit:
     """Read an orbit TOML file: one table, [orbit].
 
     Raises:
@@ -70,7 +69,7 @@ def load_orbit(path: Path) -> Orbit:
     return OrbitFile.parse(read_toml(path, "an orbit in TOML"), str(path)).orbit
 
 
-def write_orbit(orbit: Orbit, path: Path) -> None:
+def write_orbit(orbit: Orbit, path: AnyPath) -> None:
     """Write an orbit TOML file, which `load_orbit` reads back to the same orbit.
 
     Raises:

@@ -7,7 +7,6 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Self, Union, get_args, get_origin
 
@@ -16,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from baryscope.models.errors import InputError
-from baryscope.models.files import read_text
+from baryscope.models.files import AnyPath, read_text
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,7 @@ class ReadFrom:
         )
 
 
-def read_toml(path: Path, expected: str) -> dict[str, Any]:
+def read_toml(path: AnyPath, expected: str) -> dict[str, Any]:
     """The tables of a TOML file.
 
     Raises:
