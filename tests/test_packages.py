@@ -1,6 +1,7 @@
 """What is shipped: the sdist is the whole repository, and the wheel made from it runs where nothing else of it is."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -130,3 +131,13 @@ def test_the_command_runs_from_the_wheel(python, run):
     assert version.split(".")[0].isdigit()
     assert run(python.parent / "baryscope", "--version") == version
     assert "envisat" in run("-m", "baryscope", "scenarios")
+
+
+def test_one_version_everywhere():
+    def found(name, pattern):
+        (version,) = re.findall(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
+        return version
+
+    version = found("pyproject.toml", r'^version = "(.*)"$')
+    assert found("CITATION.cff", r"^version: (.*)$") == version
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
