@@ -40,16 +40,25 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def read_bytes(path: AnyPath, expected: str) -> bytes:
+def read_bytes(path: AnyPath, expected: str, limit: int = -1) -> bytes:
     """The content of a file that should hold `expected` ("a scenario in TOML"), which an error then names.
 
+    Args:
+        path: the file.
+        expected: what it should hold.
+        limit: the most bytes it may have; negative for no limit.
+
     Raises:
-        InputError: the file is missing, is a folder or cannot be read.
+        InputError: the file is missing, is a folder, cannot be read or is longer than the limit.
     """
     try:
-        return Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            content = file.read(limit + 1 if limit >= 0 else -1)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}, expected {expected}") from error
+    if 0 <= limit < len(content):
+        raise InputError(f"{path}: more than {limit} bytes, expected {expected}")
+    return content
 
 
 def decoded(content: bytes, source: str, expected: str) -> str:
@@ -64,10 +73,10 @@ def decoded(content: bytes, source: str, expected: str) -> str:
         raise InputError(f"{source}: byte {error.start} is not UTF-8 text, expected {expected}") from error
 
 
-def read_text(path: AnyPath, expected: str) -> str:
+def read_text(path: AnyPath, expected: str, limit: int = -1) -> str:
     """The text of a file that should hold `expected`, which an error then names.
 
     Raises:
-        InputError: the file is missing, is a folder, cannot be read, or is not UTF-8.
+        InputError: the file is missing, is a folder, cannot be read, is longer than `limit` bytes, or is not UTF-8.
     """
-    return decoded(read_bytes(path, expected), str(path), expected)
+    return decoded(read_bytes(path, expected, limit), str(path), expected)

@@ -12,6 +12,15 @@ from baryscope.models.keplerian import PARAMETERS, Elements
 
 EARTH_MU = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, WGS 84
+RANGES = {
+    "semi_major_axis": (1.0, 1e15, "m"),
+    "gravitational_parameter": (1e-9, 1e30, "m³/s²"),
+    "inclination": (-1e6, 1e6, "rad"),
+    "raan": (-1e6, 1e6, "rad"),
+    "argument_of_periapsis": (-1e6, 1e6, "rad"),
+    "true_anomaly": (-1e6, 1e6, "rad"),
+}  # wider than the solar system; a million radians leave an angle ten digits
+MAX_RATE = 0.01  # rad/s at periapsis: above it the central body would be fifty times as dense as rock
 
 
 @dataclass(frozen=True)
@@ -28,7 +37,7 @@ class Orbit:
         gravitational_parameter: of the central body, m³/s²; the Earth's unless given.
 
     Raises:
-        InputError: an element is not a finite number or not possible, or an orbit of the Earth is below its surface.
+        InputError: an element is not a finite number or not possible, or the orbit goes through its central body.
     """
 
     semi_major_axis: float
@@ -45,11 +54,20 @@ class Orbit:
         failure = _check_set().failure(np.array(self.elements))
         if failure is not None:
             raise InputError(failure)
+        for name, (low, high, unit) in RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise InputError(f"orbit.{name}: found {value:g} {unit}, expected {low:g} to {high:g} {unit}")
         periapsis = self.semi_major_axis * (1 - self.eccentricity)
         if abs(self.gravitational_parameter / EARTH_MU - 1) < 0.01 and periapsis < EARTH_RADIUS:
             raise InputError(
                 f"orbit.semi_major_axis: found {self.semi_major_axis:g} m, which puts the periapsis "
                 f"{periapsis:g} m from the Earth's centre, expected metres and an orbit above the surface"
+            )
+        if self.periapsis_rate > MAX_RATE:
+            raise InputError(
+                f"orbit.semi_major_axis: found {self.semi_major_axis:g} m, where the target passes the periapsis at "
+                f"{self.periapsis_rate:g} rad/s, expected at most {MAX_RATE:g} rad/s, as outside any body"
             )
 
     @property

@@ -7,13 +7,13 @@ import numpy as np
 
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.orbit import EARTH_MU, Orbit
-from baryscope.models.scenario.schema import Degrees, FileModel, Metres, ReadFrom, Unit, UnitTable, read_toml
+from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit, UnitTable, read_toml
 
 
 class OrbitTable(UnitTable):
     """[orbit]: the target's Keplerian elements at time 0, as a file states them."""
 
-    semi_major_axis: Metres
+    semi_major_axis: Annotated[float, Unit("m")]
     eccentricity: float
     inclination_deg: Degrees
     raan_deg: Degrees = 0.0

@@ -4,6 +4,7 @@ The physics of a scenario (inertia, orbit, features, range) is checked by the sa
 see `baryscope.models.checks`.
 """
 
+from math import hypot, pi
 from typing import Any, Self
 
 import numpy as np
@@ -18,7 +19,8 @@ from baryscope.models.target import tumbling_target
 from baryscope.models.variables import Kind
 
 MIN_SAMPLES = 3
-MAX_SAMPLES = 10_000_000  # a slip of units in sample_time shall not fill the memory
+MAX_POSITIONS = 10_000_000  # samples × features: a slip of units in sample_time shall not fill the memory
+MAX_TURNS = 1e6  # of body and orbit in a run: the integrator takes some 20 steps for each
 
 
 class Scenario(FileModel):
@@ -53,10 +55,18 @@ class Scenario(FileModel):
         sliding = self.sensor.outliers.sliding
         if sliding > len(known):
             raise ValueError(f"sensor.outliers.sliding: found {sliding}, expected at most the {len(known)} features")
-        if not MIN_SAMPLES <= self.duration / self.run.sample_time + 1 < MAX_SAMPLES:
+        most = MAX_POSITIONS // len(known)
+        if not MIN_SAMPLES <= self.duration / self.run.sample_time + 1 < most:
             raise ValueError(
                 f"run.sample_time: found {self.run.sample_time:g} s, "
-                f"expected {MIN_SAMPLES} to {MAX_SAMPLES} samples in the run's {self.duration:g} s"
+                f"expected {MIN_SAMPLES} to {most} samples of {len(known)} features in the run's {self.duration:g} s"
+            )
+        rate = np.deg2rad(hypot(*self.target.angular_rate_deg)) + self.orbit.mean_motion
+        turns = self.duration * rate / (2 * pi)
+        if turns > MAX_TURNS:
+            raise ValueError(
+                f"run.duration: found {self.duration:g} s, in which the target makes {turns:.3g} turns, "
+                f"expected at most {MAX_TURNS:g} turns"
             )
         failure = tumbling_target(len(self.features.points)).checks.failure(self.flat_parameters())
         if failure is not None:

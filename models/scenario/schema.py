@@ -10,12 +10,15 @@ from difflib import get_close_matches
 from types import NoneType, UnionType
 from typing import Annotated, Any, Self, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_text
+
+MAX_BYTES = 5_000_000  # of a file: some 80,000 tracking intervals
+MAX_DEPTH = 32  # tables and arrays in one another
 
 
 @dataclass(frozen=True)
@@ -29,13 +32,17 @@ class Unit:
         return schema | {"unit": self.name}
 
 
-Metres = Annotated[float, Unit("m")]
-Seconds = Annotated[float, Unit("s")]
-Degrees = Annotated[float, Unit("deg")]
+# The ranges are wider than any mission. They keep squares and products of what is in them far from overflow.
+Metres = Annotated[float, Unit("m"), Field(ge=-1e9, le=1e9)]
+Seconds = Annotated[float, Unit("s"), Field(ge=-1e10, le=1e10)]
+Degrees = Annotated[float, Unit("deg"), Field(ge=-1e6, le=1e6)]
 
-Vector = tuple[float, float, float]
+Component = Annotated[float, Field(ge=-1e9, le=1e9)]
+RateComponent = Annotated[float, Field(ge=-1e6, le=1e6)]
+Vector = tuple[Component, Component, Component]
+RateVector = tuple[RateComponent, RateComponent, RateComponent]  # velocities, accelerations, angular rates
 PositionVector = Annotated[Vector, Unit("m")]
-VelocityVector = Annotated[Vector, Unit("m/s")]
+VelocityVector = Annotated[RateVector, Unit("m/s")]
 UNIT_SUFFIXES = (
     "_deg",
     "_rad",
@@ -117,23 +124,34 @@ class ReadFrom:
 
 
 def read_toml(path: AnyPath, expected: str) -> dict[str, Any]:
-    """The tables of a TOML file.
+    """The tables of a TOML file, with arrays as tuples.
 
     Raises:
-        InputError: the file cannot be read or is not TOML.
+        InputError: the file cannot be read, is longer than MAX_BYTES, is not TOML, or is nested too deeply.
     """
+    text = read_text(path, expected, MAX_BYTES)
     try:
-        return tomllib.loads(read_text(path, expected))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: {error}, expected {expected}") from error
+        tables: dict[str, Any] = lists_to_tuples(tomllib.loads(text))
+    except RecursionError as error:
+        raise InputError(f"{path}: nested more than {MAX_DEPTH} levels deep, expected {expected}") from error
+    except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
+        reason = error if isinstance(error, tomllib.TOMLDecodeError) else "a whole number has too many digits"
+        raise InputError(f"{path}: {reason}, expected {expected}") from error
+    return tables
 
 
-def lists_to_tuples(value: Any) -> Any:
-    """TOML's arrays as tuples, so that strict models can take them and stay hashable."""
+def lists_to_tuples(value: Any, depth: int = 0) -> Any:
+    """TOML's arrays as tuples, so that strict models can take them and stay hashable.
+
+    Raises:
+        RecursionError: there are more than MAX_DEPTH levels.
+    """
+    if depth > MAX_DEPTH:
+        raise RecursionError
     if isinstance(value, dict):
-        return {key: lists_to_tuples(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return tuple(lists_to_tuples(item) for item in value)
+        return {key: lists_to_tuples(item, depth + 1) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return tuple(lists_to_tuples(item, depth + 1) for item in value)
     return value
 
 
@@ -174,6 +192,8 @@ def _describe(detail: ErrorDetails, model: type[BaseModel]) -> str:
     if kind in ("missing", "too_long"):  # a list of the wrong length; what "missing" locates is its first lack
         whole = location[:-1] if kind == "missing" else location
         wanted = _kind_of_value(_walk(whole, model)[1])
+        if Ellipsis in get_args(_walk(whole, model)[1]):
+            wanted = f"at most {detail['ctx']['max_length']}"
         return f"{_path(whole)}: found a list of {len(found)}, expected {wanted}{in_unit}"
     shown = f"a list of {len(found)}" if kind == "too_short" else _short(found)
     if kind == "tuple_type":
@@ -260,4 +280,6 @@ def _toml(value: Any) -> str:
         return "a table"
     if isinstance(value, tuple):
         return f"[{', '.join(map(_toml, value))}]"
-    return str(value) if isinstance(value, float | int) else repr(value)
+    if isinstance(value, int) and abs(value) >= 10**60:
+        return f"a whole number of {value.bit_length()} bits"
+    return repr(value) if isinstance(value, str) else str(value)

@@ -1,16 +1,16 @@
 """The tables of a scenario file: what each may hold, checked field by field by pydantic."""
 
-from math import inf, sqrt
+from collections import Counter
+from math import hypot, inf, sqrt
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from baryscope.models.scenario.schema import (
-    Degrees,
     FileModel,
-    Metres,
     PositionVector,
+    RateVector,
     Seconds,
     Unit,
     Vector,
@@ -18,8 +18,13 @@ from baryscope.models.scenario.schema import (
 )
 
 NORMAL_LENGTH = 1e-9
+MAX_FEATURES = 1000
+LEAST_MOMENT = 1e-9  # kg m², of a gram of some millimetres
+LEAST_RANGE = 1e-3  # m
+LEAST_NOISE = 1e-12  # m
 
-Row = tuple[float, float, float]
+Moment = Annotated[float, Field(ge=-1e15, le=1e15)]
+Row = tuple[Moment, Moment, Moment]
 
 
 class Target(FileModel):
@@ -27,7 +32,7 @@ class Target(FileModel):
 
     inertia: Annotated[tuple[Row, Row, Row], Unit("kg m²")]
     attitude: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    angular_rate_deg: Annotated[Vector, Unit("deg/s")]
+    angular_rate_deg: Annotated[RateVector, Unit("deg/s")]
     gravity_gradient: bool = False
 
     @field_validator("inertia")
@@ -39,6 +44,12 @@ class Target(FileModel):
             raise ValueError(
                 f"found {J[i, j]:g} in row {i + 1}, column {j + 1} but {J[j, i]:g} in row {j + 1}, column {i + 1}, "
                 "expected a symmetric tensor in kg m²"
+            )
+        small = next((i for i in range(3) if 0 < J[i, i] < LEAST_MOMENT), None)
+        if small is not None:
+            raise ValueError(
+                f"found {J[small, small]:g} in row {small + 1}, column {small + 1}, "
+                f"expected a moment of inertia of at least {LEAST_MOMENT:g} kg m²"
             )
         return rows
 
@@ -55,7 +66,7 @@ class FeaturePoint(FileModel):
     def _unit_length(cls, normal: Vector) -> Vector:
         length = sqrt(sum(c * c for c in normal))
         if length < NORMAL_LENGTH:
-            raise ValueError(f"found {list(normal)}, expected a direction (any length above zero)")
+            raise ValueError(f"found {list(normal)}, expected a direction (any length above {NORMAL_LENGTH:g})")
         x, y, z = (c / length for c in normal)
         return (x, y, z)
 
@@ -63,15 +74,14 @@ class FeaturePoint(FileModel):
 class Features(FileModel):
     """[features]: what can be tracked on the target."""
 
-    points: tuple[FeaturePoint, ...] = Field(min_length=3)
+    points: tuple[FeaturePoint, ...] = Field(min_length=3, max_length=MAX_FEATURES)
 
     @field_validator("points")
     @classmethod
     def _distinct_labels(cls, points: tuple[FeaturePoint, ...]) -> tuple[FeaturePoint, ...]:
-        labels = [point.label for point in points]
-        repeated = next((label for label in labels if labels.count(label) > 1), None)
-        if repeated is not None:
-            raise ValueError(f"label {repeated!r} stands {labels.count(repeated)} times, expected once")
+        label, times = Counter(point.label for point in points).most_common(1)[0]
+        if times > 1:
+            raise ValueError(f"label {label!r} stands {times} times, expected once")
         return points
 
     @property
@@ -85,7 +95,18 @@ class Chaser(FileModel):
 
     position: PositionVector
     velocity: VelocityVector = (0.0, 0.0, 0.0)
-    acceleration: Annotated[Vector, Unit("m/s²")] = (0.0, 0.0, 0.0)
+    acceleration: Annotated[RateVector, Unit("m/s²")] = (0.0, 0.0, 0.0)
+
+    @field_validator("position")
+    @classmethod
+    def _away(cls, position: Vector) -> Vector:
+        distance = hypot(*position)
+        if 0 < distance < LEAST_RANGE:
+            raise ValueError(
+                f"found a range of {distance:g} m, "
+                f"expected a chaser at least {LEAST_RANGE:g} m away from the target's centre of mass"
+            )
+        return position
 
 
 class Interval(FileModel):
@@ -113,7 +134,7 @@ class Tracking(FileModel):
 
     intervals: tuple[Interval, ...] = ()
     visibility: Literal["all", "facing"] = "all"
-    max_incidence_deg: Degrees = Field(default=75.0, gt=0, le=90)
+    max_incidence_deg: Annotated[float, Unit("deg"), Field(gt=0, le=90)] = 75.0
 
 
 class StereoRig(FileModel):
@@ -123,9 +144,9 @@ class StereoRig(FileModel):
     it as `baryscope.models.directions.axes_along` says.
     """
 
-    focal_length: Annotated[float, Unit("px"), Field(gt=0)]
-    baseline: Annotated[Metres, Field(gt=0)]
-    pixel_noise: Annotated[float, Unit("px"), Field(gt=0)]
+    focal_length: Annotated[float, Unit("px"), Field(ge=1, le=1e9)]
+    baseline: Annotated[float, Unit("m"), Field(ge=1e-6, le=1e6)]
+    pixel_noise: Annotated[float, Unit("px"), Field(ge=1e-9, le=1e6)]
 
 
 class Outliers(FileModel):
@@ -137,11 +158,11 @@ class Outliers(FileModel):
     """
 
     share: float = Field(default=0.0, ge=0, lt=1)
-    size: Annotated[Metres, Field(gt=0)] = 2.0
+    size: Annotated[float, Unit("m"), Field(gt=0, le=1e9)] = 2.0
     swapped: float = Field(default=0.0, ge=0, lt=1)
-    stretch: Annotated[Seconds, Field(gt=0)] = 10.0
+    stretch: Annotated[float, Unit("s"), Field(ge=1e-9, le=1e10)] = 10.0
     sliding: int = Field(default=0, ge=0)
-    sliding_speed: Annotated[float, Unit("m/s"), Field(gt=0)] = 0.005
+    sliding_speed: Annotated[float, Unit("m/s"), Field(gt=0, le=1e6)] = 0.005
 
 
 class Sensor(FileModel):
@@ -150,7 +171,7 @@ class Sensor(FileModel):
     The noise is isotropic and Gaussian (one standard deviation per axis), or that of a stereo rig.
     """
 
-    noise: Annotated[Metres, Field(ge=0)] = 0.02
+    noise: Annotated[float, Unit("m"), Field(ge=0, le=1e9)] = 0.02
     stereo: StereoRig | None = None
     dropout: float = Field(default=0.0, ge=0, lt=1)
     outliers: Outliers = Outliers()
@@ -162,13 +183,17 @@ class Sensor(FileModel):
                 f"sensor.noise: found {self.noise:g} m beside sensor.stereo, expected one of them "
                 "(a rig has its pixel_noise)"
             )
+        if 0 < self.noise < LEAST_NOISE:
+            raise ValueError(
+                f"sensor.noise: found {self.noise:g} m, expected 0 or a value of at least {LEAST_NOISE:g} in m"
+            )
         return self
 
 
 class Run(FileModel):
     """[run]: how long, how often, and the seed of everything random."""
 
-    duration: Annotated[float | None, Unit("s"), Field(gt=0)] = None  # None: one orbit
-    sample_time: Annotated[Seconds, Field(gt=0)] = 1.0
-    seed: int = Field(default=1, ge=0)
+    duration: Annotated[float | None, Unit("s"), Field(ge=1e-6, le=1e10)] = None  # None: one orbit
+    sample_time: Annotated[float, Unit("s"), Field(gt=0, le=1e10)] = 1.0
+    seed: int = Field(default=1, ge=0, lt=2**64)
     tolerance: float = 1e-13  # keeps the attitude to 1e-9 rad over an orbit in steps of any length

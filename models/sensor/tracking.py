@@ -140,15 +140,19 @@ def tracked(scenario: Scenario, time: FloatArray) -> BoolArray:
     if not intervals:
         return np.ones((time.size, len(labels)), dtype=bool)
     last = max(interval.end for interval in intervals)
-    during = np.stack(
-        [
-            (interval.start <= time) & ((time < interval.end) | (time == interval.end) & (interval.end == last))
-            for interval in intervals
-        ],
-        axis=1,
-    )
-    members = np.array([[label in interval.features for label in labels] for interval in intervals])
-    return np.asarray((during[:, :, None] & members).any(axis=1))
+    order = np.argsort(time)
+    starts = np.searchsorted(time, [interval.start for interval in intervals], sorter=order)
+    ends = [np.searchsorted(time, i.end, "right" if i.end == last else "left", order) for i in intervals]
+    # How many intervals name a feature changes where they begin and end: memory goes with the frames alone.
+    change = np.zeros((time.size + 1, len(labels)), dtype=np.intp)
+    column = {label: index for index, label in enumerate(labels)}
+    for interval, start, end in zip(intervals, starts, ends, strict=True):
+        named = [column[label] for label in set(interval.features)]
+        change[start, named] += 1
+        change[end, named] -= 1
+    seen = np.empty((time.size, len(labels)), dtype=bool)
+    seen[order] = np.cumsum(change[:-1], axis=0) > 0
+    return seen
 
 
 def incidence_cosine(features_C: FloatArray, normals_C: FloatArray) -> FloatArray:

@@ -65,6 +65,24 @@ def test_missing_is_nan_in_all_three_coordinates():
     np.testing.assert_array_equal(np.isnan(seen.position), np.repeat(~seen.seen[:, :, None], 3, axis=2))
 
 
+moments = st.integers(0, 12).map(float)
+
+
+@given(
+    spans=st.lists(st.tuples(moments, moments, st.sets(st.integers(0, COUNT - 1), min_size=1)), min_size=1),
+    time=st.lists(moments, max_size=20),
+)
+def test_intervals_of_any_number_and_order(spans, time):
+    """Against the definition, interval by interval and time by time, which may stand in any order."""
+    labels = BASE.features.labels
+    spans = [(min(s, e), max(s, e) + 0.5, tuple(labels[k] for k in sorted(named))) for s, e, named in spans]
+    last = max(end for _, end, _ in spans)
+    seen = tracked(scenario(tracking=intervals(*spans)), np.array(time))
+    for row, t in zip(seen, time, strict=True):
+        there = {label for s, e, named in spans if s <= t < e or t == e == last for label in named}
+        assert {label for label, flag in zip(labels, row, strict=True) if flag} == there
+
+
 def test_intervals_and_blackouts():
     a, b, c = BASE.features.labels[:3]
     flown = scenario(tracking=intervals((0.0, 10.0, (a, b)), (10.0, 20.0, (b, c)), (30.0, 40.0, (c, a))))
