@@ -9,6 +9,7 @@ from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
+from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.score import estimate_by_score
 from baryscope.estimator.screws import gpa, least_squares, raw
@@ -69,9 +70,10 @@ def estimate(
     options: ScrewOptions for the screw methods, PathOptions for the others.
 
     Raises:
-        InputError: no such method, or options that do not go together.
+        InputError: no such method, options that do not go together, or tracks that are not of one body in metres.
         ComputationError: the tracks do not hold what it takes, in a sentence that says what is missing.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
+    refuse_implausible(tracks, "tracks")
     return METHODS[method](tracks, orbit=orbit, options=options)

@@ -13,6 +13,7 @@ from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes, replacing
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -100,7 +101,8 @@ class FeatureTracks:
             raise InputError(f"time has the shape {self.time.shape}, expected (n,) with n >= 1")
         if self.position.shape != (n, m, 3):
             raise InputError(
-                f"position has the shape {self.position.shape}, expected ({n}, {m}, 3) for {n} times and {m} labels"
+                f"position has the shape {self.position.shape}, expected ({n}, {m}, 3) for {counted(n, 'time')} and "
+                f"{counted(m, 'label')}"
             )
         if self.covariance is not None and self.covariance.shape != (n, m, 3, 3):
             raise InputError(f"covariance has the shape {self.covariance.shape}, expected ({n}, {m}, 3, 3)")

@@ -8,6 +8,7 @@ from baryscope.estimator.geometry.so3 import log_rotation
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError
+from baryscope.models.words import counted
 
 FRAMES = 100  # with three features or more, that noise and first poses are taken from, at most
 LEAST = 4  # frames that a first rate and the noise need
@@ -47,7 +48,9 @@ def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
     time = tracks.time[frames] - tracks.time[frames[0]]
     turn = log_rotation(main.body.attitude[0].T @ main.body.attitude)
     if len(frames) < LEAST:
-        raise ComputationError(f"the first attitudes are seen in {len(frames)} frames, {LEAST} are needed for a rate")
+        raise ComputationError(
+            f"the first attitudes are seen in {counted(len(frames), 'frame')}, {LEAST} are needed for a rate"
+        )
     wide = np.linalg.norm(turn, axis=1) > SWEEP
     count = min(max(int(np.argmax(wide)) if wide.any() else len(wide), 2), RATE_FRAMES)
     time, turn = time[:count], turn[:count]

@@ -26,6 +26,7 @@ from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
+from baryscope.models.words import counted
 
 BoolArray = NDArray[np.bool_]
 
@@ -86,7 +87,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     frames = sum(len(one.body.frames) for one in posed)
     if 3 * frames <= path.size + 3 * len(posed):
         raise ComputationError(
-            f"{frames} frames show an attitude, too few for {path.name}: more than {path.size // 3 + len(posed)} needed"
+            f"{counted(frames, 'frame shows', 'frames show')} an attitude, too few for {path.name}: "
+            f"more than {path.size // 3 + len(posed)} needed"
         )
     sampled = path.at(tracks.time)
     bodies, x = start_of(posed, observations, path, tracks.time)

@@ -16,6 +16,7 @@ from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import PosedBody
 from baryscope.models.errors import ComputationError
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -141,8 +142,8 @@ def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -
     dof = 3 * float(observations.weight.sum()) - 3 * frames - points - path_size
     if dof <= 0:
         raise ComputationError(
-            f"{frames} frames that show an attitude, with {observations.count} observations, are too few for a path of "
-            f"{path_size} unknowns"
+            f"{counted(frames, 'frame that shows', 'frames that show')} an attitude, with "
+            f"{counted(observations.count, 'observation')}: too few for a path of {path_size} unknowns"
         )
     return dof
 

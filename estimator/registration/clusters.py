@@ -15,6 +15,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import Interval, cut_intervals
 from baryscope.estimator.registration.procrustes import OFF_LINE, register
 from baryscope.models.errors import ComputationError
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -58,7 +59,8 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
     if not intervals:
         most = int(used.sum(axis=1).max(initial=0))
         raise ComputationError(
-            f"at most {most} features are seen together in a frame, at least 3 are needed for an attitude"
+            f"at most {counted(most, 'feature is', 'features are')} seen together in a frame, "
+            "at least 3 are needed for an attitude"
         )
     shapes, squares, dof = [], 0.0, 0.0
     for interval in intervals:

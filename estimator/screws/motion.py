@@ -9,6 +9,7 @@ from baryscope.estimator.registration.intervals import Interval, find_intervals,
 from baryscope.estimator.registration.procrustes import Reference, Registration, register
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -57,7 +58,8 @@ def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: 
     if not intervals:
         most = int(tracks.seen.sum(axis=1).max(initial=0))
         raise ComputationError(
-            f"at most {most} features are seen together in a frame, at least 3 are needed for an attitude"
+            f"at most {counted(most, 'feature is', 'features are')} seen together in a frame, "
+            "at least 3 are needed for an attitude"
         )
     position = tracks.position
     if R_W_C is not None:

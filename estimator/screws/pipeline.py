@@ -21,6 +21,7 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -64,7 +65,9 @@ def estimate_by_screws(
     cutoff = choose_cutoff(motion, trial) if options.cutoff is None else options.cutoff
     pairs = pairs_of(motion, trial.lag)
     if not len(pairs.first):
-        raise ComputationError(f"no two frames {trial.lag} frames apart have an attitude each, in the same interval")
+        raise ComputationError(
+            f"no two frames {counted(trial.lag, 'frame')} apart have an attitude each, in the same interval"
+        )
     screws = without_faint(pairs, screws_of(pairs))
     axes = smooth_axes(pairs, screws, cutoff)
     one, two = successive(axes)
@@ -116,7 +119,8 @@ def without_faint(pairs: Pairs, screws: Screws) -> Screws:
     faint = screws.valid & ~(chord > CLEAR * noise)
     if screws.valid.any() and np.nanmedian(chord) <= 2 * CLEAR * np.median(noise):
         raise ComputationError(
-            f"too little rotation: the body turns by {np.rad2deg(np.nanmedian(chord)):.2g}° in {pairs.lag} frames, "
+            f"too little rotation: the body turns by {np.rad2deg(np.nanmedian(chord)):.2g}° "
+            f"in {counted(pairs.lag, 'frame')}, "
             f"and the noise of that is {np.rad2deg(np.median(noise)):.2g}°"
         )
     status = np.where(faint, TOO_LITTLE_ROTATION, screws.status)
@@ -127,7 +131,7 @@ def smooth_axes(pairs: Pairs, screws: Screws, cutoff: float) -> Axes:
     """Low-pass the axes in each run of sound screws at successive frames of one interval."""
     sound = np.nonzero(screws.valid)[0]
     if not sound.size:
-        raise ComputationError(f"no sound screw between poses {pairs.lag} frames apart: {_why(screws)}")
+        raise ComputationError(f"no sound screw between poses {counted(pairs.lag, 'frame')} apart: {_why(screws)}")
     first, motion = pairs.first[sound], pairs.motion
     number = motion.interval[first]
     breaks = np.nonzero((np.diff(first) != 1) | (np.diff(number) != 0))[0] + 1

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.screws.motion import Motion, Pairs, pairs_of, step_of
 from baryscope.estimator.screws.screws import Screws, screws_of_poses
 from baryscope.models.errors import ComputationError
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +43,8 @@ def choose_lag(motion: Motion) -> Trial:
     longest = max(interval.length for interval in motion.intervals)
     if longest < 3:
         raise ComputationError(
-            f"the longest interval in which the same features are followed has {longest} frames, at least 3 are needed"
+            "the longest interval in which the same features are followed has "
+            f"{counted(longest, 'frame')}, at least 3 are needed"
         )
     trials: list[Trial] = []
     lag = 1

@@ -7,8 +7,10 @@ from itertools import islice
 
 import numpy as np
 
+from baryscope.estimator.tables.causes import has_decimal_commas, looks_like_numbers, separator_of, wanted_of
 from baryscope.estimator.tables.form import Columns, FloatArray, Form, IntArray
 from baryscope.models.errors import InputError
+from baryscope.models.words import counted
 
 CHUNK = 50_000  # rows turned into numbers at a time: the strings of a long file are never all in memory
 
@@ -27,9 +29,10 @@ def read_strict(text: str, source: str, form: Form) -> Columns:
     while chunk := list(islice(rows, CHUNK)):
         for line, cells in chunk:
             if len(cells) != len(header):
-                raise InputError(
-                    f"{source}, line {line}: {len(cells)} cells, expected {len(header)} ({','.join(header)})"
-                )
+                wanted = f"{len(header)} ({','.join(header)})"
+                if has_decimal_commas(cells, len(header)):
+                    wanted += ", numbers with a decimal point, not a comma"
+                raise InputError(f"{source}, line {line}: {counted(len(cells), 'cell')}, expected {wanted}")
         columns = dict(zip(header, zip(*(cells for _, cells in chunk), strict=True), strict=True))
         texts = [cell.strip() for cell in columns[form.label]]
         for text_cell in texts:
@@ -53,11 +56,16 @@ def read_header(text: str, source: str, form: Form) -> list[str]:
     """
     required, optional = form.required, form.optional
     wanted = f"{','.join(required)} and, if known, {','.join(optional)}"
+    first = text.lstrip("\n").partition("\n")[0]
+    if separator := separator_of(first, form):
+        raise InputError(f"{source}, line 1: columns separated by {separator}, expected commas, and points in numbers")
     found = next(_rows(text, source), None)
     if found is None:
         raise InputError(f"{source}: the file is empty, expected a header with {wanted}")
     header = [name.strip() for name in found[1]]
     place = f"{source}, line {found[0]}"
+    if looks_like_numbers(header):
+        raise InputError(f"{place}: numbers in place of a header, expected {wanted}")
     for name in header:
         if header.count(name) > 1:
             raise InputError(f"{place}: column '{name}' stands twice in the header, expected {wanted}")
@@ -102,7 +110,7 @@ def _numbers(cells: Sequence[str], name: str, lines: Sequence[int], source: str)
         return values
     for cell, line in zip(cells, lines, strict=True):
         if cell.strip() and not _is_number(cell):
-            raise InputError(f"{source}, line {line}, column {name}: {_shortened(cell)}, expected a finite number")
+            raise InputError(f"{source}, line {line}, column {name}: {_shortened(cell)}, expected {wanted_of(cell)}")
     return np.array([float(cell) if cell.strip() else np.nan for cell in cells], dtype=np.float64)
 
 

@@ -7,12 +7,14 @@ from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.tables.form import FloatArray, Form, IntArray
 from baryscope.estimator.tables.table import Table
 from baryscope.models.errors import InputError
+from baryscope.models.words import counted
 
 BoolArray = NDArray[np.bool_]
 
 COLUMNS = ("time", "feature", "x", "y", "z")
 COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # where the six columns stand in the matrix
+MOST_PLACES = 10**8  # frames times features: 2.4 GB of positions, three times that of covariances
 FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature")
 
 
@@ -32,6 +34,7 @@ def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], Fl
         _refuse(table, seen & empty[index], axis, "empty, expected a number (x, y and z, or none of them)")
     _refuse(table, seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
     time, frame = _frames(numbers["time"])
+    _refuse_sparse(table, len(time), len(labels))
     place = frame * len(labels) + codes
     _refuse_repetition(table, place, len(time) * len(labels))
     _check_covariance_cells(table, seen)
@@ -70,6 +73,15 @@ def _frames(time: FloatArray) -> tuple[FloatArray, IntArray]:
         return np.unique(time, return_inverse=True)
     begins = np.concatenate([[True], steps > 0])
     return time[begins], np.cumsum(begins) - 1
+
+
+def _refuse_sparse(table: Table, times: int, labels: int) -> None:
+    if times * labels > MOST_PLACES:
+        raise InputError(
+            f"{table.source}: {counted(times, 'time')} and {counted(labels, 'label')} in "
+            f"{counted(len(table.columns.codes), 'row')}, expected one time for all features of a frame, "
+            "and the same label wherever a feature is seen again"
+        )
 
 
 def _refuse_repetition(table: Table, place: IntArray, places: int) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from baryscope.fmu.check.description import continuous_inputs, interfaces, is_float, size_of, states
 from baryscope.fmu.check.finding import Finding, error, warning
 from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
+from baryscope.models.words import counted
 
 Probe = Callable[[Path, Any, str], Iterator[Finding]]
 
@@ -256,7 +257,7 @@ def instance_findings(folder: Path, description: Any, name: str) -> Iterator[Fin
         _move(first, 2)
         if flags.canNotUseMemoryManagementFunctions and first.allocations:
             subject = f"{name}/canNotUseMemoryManagementFunctions"
-            yield error(subject, f"is declared, but allocateMemory was called {first.allocations} times")
+            yield error(subject, f"is declared, but allocateMemory was called {counted(first.allocations, 'time')}")
         for category in description.logCategories:
             if category.name:
                 subject = f"LogCategories/{category.name}"

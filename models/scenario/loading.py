@@ -30,4 +30,6 @@ def load_scenario(name_or_path: AnyPath) -> Scenario:
             )
         path = Path(str(files("baryscope.models") / "presets" / f"{name_or_path}.toml"))
     data = read_toml(path, "a scenario in TOML")
+    if set(data) == {"orbit"}:
+        raise InputError(f"{path}: holds an orbit alone, expected a scenario, with [target], [features], [chaser] …")
     return Scenario.parse({"name": path.stem} | data, str(path))

@@ -5,6 +5,7 @@ from typing import Annotated, Self
 
 import numpy as np
 
+from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.orbit import EARTH_MU, Orbit
 from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit, UnitTable, read_toml
@@ -66,7 +67,10 @@ def load_orbit(path: AnyPath) -> Orbit:
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
-    return OrbitFile.parse(read_toml(path, "an orbit in TOML"), str(path)).orbit
+    data = read_toml(path, "an orbit in TOML")
+    if {"target", "features", "chaser"} & set(data):
+        raise InputError(f"{path}: holds a scenario, expected an orbit: its table [orbit], alone in a file")
+    return OrbitFile.parse(data, str(path)).orbit
 
 
 def write_orbit(orbit: Orbit, path: AnyPath) -> None:

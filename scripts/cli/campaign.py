@@ -12,6 +12,7 @@ from rich.console import Console
 from baryscope.fmu import build_fmu
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import Scenario
+from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Report, err, out, step
 from baryscope.study.campaign.case import Case, run_one
 from baryscope.study.campaign.folder import RunFile, begin, read_plan, read_runs
@@ -99,16 +100,16 @@ def _run_missing(plan: Plan, folder: Path, workers: int) -> None:
     done = read_runs(folder, plan, mend=True)
     total = len(plan.entries) * plan.draws
     if len(done) == total:
-        err.print(f"all {total} runs are there", soft_wrap=True)
+        err.print(f"nothing to run: {counted(total, 'run is', 'runs are')} there", soft_wrap=True)
         return
     if done:
-        err.print(f"{len(done)} of {total} runs are there; going on", soft_wrap=True)
+        err.print(f"{len(done)} of {counted(total, 'run')} there; going on", soft_wrap=True)
     ended = len(done)
     try:
         with tempfile.TemporaryDirectory(prefix="baryscope-") as units:
             with step("building the units"):
                 cases = _missing_cases(plan, set(done), Path(units))
-            title = f"{len(cases)} runs in {min(workers, len(cases))} processes"
+            title = f"{counted(len(cases), 'run')} in {counted(min(workers, len(cases)), 'process', 'processes')}"
             with (
                 step(title) as report,
                 closing(results_of(run_one, cases, workers)) as results,

@@ -8,11 +8,13 @@ from cyclopts import Parameter
 
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import Axes, Noise, Options, Torque
+from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.registration.procrustes import Reference
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import load_orbit
+from baryscope.models.words import counted
 from baryscope.scripts.cli.console import out, step
 from baryscope.scripts.cli.simulate import csv_path
 from baryscope.study.report import in_short
@@ -75,9 +77,7 @@ def estimate_file(
     path = csv_path(output or tracks.with_suffix(".estimate.csv"))
     for_path: dict[str, Any] = {"trajectory": trajectory, "sigma": sigma, "noise": noise, "torque": torque}
     for_screws: dict[str, Any] = {"axes": axes, "lag": lag, "cutoff": cutoff, "degree": degree, "reference": reference}
-    if method is None:
-        method = "pivot" if all(value is None for value in for_screws.values()) else "screw-gpa"
-    options = _options(method, for_path | for_screws)
+    method, options = _choice(method, for_path, for_screws)
     if axes == "lvlh" and orbit is None:
         raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
     if trajectory == "relative-orbit" and orbit is None:
@@ -85,6 +85,7 @@ def estimate_file(
     known_orbit = None if orbit is None else load_orbit(orbit)
     with step(f"reading {tracks}"):
         data = FeatureTracks.read_csv(csv_path(tracks))
+        refuse_implausible(data, str(tracks))
     with step(f"estimating by {method}: {METHODS[method].summary}"):
         result = estimate(data, method=method, orbit=known_orbit, options=options)
     result.write(path)
@@ -92,25 +93,32 @@ def estimate_file(
     out.print(f"  more in {path.with_suffix('.json')}", soft_wrap=True)
 
 
-def _options(method: str, given: dict[str, Any]) -> Options:
-    """The method's options, from those that were given on the command line.
+def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, Any]) -> tuple[str, Options]:
+    """The method, and its options from those that were given on the command line.
 
     Raises:
         InputError: there is no such method, or it has no such option.
     """
-    if method not in METHODS:
+    if method is not None and method not in METHODS:
         raise InputError(f"--method: found {method!r}, expected one of {', '.join(METHODS)}")
-    chosen = {name: value for name, value in given.items() if value is not None}
+    chosen = {name: value for name, value in (for_path | for_screws).items() if value is not None}
+    first_for_screws = next((name for name in chosen if name in for_screws), None)
+    default = "pivot" if first_for_screws is None else "screw-gpa"
     for name in chosen:
         having = [other.name for other in METHODS.values() if name in {field.name for field in fields(other.options)}]
-        if method not in having:
-            raise InputError(f"--{name}: found with --method {method}, expected one of {', '.join(having)}")
-    return METHODS[method].options(**chosen)
+        if (method or default) in having:
+            continue
+        if method is None:
+            raise InputError(
+                f"--{name}: found beside --{first_for_screws}, expected one of the two: no method has both"
+            )
+        raise InputError(f"--{name}: found with --method {method}, expected one of {', '.join(having)}")
+    return method or default, METHODS[method or default].options(**chosen)
 
 
 def _headline(result: Estimate, path: Path) -> str:
     facts = result.diagnostics
     return (
-        f"{path}: {result.time.size} positions from {len(facts['clusters'])} clusters, "
+        f"{path}: {counted(result.time.size, 'position')} from {counted(len(facts['clusters']), 'cluster')}, "
         f"{100 * facts['covered_share']:.0f} % of the times covered"
     )

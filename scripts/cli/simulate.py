@@ -15,6 +15,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import replacing
 from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.models.sensor.tracking import observe
+from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Report, out, step
 
 
@@ -78,7 +79,10 @@ def simulate_scenario(
         flight.tracks.write_csv(path)
         write_truth(flight.truth, truth_path)
     sightings = int(flight.tracks.seen.sum())
-    out.print(f"{path}: {sightings} sightings at {flight.truth.time.size} times; truth in {truth_path}", soft_wrap=True)
+    out.print(
+        f"{path}: {counted(sightings, 'sighting')} at {counted(flight.truth.time.size, 'time')}; truth in {truth_path}",
+        soft_wrap=True,
+    )
 
 
 def csv_path(path: Path) -> Path:

@@ -7,6 +7,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from baryscope.models.files import replacing
+from baryscope.models.words import counted
 from baryscope.study.campaign.folder import Run
 from baryscope.study.campaign.plan import Entry, Plan
 from baryscope.study.campaign.statistics import Row, Striking, bound_of, nees_band, rows_of, striking
@@ -25,7 +26,7 @@ def campaign_tables(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> Iterator
         rows = rows_of(entry, plan, runs)
         if not rows[0].draws:
             continue
-        yield f"{entry.name}: {entry.data.get('description', '')}, {rows[0].draws} draws"
+        yield f"{entry.name}: {entry.data.get('description', '')}, {counted(rows[0].draws, 'draw')}"
         table = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=0)
         for heading in SHORT:
             table.add_column(heading, justify="left" if heading == "method" else "right", no_wrap=True)
@@ -42,7 +43,7 @@ def campaign_tables(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> Iterator
 def write_summary(plan: Plan, runs: Mapping[tuple[str, int], Run], path: Path) -> None:
     """Write a campaign as Markdown: what was run, a table for each scenario, and the draws to look at."""
     total = len(plan.entries) * plan.draws
-    missing = "" if len(runs) == total else f" {total - len(runs)} of the {total} runs are still missing."
+    missing = "" if len(runs) == total else f" {total - len(runs)} of {counted(total, 'run')} still missing."
     varied = {
         ("attitude", "anomaly"): "attitude (uniform over all rotations), place on the orbit and noise",
         ("attitude",): "attitude (uniform over all rotations) and noise",
@@ -55,7 +56,7 @@ def write_summary(plan: Plan, runs: Mapping[tuple[str, int], Run], path: Path) -
         "",
         f"    {plan.command}",
         "",
-        f"{plan.draws} draws of each scenario, each with its own {varied}.{missing}",
+        f"{counted(plan.draws, 'draw')} of each scenario, each with its own {varied}.{missing}",
         "",
     ]
     for entry in plan.entries:
@@ -123,7 +124,8 @@ def _millimetres(metres: float | None) -> str:
 def _about_nees(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> str:
     draws = max(sum(key[0] == entry.name for key in runs) for entry in plan.entries)
     low, high = nees_band(draws)
-    return f"NEES should be 3: {low:.2f} to {high:.2f} in 95 % of campaigns of {draws} draws; ! marks what is outside."
+    usual = f"{low:.2f} to {high:.2f} in 95 % of campaigns of {counted(draws, 'draw')}"
+    return f"NEES should be 3: {usual}; ! marks what is outside."
 
 
 def _legend(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[str]:

@@ -122,7 +122,7 @@ def short_intervals():
 UNSOLVABLE = {
     "two features": (lambda: plain_tracks(m=2), {}, "at most 2 features"),
     "no observation at all": (lambda: plain_tracks(seen=np.zeros((200, 4), dtype=bool)), {}, "at most 0 features"),
-    "one frame": (lambda: plain_tracks(n=2, seen=np.array([[True] * 4, [False] * 4])), {}, "has 1 frames"),
+    "one frame": (lambda: plain_tracks(n=2, seen=np.array([[True] * 4, [False] * 4])), {}, "has 1 frame,"),
     "points in a line": (lambda: plain_tracks(line=True), {}, "in a line"),
     "intervals too short": (short_intervals, {}, "has 2 frames"),
     "lag too long": (plain_tracks, {"lag": 150.0}, "twice the lag"),

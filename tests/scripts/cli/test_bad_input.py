@@ -58,7 +58,11 @@ def test_lvlh_axes_without_an_orbit(capsys, tmp_path):
 CHOICES = [
     (["--method", "magic"], "--method: found 'magic', expected one of screw-raw"),
     (["--method", "ml", "--lag", "3"], "--lag: found with --method ml, expected one of screw-raw, screw-ls, screw-gpa"),
-    (["--axes", "inertial", "--sigma", "0.1"], "--sigma: found with --method screw-gpa, expected one of pivot, ml"),
+    (
+        ["--axes", "inertial", "--sigma", "0.1"],
+        "--sigma: found beside --axes, expected one of the two: no method has both",
+    ),
+    (["--lag", "2", "--method", "pivot"], "--lag: found with --method pivot, expected one of screw-raw"),
     (["--trajectory", "relative-orbit"], "--trajectory relative-orbit: needs the target's orbit"),
     (["--trajectory", "spline"], "trajectory is 'spline', expected fixed, polynomial, polynomial:N or relative-orbit"),
     (["--trajectory", "polynomial:99"], "expected a degree of 0 to 20"),

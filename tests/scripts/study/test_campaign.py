@@ -221,7 +221,7 @@ def test_what_is_complete_runs_nothing(finished, scenario_file, tmp_path, no_wor
     folder = copied(finished, tmp_path / "done", (finished / RUNS).read_bytes())
     assert app.main(options(scenario_file, folder)) == 0
     assert no_workers == []
-    assert "all 4 runs are there" in capsys.readouterr().err
+    assert "nothing to run: 4 runs are there" in capsys.readouterr().err
     assert app.main(["campaign", "--report", "-o", str(folder)]) == 0
     assert "small: a small body, 4 draws" in capsys.readouterr().out
 
