@@ -1,25 +1,42 @@
-"""The Python that the documents show, for the tests that run it and for the type checker.
+"""What the documents show, for the tests that run it and for the type checker.
 
 python tests/documents.py FOLDER   writes the blocks of each document as one module, FOLDER/README.py and so on.
 """
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = ["README.md", "docs/unit.md"]
+FRONT = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
+
+
+def text_of(document):
+    return (ROOT / document).read_text(encoding="utf-8")
 
 
 def python_blocks(document):
     """The blocks of a document, in their order."""
-    text = (ROOT / document).read_text(encoding="utf-8")
-    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    return re.findall(r"```python\n(.*?)```", text_of(document), re.DOTALL)
+
+
+def commands(document):
+    """The calls of baryscope in its indented blocks, in their order, without their comments."""
+    return [
+        shlex.split(line, comments=True)
+        for line in re.findall(r"^    (baryscope .*)$", text_of(document), re.MULTILINE)
+    ]
+
+
+WITH_PYTHON = [document for document in [*FRONT, *PAGES] if python_blocks(document)]
+WITH_COMMANDS = [document for document in [*FRONT, *PAGES] if commands(document)]
 
 
 def main(folder):
     folder.mkdir(parents=True, exist_ok=True)
-    for document in DOCUMENTS:
+    for document in WITH_PYTHON:
         (folder / f"{Path(document).stem}.py").write_text("\n".join(python_blocks(document)), encoding="utf-8")
 
 
