@@ -1,5 +1,5 @@
-"""The truth model: attitude and orbits as CasADi symbols, the table of the unit's variables, the orbit in SI units.
+"""The truth model: attitude and orbit dynamics in CasADi, the table of the unit's variables, and `Orbit` in SI units.
 
-Rooms: `scenario`, the files that say what is flown; `sensor`, what is measured of it. Imports run sensor → scenario →
-the modules that stand here.
+Rooms: `scenario` (scenario and orbit files) and `sensor` (simulated measurements). `sensor` imports `scenario`, which
+imports the modules at this level.
 """

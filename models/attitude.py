@@ -1,4 +1,4 @@
-"""Rotation of a rigid target: the paper's (1) with a full inertia tensor, and what is conserved."""
+"""Rotation of a rigid target: Euler's equation, (1) of the paper, for a full inertia tensor; energy and momentum."""
 
 from collections.abc import Mapping
 
@@ -8,7 +8,7 @@ from baryscope.models.frames import Symbol
 
 
 def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
-    """J in B from its six elements."""
+    """J in B from its six elements, kg m²."""
     xx, yy, zz, xy, xz, yz = (parameters[f"target.inertia.{axes}"] for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
@@ -38,5 +38,5 @@ def rotational_energy(inertia_B: Symbol, angular_rate_B: Symbol) -> Symbol:
 
 
 def angular_momentum(inertia_B: Symbol, angular_rate_B: Symbol, R_I_B: Symbol) -> Symbol:
-    """R_I_B J ω, kg m²/s in I: constant when there is no torque."""
+    """R_I_B J ω, kg m²/s in I: constant without torque."""
     return R_I_B @ (inertia_B @ angular_rate_B)

@@ -1,7 +1,7 @@
-"""What makes a set of parameters possible, as CasADi expressions.
+"""Conditions on the parameters of the unit, as CasADi expressions.
 
-Scenario files and the FMU refuse the same things because both evaluate these: the file's reader through
-`casadi.Function`, the unit through the C code generated from them.
+Scenario files and the FMU refuse the same values because both evaluate these conditions: the reader of files through
+`casadi.Function`, the unit through C code generated from them.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from baryscope.models.keplerian import Elements
 
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
 COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
-TINY = 1e-300  # keeps what a message shows from dividing by zero
+TINY = 1e-300  # keeps the number in a message from a division by zero
 UNIT_TOLERANCE = 1e-3  # of a quaternion's or normal's length: enough for four printed digits
 
 
@@ -29,10 +29,10 @@ class Check:
     Attributes:
         variable: the unit's variable it concerns.
         field: the scenario file's field it concerns.
-        expected: what should hold, in words, to follow "expected".
-        quantity: what `found` is, in words, to precede its value.
-        found: the number to show.
-        margin: positive exactly where the condition holds.
+        expected: the condition in words, for a message.
+        quantity: name of the number that the message shows.
+        found: that number.
+        margin: positive if and only if the condition holds.
     """
 
     variable: str
@@ -48,9 +48,9 @@ class CheckSet:
     """Checks compiled over one flat vector of parameters.
 
     Attributes:
-        checks: what is checked, in the order in which it is reported.
+        checks: the conditions, in the order of reporting.
         margins: parameters → margin of each check.
-        found: parameters → what to show for each check.
+        found: parameters → the number that the message of each check shows.
     """
 
     checks: tuple[Check, ...]
@@ -79,7 +79,7 @@ class CheckSet:
 
 
 def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
-    """All conditions on the parameters, in the order in which they are reported."""
+    """All conditions on the parameters, in the order of reporting."""
     return (
         *_inertia_checks(parameters),
         *_feature_checks(parameters),
@@ -91,9 +91,8 @@ def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
 def _inertia_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     """J is positive definite and no principal moment exceeds the sum of the others.
 
-    The latter says that ½ tr(J) 1 − J, the second moments of mass, has no negative eigenvalue.
-    Both are decided by the coefficients of the characteristic polynomial, which are all positive
-    exactly when all eigenvalues are.
+    The second condition means that ½ tr(J) 1 − J, the second moments of mass, has no negative eigenvalue. Both are
+    decided by the coefficients of the characteristic polynomial: all are positive if and only if all eigenvalues are.
     """
     J = inertia_tensor(parameters)
     trace, minors, determinant = _invariants(J)
@@ -211,7 +210,7 @@ def _invariants(matrix: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _extreme_eigenvalues(matrix: Symbol) -> tuple[Symbol, Symbol]:
-    """Smallest and largest eigenvalue of a symmetric matrix in closed form (Smith 1961): to show, not to decide."""
+    """Smallest and largest eigenvalue of a symmetric matrix in closed form (Smith 1961), for messages only."""
     centre = ca.trace(matrix) / 3
     deviator = matrix - centre * ca.SX.eye(3)
     radius = ca.sqrt(ca.trace(deviator @ deviator) / 6)

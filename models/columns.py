@@ -1,8 +1,8 @@
 """CasADi functions evaluated for many points at once, by NumPy over columns.
 
-`casadi.Function.map` runs through the points one after the other and hands the results over number by number. Here each
-instruction of the function runs once, over all points: several times faster, and the formula still stands once. Few
-points of a long function are left to `map`, as NumPy's calls would take longer than its numbers.
+`casadi.Function.map` evaluates the points one after the other and converts the results number by number. Here each
+instruction of the function runs once, over all points. This is several times faster, and the formula is still written
+once. For few points of a long function `map` is faster, and is used.
 """
 
 from collections.abc import Callable
@@ -94,7 +94,7 @@ class ColumnFunction:
     def _run(self, rows: list[FloatArray], memory: FloatArray, result: FloatArray) -> None:
         """Carry out the steps on the inputs' rows and write the nonzeros to `result`, (n, rows, columns).
 
-        memory: (places, n), for columns in between: to take new memory for each would cost more than the operations.
+        memory: (places, n), for intermediate columns; allocating each would cost more than the operations.
         """
         nonzeros = [result[:, row, column] for row, column in self._places]
         columns, numbers = [*memory, *nonzeros], [*(np.empty(()) for _ in memory), *nonzeros]

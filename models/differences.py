@@ -1,8 +1,8 @@
-"""Numbers that come in near-equal pairs, and their difference to full precision.
+"""Arithmetic of pairs of nearly equal numbers, with their difference in full precision.
 
-Two orbits of 7000 km that run 20 m apart differ in the sixth digit: computed one by one and subtracted, each loses
-10 of 16 digits. A `Pair` carries one of the two numbers and the difference, and its arithmetic is the exact algebra of
-both, (b + β)(c + γ) − b c = b γ + β c + β γ and so on, in which nothing nearly equal is subtracted.
+Two orbits of 7000 km radius that are 20 m apart agree to six digits. If both are computed and then subtracted, the
+difference loses six of its 16 digits. A `Pair` holds one of the two numbers and the difference. Its arithmetic follows
+(b + β)(c + γ) − b c = b γ + β c + β γ and so on: nearly equal numbers are never subtracted.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Axes that belong to a direction."""
+"""Coordinate axes aligned with a direction."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,10 +7,10 @@ FloatArray = NDArray[np.float64]
 
 
 def axes_along(direction: FloatArray) -> FloatArray:
-    """Right-handed axes whose z is the direction, for any direction whatever.
+    """Right-handed axes with z along the direction.
 
-    x is normal to z and to the coordinate axis farthest from z, which is at least 54.7° away: nothing ever degenerates,
-    but x jumps where another coordinate axis becomes the farthest.
+    x is normal to z and to the coordinate axis farthest from z. That axis is at least 54.7° away, so no direction is
+    singular. x jumps where another coordinate axis becomes the farthest.
 
     Args:
         direction: (n, 3), any length above zero.

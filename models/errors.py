@@ -1,9 +1,9 @@
-"""The two ways a request can fail, told apart because the command line's exit code tells them apart."""
+"""The two kinds of failure; the command line ends with exit code 2 for the first and 1 for the second."""
 
 
 class InputError(ValueError):
-    """Something given by the user is wrong: one line that says where, what was found, what was expected."""
+    """An input is wrong. The message is one line: where, what was found, what was expected."""
 
 
 class ComputationError(RuntimeError):
-    """The input is well formed, but what was asked cannot be computed from it (too few features, unobservable)."""
+    """The input is valid, but the result cannot be computed from it (too few features, not observable)."""

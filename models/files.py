@@ -1,4 +1,4 @@
-"""Writing files so that nobody ever sees half of one, and reading them with errors of one line."""
+"""Files: written completely or not at all, and read with errors of one line."""
 
 import os
 import tempfile

@@ -1,4 +1,4 @@
-"""The target's own orbit: its elements, the conic, its rates, and Kepler's equation, as CasADi expressions."""
+"""The target's orbit as CasADi expressions: elements, ellipse, position and rates, Kepler's equation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ PARAMETERS = (
     "orbit.argumentOfPeriapsis",
     "orbit.trueAnomaly0",
     "orbit.gravitationalParameter",
-)  # what the unit calls the elements, in the order of its table of variables
+)  # names of the elements in the unit, in the order of the table of variables
 ELEMENT_COUNT = len(PARAMETERS)
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Keplerian elements at time 0, SI: the symbolic twin of `baryscope.models.orbit.Orbit`, field by field.
+    """Keplerian elements at time 0, SI: the symbols for the fields of `baryscope.models.orbit.Orbit`.
 
     Attributes:
         semi_major_axis: a, m.
@@ -46,12 +46,12 @@ class Elements:
 
     @classmethod
     def of(cls, column: Symbol) -> Self:
-        """From a column of seven, in the order of the fields; `Orbit.elements` is its value."""
+        """From a column of seven in the order of the fields, that of `Orbit.elements`."""
         return cls(*ca.vertsplit(column))
 
     @classmethod
     def symbols(cls) -> tuple[Symbol, Self]:
-        """A new column of seven symbols, an input for functions, and the elements in it."""
+        """A new column of seven symbols, for the input of a function, and the elements in it."""
         column = ca.SX.sym("elements", ELEMENT_COUNT)
         return column, cls.of(column)
 
@@ -62,12 +62,12 @@ class Elements:
 
     @property
     def ellipse(self) -> "Ellipse":
-        """Size and pace of the orbit."""
+        """Semi-latus rectum, eccentricity and rate."""
         return Ellipse.of(self.semi_major_axis, self.eccentricity, self.gravitational_parameter)
 
     @property
     def R_I_P(self) -> Symbol:
-        """Attitude of the perifocal axes."""
+        """R_I_P, from the perifocal axes (x to the periapsis, z orbit normal) to I."""
         return rotation_I_P(self.raan, self.inclination, self.argument_of_periapsis)
 
     @property
@@ -78,7 +78,7 @@ class Elements:
 
 @dataclass(frozen=True)
 class Ellipse:
-    """The size of an orbit, in the numbers that its equations need.
+    """Size and shape of an orbit, as its equations use them.
 
     Attributes:
         semi_latus_rectum: p = a (1 − e²), m.
@@ -99,7 +99,7 @@ class Ellipse:
 
 @dataclass(frozen=True)
 class Conic:
-    """Where the target is on its orbit and how fast that changes.
+    """Position of the target on its orbit, and its rates.
 
     Attributes:
         radius: r = p / (1 + e cos θ), m.
@@ -117,7 +117,7 @@ class Conic:
 
 
 def conic(orbit: Ellipse, true_anomaly: Symbol) -> Conic:
-    """The place on the ellipse at a true anomaly, rad; all rates are √(μ/p³) times powers of p/r = 1 + e cos θ."""
+    """Position and rates at a true anomaly, rad. All rates are √(μ/p³) times powers of p/r = 1 + e cos θ."""
     e, k = orbit.eccentricity, orbit.rate
     ratio, sine = 1 + e * ca.cos(true_anomaly), e * ca.sin(true_anomaly)
     rate = k * ratio**2
@@ -133,22 +133,22 @@ def conic(orbit: Ellipse, true_anomaly: Symbol) -> Conic:
 def eccentric_anomaly(mean_anomaly: Symbol, eccentricity: Symbol) -> Symbol:
     """E in rad from Kepler's equation E − e sin E = M, for −π ≤ M ≤ π.
 
-    Start and steps are Danby's (1988): from E = M + 0.85 e sign(sin M), in steps of fourth order, of which a fixed
-    number suffices for every e up to 0.999.
+    Danby's method (1988): it starts at E = M + 0.85 e sign(sin M) and takes steps of fourth order. The fixed number of
+    steps converges for every e up to 0.999.
     """
     M, e = mean_anomaly, eccentricity
     E = M + 0.85 * e * ca.sign(ca.sin(M))
     for _ in range(KEPLER_ITERATIONS):
         sine, cosine = e * ca.sin(E), e * ca.cos(E)
-        fault, slope = E - sine - M, 1 - cosine
-        second = -fault / slope
-        third = -fault / (slope + second * sine / 2)
-        E = E - fault / (slope + third * sine / 2 + third**2 * cosine / 6)
+        residual, slope = E - sine - M, 1 - cosine
+        second = -residual / slope
+        third = -residual / (slope + second * sine / 2)
+        E = E - residual / (slope + third * sine / 2 + third**2 * cosine / 6)
     return E
 
 
 def eccentric_anomaly_after(time: Symbol, elements: Elements) -> tuple[Symbol, Symbol]:
-    """E(t) in rad, from −π to π, and the number of whole turns beside it, t in s after the elements' time."""
+    """E(t) in rad, from −π to π, and the number of whole turns; t in s from the epoch of the elements."""
     e = elements.eccentricity
     theta0, turns0 = whole_turns(elements.true_anomaly)
     E0 = 2 * ca.atan2(ca.sqrt((1 - e) / (1 + e)) * ca.sin(theta0 / 2), ca.cos(theta0 / 2))
@@ -157,7 +157,7 @@ def eccentric_anomaly_after(time: Symbol, elements: Elements) -> tuple[Symbol, S
 
 
 def true_anomaly_after(time: Symbol, elements: Elements) -> Symbol:
-    """θ(t) in rad, unwrapped, t in s after the elements' time."""
+    """θ(t) in rad, unwrapped; t in s from the epoch of the elements."""
     e = elements.eccentricity
     E, turns = eccentric_anomaly_after(time, elements)
     return 2 * ca.atan2(ca.sin(E / 2), ca.sqrt((1 - e) / (1 + e)) * ca.cos(E / 2)) + 2 * ca.pi * turns

@@ -1,4 +1,4 @@
-"""Where LVLH points at given times on a known orbit, for those who have an orbit and tracks but no unit."""
+"""Attitude of the LVLH frame on a known orbit, in closed form."""
 
 from functools import cache
 

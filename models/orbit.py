@@ -1,4 +1,4 @@
-"""The target's orbit: Keplerian elements in SI units, as every estimator and every function here takes it."""
+"""The target's orbit: Keplerian elements in SI units, as estimators and dynamics use it."""
 
 from dataclasses import astuple, dataclass, fields
 from functools import cache
@@ -19,8 +19,8 @@ RANGES = {
     "raan": (-1e6, 1e6, "rad"),
     "argument_of_periapsis": (-1e6, 1e6, "rad"),
     "true_anomaly": (-1e6, 1e6, "rad"),
-}  # wider than the solar system; a million radians leave an angle ten digits
-MAX_RATE = 0.01  # rad/s at periapsis: above it the central body would be fifty times as dense as rock
+}  # wider than the solar system; an angle of 1e6 rad still has ten digits
+MAX_RATE = 0.01  # rad/s at periapsis: a higher rate needs a central body over fifty times as dense as rock
 
 
 @dataclass(frozen=True)
@@ -72,12 +72,12 @@ class Orbit:
 
     @property
     def elements(self) -> tuple[float, ...]:
-        """The seven numbers in the order of the fields, which is that of `keplerian.Elements`."""
+        """The seven elements in the order of the fields, which is that of `keplerian.Elements`."""
         return astuple(self)
 
     @property
     def period(self) -> float:
-        """Time of one revolution, s."""
+        """Orbital period, s."""
         return 2 * pi * sqrt(self.semi_major_axis**3 / self.gravitational_parameter)
 
     @property
@@ -101,7 +101,7 @@ def _finite(name: str, value: object) -> float:
     """A number as a float.
 
     Raises:
-        InputError: it is none, or not finite.
+        InputError: it is not a number, or not finite.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise InputError(f"orbit.{name}: found {value!r}, expected a number")

@@ -1,4 +1,4 @@
-"""A quadratic right-hand side taken apart into products of its states, for the recurrence of its Taylor series.
+"""A quadratic right-hand side as weighted products of its states, for the recurrence of its Taylor series.
 
 With f(x) = f(0) + Σ w x_i x_j the coefficients of x(t) = Σ x_k t^k follow from convolutions of the products alone:
 (k + 1) x_{k+1} = Σ w P_ij, P_ij the sum of x_{m,i} x_{k-m,j} over m = 0 … k, for k ≥ 1 (Jorba, Zou, A software package
@@ -14,11 +14,11 @@ from baryscope.models.frames import Symbol
 
 @dataclass(frozen=True)
 class QuadraticForm:
-    """The quadratic part of f, every product in which has one of a few factors among the states.
+    """The quadratic part of f; every product contains one of a few states, the factors.
 
     Attributes:
-        weights: c → w, what the form needs of the constants c.
-        rates: products (states × factors), w → their part of the rates.
+        weights: c → w, the weights from the constants c.
+        rates: products (states × factors), w → the quadratic part of the rates.
     """
 
     weights: ca.Function
@@ -26,7 +26,7 @@ class QuadraticForm:
 
 
 def quadratic_form(name: str, rates: Symbol, x: Symbol, c: Symbol, factors: slice) -> QuadraticForm:
-    """Find the form by differentiating `rates` twice by x; one of x[factors] has to be in every product.
+    """Find the form from the second derivatives of `rates` by x; every product must contain one of x[factors].
 
     Raises:
         ValueError: the rates are not such a form plus a constant.
@@ -53,7 +53,7 @@ def quadratic_form(name: str, rates: Symbol, x: Symbol, c: Symbol, factors: slic
 
 
 def _coefficients(slopes: Symbol, x: Symbol, done: list[int], j: int) -> Symbol:
-    """Those of x_i x_j in the rates, a column for each i; products with the factors in `done` count there."""
+    """Coefficients of x_i x_j in the rates, a column for each i; products with a factor in `done` are left out."""
     matrix = ca.jacobian(slopes, x)
     for i in done:
         matrix[:, i] = 0

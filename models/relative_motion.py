@@ -1,4 +1,4 @@
-"""Motion of the chaser relative to the target's CoM in LVLH: the paper's (4)–(6), with (4) put right."""
+"""Motion of the chaser relative to the target's CoM in LVLH: the paper's (4)–(6), with (4) corrected."""
 
 import casadi as ca
 

@@ -1,4 +1,4 @@
-"""Unforced relative motion in closed form, for estimators: its state transition matrix, and its exact path.
+"""Unforced relative motion in closed form: the state transition matrix and the exact path.
 
 The state is [ρ; ρ̇], position (m) and velocity (m/s) of the chaser from the target's CoM in LVLH; ρ̇ is the rate of
 change of the coordinates, as in `relative_motion`.
@@ -29,7 +29,7 @@ from baryscope.models.relative_motion import target_from_chaser
 
 FloatArray = NDArray[np.float64]
 
-POLISHING_STEPS = 2  # of Newton; one is enough but for orbits that are all but parabolic
+POLISHING_STEPS = 2  # of Newton; nearly parabolic orbits need the second
 
 
 def relative_transition(orbit: Orbit, time: ArrayLike, epoch: float = 0.0) -> FloatArray:
@@ -52,7 +52,7 @@ def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float
     """The exact relative motion: the difference of two Kepler orbits, in full precision.
 
     Both are propagated by Lagrange's f and g in the change of the eccentric anomaly (Battin 1999, §4.3), with the
-    arithmetic of `differences`, so that hardly more than the last bits of ρ itself are lost, over any number of turns.
+    arithmetic of `differences`: ρ is accurate to its last bits, over any number of turns.
 
     Args:
         orbit: the target's Keplerian elements at time 0.
@@ -64,7 +64,7 @@ def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float
         [ρ; ρ̇] in LVLH, (n, 6).
 
     Raises:
-        ComputationError: with this state the chaser is on no ellipse.
+        ComputationError: the chaser's orbit is not an ellipse.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         path = _path_function()(_row(time), [epoch], orbit.elements, state0)
@@ -189,9 +189,9 @@ def _propagate(position: Pair, velocity: Pair, mu: Symbol, turn: Symbol, elapsed
     for _ in range(POLISHING_STEPS):
         sine, cosine = dif.sin(angle), dif.cos(angle)
         mean = angle - e_cos * sine + e_sin * (1 - cosine)
-        fault, _ = whole_turns(mean.excess - n.excess * elapsed)
+        residual, _ = whole_turns(mean.excess - n.excess * elapsed)
         slope = 1 - (e_cos * cosine - e_sin * sine).other
-        angle = Pair(turn, angle.excess - fault / slope)
+        angle = Pair(turn, angle.excess - residual / slope)
 
     sine, versine = dif.sin(angle), 1 - dif.cos(angle)
     distance = (e_sin * sine + (1 - e_cos) + e_cos * versine) / curvature
@@ -203,7 +203,7 @@ def _propagate(position: Pair, velocity: Pair, mu: Symbol, turn: Symbol, elapsed
 
 
 def _second_turn(e_cos: Pair, e_sin: Pair, n: Pair, elapsed: Symbol) -> Symbol:
-    """Growth of the second orbit's eccentric anomaly to ordinary precision, but for whole turns."""
+    """Change of the second orbit's eccentric anomaly in ordinary precision, up to whole turns."""
     E0 = ca.atan2(e_sin.other, e_cos.other)
     M, _ = whole_turns(E0 - e_sin.other + n.other * elapsed)
     return eccentric_anomaly(M, ca.hypot(e_sin.other, e_cos.other)) - E0

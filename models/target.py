@@ -1,14 +1,14 @@
-"""TumblingTarget: attitude and relative orbital motion put together as CasADi functions of flat vectors.
+"""TumblingTarget: attitude and relative orbital motion as CasADi functions of flat vectors.
 
     x = initial(p)      ẋ = rhs(x, u, p)      y = outputs(x, p)      scales = nominals(p)
 
-x is (q_I_B, ω_B, θ, ρ_L, ρ̇_L): 14 numbers. The first eight, the attitude's part, and the last seven, the orbit's, share
-the true anomaly θ and can each be integrated alone; the attitude needs θ for the gravity gradient only. u, p and y hold
+x is (q_I_B, ω_B, θ, ρ_L, ρ̇_L): 14 numbers. The first eight (attitude) and the last seven (orbit) share the
+true anomaly θ and can be integrated separately; the attitude needs θ for the gravity gradient only. u, p and y hold
 the inputs, parameters and outputs of the table of variables, in its order, arrays row by row. The system is
 autonomous: time enters through θ alone.
 
-What can be had from p before a run (the inverse of J, the orbit's plane) is computed once, as constants(p), and the
-functions that run often take these constants c.
+What depends on p alone (the inverse of J, the orbit's plane) is computed once per run, as c = constants(p). Functions
+that are called often take c.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,10 +46,10 @@ class TumblingTarget:
         initial: p → x.
         rhs: x, u, p → ẋ.
         outputs: x, p → y.
-        nominals: p → the size of each state that a relative tolerance refers to.
+        nominals: p → nominal size of each state, to which the relative tolerance refers.
         constants: p → c.
-        free_attitude_rates: (q, ω, θ), u, c → their rates without gravity gradient, where θ is left alone.
-        free_attitude_form: the same as weighted products with ω, but for the torque's constant part.
+        free_attitude_rates: (q, ω, θ), u, c → their rates without gravity gradient, with θ̇ = 0.
+        free_attitude_form: the same as weighted products with ω, without the constant part of the torque.
         attitude_rates: the rates with gravity gradient, and θ̇.
         orbit_rates: (θ, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
@@ -57,7 +57,7 @@ class TumblingTarget:
         run_reverse: x, u, p, c, seed of (y, ẋ) → its image in (u, x).
         initial_forward: u, p, seed of (u, p) → its image in (y, x, ẋ) at the start.
         initial_reverse: u, p, seed of (y, x, ẋ) → its image in (u, p).
-        checks: what makes p possible.
+        checks: the conditions on p.
     """
 
     variables: tuple[Variable, ...]
@@ -161,7 +161,7 @@ def _flat(value: Symbol) -> Symbol:
 
 
 def _constants(parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
-    """What the equations need of the parameters, computed once a run."""
+    """Constants of the equations that follow from the parameters, computed once per run."""
     elements = Elements.named(parameters)
     ellipse = elements.ellipse
     J = inertia_tensor(parameters)
@@ -190,7 +190,7 @@ def _unpack(c: Symbol, like: Mapping[str, Symbol]) -> dict[str, Symbol]:
 
 
 def _place(true_anomaly: Symbol, constants: Mapping[str, Symbol]) -> tuple[Conic, Symbol]:
-    """The target's place on its orbit, and R_I_L there."""
+    """The target's position and rates on its orbit, and R_I_L."""
     ellipse = Ellipse(constants["semi_latus_rectum"], constants["eccentricity"], constants["rate"])
     return conic(ellipse, true_anomaly), rotation_I_L(constants["R_I_P"], true_anomaly)
 

@@ -1,4 +1,4 @@
-"""The table of the unit's variables: the one place where a name, unit, shape and description stand.
+"""The table of the unit's variables: the only place that defines name, unit, shape and description.
 
 The FMU's XML, its C tables and the Python session are all derived from it.
 """
@@ -10,7 +10,7 @@ from math import prod
 
 
 class Kind(StrEnum):
-    """What a variable is to an importer; states and their derivatives are FMI's local variables."""
+    """The kind of a variable. States and their derivatives are local variables in FMI."""
 
     INPUT = "input"
     PARAMETER = "parameter"
@@ -43,7 +43,7 @@ class Variable:
 
     @property
     def size(self) -> int:
-        """How many scalars it has."""
+        """Number of scalars."""
         return prod(self.shape)
 
     @property

@@ -1,6 +1,6 @@
-"""What is flown: scenario and orbit files as pydantic reads them, the presets that come along, and their messages.
+"""Scenario and orbit files: their tables, presets and error messages.
 
-`load_scenario("envisat")` is where a user starts. The files hold the units that people write, degrees among them.
+Start with `load_scenario("envisat")`. Angles in files are in degrees; `Scenario.orbit` is in SI units.
 """
 
 from baryscope.models.scenario.loading import load_scenario, preset_names

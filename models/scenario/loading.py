@@ -1,4 +1,4 @@
-"""Scenarios from files, and the presets that come along."""
+"""Scenarios from files, and the presets of the package."""
 
 from importlib.resources import files
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Orbits in files: the table [orbit] with its angles in degrees, and `Orbit`, in SI, made from it and written to it."""
+"""Orbit files: the table [orbit] with angles in degrees, converted to `Orbit` in SI units and back."""
 
 from math import inf, nextafter
 from typing import Annotated, Self
@@ -12,7 +12,7 @@ from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit,
 
 
 class OrbitTable(UnitTable):
-    """[orbit]: the target's Keplerian elements at time 0, as a file states them."""
+    """[orbit]: the target's Keplerian elements at time 0, with angles in degrees."""
 
     semi_major_axis: Annotated[float, Unit("m")]
     eccentricity: float
@@ -24,7 +24,7 @@ class OrbitTable(UnitTable):
 
     @classmethod
     def of(cls, value: Orbit) -> Self:
-        """The table of an orbit. A table that is converted to SI and back holds the digits it had."""
+        """The table of an orbit. A table that is converted to SI and back keeps its digits."""
         return cls(
             semi_major_axis=value.semi_major_axis,
             eccentricity=value.eccentricity,
@@ -39,7 +39,7 @@ class OrbitTable(UnitTable):
         """The orbit in m, rad and m³/s².
 
         Raises:
-            InputError: an element is not possible.
+            InputError: an element is outside its range.
         """
         return Orbit(
             semi_major_axis=self.semi_major_axis,
@@ -56,7 +56,7 @@ OrbitField = Annotated[Orbit, ReadFrom(OrbitTable)]
 
 
 class OrbitFile(FileModel):
-    """A file that holds nothing but an orbit."""
+    """An orbit file: one table, [orbit]."""
 
     orbit: OrbitField
 
@@ -85,9 +85,9 @@ def write_orbit(orbit: Orbit, path: AnyPath) -> None:
 
 
 def degrees_of(angle: float) -> float:
-    """An angle in degrees: of the numbers that convert to exactly this angle in rad, the one with the fewest digits.
+    """An angle in degrees: the shortest of the numbers that convert to exactly this angle in rad.
 
-    Where there is none (a degree's last bit can be worth more than one of the radian's), the nearest.
+    If there is none (the rounding step in degrees can exceed that in rad), the nearest.
     """
     nearest = float(np.rad2deg(angle))
     close = [nearest]

@@ -1,7 +1,6 @@
-"""A whole scenario: its tables put together, and what follows from them: sample times and the unit's parameters.
+"""A scenario: all tables together, the checks across them, the sample times and the parameters of the unit.
 
-The physics of a scenario (inertia, orbit, features, range) is checked by the same expressions as in the unit,
-see `baryscope.models.checks`.
+Inertia, orbit, features and range are checked by the same expressions as in the unit, see `baryscope.models.checks`.
 """
 
 from math import hypot, pi
@@ -19,17 +18,17 @@ from baryscope.models.target import tumbling_target
 from baryscope.models.variables import Kind
 
 MIN_SAMPLES = 3
-MAX_POSITIONS = 10_000_000  # samples × features: a slip of units in sample_time shall not fill the memory
+MAX_POSITIONS = 10_000_000  # samples × features: a wrong unit of sample_time must not fill the memory
 MAX_TURNS = 1e6  # of body and orbit in a run: the integrator takes some 20 steps for each
 
 
 class Scenario(FileModel):
-    """A whole scenario.
+    """A scenario: the target, its orbit, the chaser, and how the features are tracked.
 
     Attributes:
         name: its preset name, or the stem of its file.
         description: one line for lists.
-        orbit: in SI units, whatever the file's degrees; all other tables hold what the file says.
+        orbit: in SI units, converted from the file's degrees. All other tables keep the units of the file.
     """
 
     name: str = "scenario"

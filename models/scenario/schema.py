@@ -1,6 +1,6 @@
 """How scenario and orbit files are read: TOML into pydantic models, errors into one line each.
 
-A field's unit stands in its annotation (`Metres = Annotated[float, Unit("m")]`); the messages use it.
+The unit of a field is part of its annotation (`Metres = Annotated[float, Unit("m")]`); the messages use it.
 """
 
 import tomllib
@@ -85,13 +85,13 @@ class FileModel(BaseModel):
 
 
 class UnitTable(FileModel):
-    """A table in the units that people write, which stands for a value in SI units."""
+    """A table in the units of the file that is converted to a value in SI units."""
 
     def to_si(self) -> Any:
         """The value.
 
         Raises:
-            InputError: it is not possible.
+            InputError: the table gives no valid value.
         """
         raise NotImplementedError
 
@@ -103,9 +103,9 @@ class UnitTable(FileModel):
 
 @dataclass(frozen=True)
 class ReadFrom:
-    """Marks a field that holds a value in SI units and stands in the file as a table: `Annotated[Orbit, ReadFrom(…)]`.
+    """Marks a field with a value in SI units that a file gives as a table: `Annotated[Orbit, ReadFrom(OrbitTable)]`.
 
-    The field takes a table or the value itself, and is written as the table.
+    The field accepts the table or the value. It is serialised as the table.
     """
 
     table: type[UnitTable]
@@ -155,7 +155,7 @@ def lists_to_tuples(value: Any, depth: int = 0) -> Any:
     return value
 
 
-# What was expected, for each of pydantic's kinds of error; its own words where none stand here.
+# The expectation in a message, for each of pydantic's kinds of error; pydantic's own words for all others.
 EXPECTED = {
     "bool_type": "true or false",
     "finite_number": "a finite number",

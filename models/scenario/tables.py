@@ -1,4 +1,4 @@
-"""The tables of a scenario file: what each may hold, checked field by field by pydantic."""
+"""The tables of a scenario file, except the orbit, with the checks of single fields."""
 
 from collections import Counter
 from math import hypot, inf, sqrt
@@ -28,7 +28,7 @@ Row = tuple[Moment, Moment, Moment]
 
 
 class Target(FileModel):
-    """[target]: the body and how it turns at time 0."""
+    """[target]: the inertia of the body, and its attitude and angular rate at time 0."""
 
     inertia: Annotated[tuple[Row, Row, Row], Unit("kg m²")]
     attitude: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
@@ -55,7 +55,7 @@ class Target(FileModel):
 
 
 class FeaturePoint(FileModel):
-    """One feature: a point on the body's surface and the outward normal there, body axes, origin at the CoM."""
+    """One feature: a point on the body's surface and the outward normal, in body axes with the origin at the CoM."""
 
     label: str = Field(min_length=1)
     position: PositionVector
@@ -66,13 +66,13 @@ class FeaturePoint(FileModel):
     def _unit_length(cls, normal: Vector) -> Vector:
         length = sqrt(sum(c * c for c in normal))
         if length < NORMAL_LENGTH:
-            raise ValueError(f"found {list(normal)}, expected a direction (any length above {NORMAL_LENGTH:g})")
+            raise ValueError(f"found {list(normal)}, expected a vector of any length above {NORMAL_LENGTH:g}")
         x, y, z = (c / length for c in normal)
         return (x, y, z)
 
 
 class Features(FileModel):
-    """[features]: what can be tracked on the target."""
+    """[features]: points that can be tracked on the target."""
 
     points: tuple[FeaturePoint, ...] = Field(min_length=3, max_length=MAX_FEATURES)
 
@@ -81,7 +81,7 @@ class Features(FileModel):
     def _distinct_labels(cls, points: tuple[FeaturePoint, ...]) -> tuple[FeaturePoint, ...]:
         label, times = Counter(point.label for point in points).most_common(1)[0]
         if times > 1:
-            raise ValueError(f"label {label!r} stands {times} times, expected once")
+            raise ValueError(f"label {label!r} occurs {times} times, expected once")
         return points
 
     @property
@@ -91,7 +91,7 @@ class Features(FileModel):
 
 
 class Chaser(FileModel):
-    """[chaser]: where the observer is at time 0, in LVLH, and the acceleration it holds."""
+    """[chaser]: position and velocity of the observer at time 0, and its constant acceleration, in LVLH."""
 
     position: PositionVector
     velocity: VelocityVector = (0.0, 0.0, 0.0)
@@ -110,7 +110,7 @@ class Chaser(FileModel):
 
 
 class Interval(FileModel):
-    """A stretch of time in which one cluster of features is tracked."""
+    """An interval of time in which one cluster of features is tracked."""
 
     start: Seconds
     end: Seconds
@@ -126,7 +126,7 @@ class Interval(FileModel):
 
 
 class Tracking(FileModel):
-    """[tracking]: which features are followed when; no intervals means all of them, always.
+    """[tracking]: the features tracked in each interval; without intervals, all features at all times.
 
     Times outside every interval are blackouts. With `visibility = "facing"` a feature is seen only while the
     angle between its normal and the direction to the chaser is at most `max_incidence_deg`.
@@ -138,10 +138,10 @@ class Tracking(FileModel):
 
 
 class StereoRig(FileModel):
-    """[sensor.stereo]: a rectified pair of cameras at the chaser, which looks at the target's CoM.
+    """[sensor.stereo]: a rectified pair of cameras at the chaser that points at the target's CoM.
 
-    The noise is one standard deviation of each pixel coordinate. The baseline is normal to the boresight, turned about
-    it as `baryscope.models.directions.axes_along` says.
+    `pixel_noise` is the standard deviation of each pixel coordinate. The baseline is normal to the boresight; its
+    direction is that of `baryscope.models.directions.axes_along`.
     """
 
     focal_length: Annotated[float, Unit("px"), Field(ge=1, le=1e9)]
@@ -150,11 +150,11 @@ class StereoRig(FileModel):
 
 
 class Outliers(FileModel):
-    """[sensor.outliers]: sightings that are wrong, not only noisy; none unless asked for.
+    """[sensor.outliers]: gross errors; none by default.
 
-    A `share` of all sightings is off by a random vector of rms length `size`, each by its own. Another share,
-    `swapped`, stands under the label of another feature that is seen: pairs change places for a `stretch` of time. And
-    some features, `sliding` of them, leave their places at a random time and go along the surface at `sliding_speed`.
+    A `share` of all observations has an additional random error of rms length `size`. Another share, `swapped`, has the
+    label of another visible feature: two features swap labels for a `stretch` of time. `sliding` features start to move
+    along the surface at a random time, at `sliding_speed`.
     """
 
     share: float = Field(default=0.0, ge=0, lt=1)
@@ -166,9 +166,9 @@ class Outliers(FileModel):
 
 
 class Sensor(FileModel):
-    """[sensor]: noise of the positions, the share of sightings that are lost, and those that are wrong.
+    """[sensor]: measurement noise, share of lost observations (`dropout`), and gross errors.
 
-    The noise is isotropic and Gaussian (one standard deviation per axis), or that of a stereo rig.
+    The noise is isotropic and Gaussian (`noise`: standard deviation per axis), or that of a stereo rig.
     """
 
     noise: Annotated[float, Unit("m"), Field(ge=0, le=1e9)] = 0.02
@@ -191,9 +191,9 @@ class Sensor(FileModel):
 
 
 class Run(FileModel):
-    """[run]: how long, how often, and the seed of everything random."""
+    """[run]: duration, sample time, seed of all random numbers, and the integrator's relative tolerance."""
 
-    duration: Annotated[float | None, Unit("s"), Field(ge=1e-6, le=1e10)] = None  # None: one orbit
+    duration: Annotated[float | None, Unit("s"), Field(ge=1e-6, le=1e10)] = None  # None: one period
     sample_time: Annotated[float, Unit("s"), Field(gt=0, le=1e10)] = 1.0
     seed: int = Field(default=1, ge=0, lt=2**64)
     tolerance: float = 1e-13  # keeps the attitude to 1e-9 rad over an orbit in steps of any length

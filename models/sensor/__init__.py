@@ -1,8 +1,8 @@
-"""The sensor of a run: which features are seen when, and what a position sensor or a stereo rig makes of them.
+"""The sensor: which features are observed when, and the noisy positions that a sensor or a stereo rig measures.
 
-`observe` is the way in. `stereo` is the rig's geometry, `outliers` what goes wrong beside the noise.
+Start with `observe`. `stereo` holds the geometry of the rig, `outliers` the gross errors.
 """
 
-from baryscope.models.sensor.tracking import observation_covariance, observe, visible
+from baryscope.models.sensor.tracking import Observations, observation_covariance, observe, visible
 
-__all__ = ["observation_covariance", "observe", "visible"]
+__all__ = ["Observations", "observation_covariance", "observe", "visible"]

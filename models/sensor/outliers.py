@@ -1,4 +1,4 @@
-"""Sightings that are wrong: blunders, features that slide along the surface, and labels that change places."""
+"""Gross errors: blunders, features that slide along the surface, and swapped labels."""
 
 from functools import cache
 
@@ -18,42 +18,51 @@ IntArray = NDArray[np.intp]
 
 
 def blunders(outliers: Outliers, shape: tuple[int, int], seed: SeedSequence) -> FloatArray:
-    """By how much single sightings are off, (n, m, 3), m in C: a share of them by normal numbers, the rest by 0."""
+    """Position errors of single observations, (n, m, 3), m in C.
+
+    Each observation is a blunder with the probability `outliers.share`. Its error is normal, isotropic and of rms
+    length `outliers.size`. The other errors are 0.
+
+    Args:
+        outliers: share and size.
+        shape: (n, m), frames and features.
+        seed: of the random numbers.
+    """
     if outliers.share == 0:
         return np.zeros((*shape, 3))
     which, where = (np.random.default_rng(part) for part in seed.spawn(2))
-    struck = which.random(shape) < outliers.share
+    wrong = which.random(shape) < outliers.share
     offset = outliers.size / np.sqrt(3) * where.standard_normal((*shape, 3))
-    return np.where(struck[..., None], offset, 0.0)
+    return np.where(wrong[..., None], offset, 0.0)
 
 
 def slides(scenario: Scenario, time: FloatArray, attitude: FloatArray | None, seed: SeedSequence) -> FloatArray:
-    """By how much features have slid from their places, (n, m, 3), m in C.
+    """Displacements of features that slide along the surface, (n, m, 3), m in C.
 
-    Some features, drawn at random, set out at a time drawn from the whole run and go straight on in the plane normal to
-    their normal, fixed in B, at the scenario's speed.
+    Features are drawn at random. Each starts to slide at a random time of the run, and moves at the scenario's speed in
+    a random direction, fixed in B, in the plane normal to its surface normal.
 
     Args:
         scenario: gives the features' normals, how many slide and how fast.
         time: (n,), s.
-        attitude: (n, 4), the quaternion (w, x, y, z) of R_I_B; None only where nothing slides.
-        seed: of what is drawn.
+        attitude: (n, 4), the quaternion (w, x, y, z) of R_I_B; None if no feature slides.
+        seed: of the random numbers.
 
     Raises:
-        ValueError: features slide and there is no attitude.
+        ValueError: features slide and the attitude is missing.
     """
     outliers, points = scenario.sensor.outliers, scenario.features.points
     if outliers.sliding == 0:
         return np.zeros((time.size, len(points), 3))
     if attitude is None:
-        raise ValueError("features that slide need the target's attitude")
+        raise ValueError("attitude is missing, expected the target's attitude for features that slide")
     rng = np.random.default_rng(seed)
     rank, start = rng.permutation(len(points)), rng.random(len(points)) * scenario.duration
     heading = 2 * np.pi * rng.random(len(points))
     axes_B = axes_along(np.array([point.normal for point in points]))
-    way_B = np.cos(heading)[:, None] * axes_B[..., 0] + np.sin(heading)[:, None] * axes_B[..., 1]
+    direction_B = np.cos(heading)[:, None] * axes_B[..., 0] + np.sin(heading)[:, None] * axes_B[..., 1]
     length = np.where(rank < outliers.sliding, outliers.sliding_speed * np.maximum(time[:, None] - start, 0), 0.0)
-    return length[..., None] * (way_B @ np.swapaxes(_attitude()(attitude.T), 1, 2))
+    return length[..., None] * (direction_B @ np.swapaxes(_attitude()(attitude.T), 1, 2))
 
 
 @cache
@@ -64,17 +73,17 @@ def _attitude() -> ColumnFunction:
 
 
 def swaps(outliers: Outliers, time: FloatArray, seen: BoolArray, seed: SeedSequence) -> IntArray:
-    """Whose sighting stands under each label, (n, m): its own index, or that of a feature that it is swapped with.
+    """Index of the feature that is observed under each label, (n, m): its own, or that of a swapped partner.
 
-    Time is cut into stretches. In each, the features that are seen in it are drawn into pairs, and a pair is swapped
-    with the probability that makes the share of swapped sightings the scenario's, though an odd feature is left alone.
-    It stays so for the stretch, in the frames in which both are seen.
+    Time is divided into stretches. The features seen in a stretch are paired at random; with an odd number, one stays
+    alone. Each pair is swapped with the probability that gives the scenario's share of swapped observations. A swap
+    lasts for the stretch and concerns the frames in which both features are seen.
 
     Args:
-        outliers: share of swapped sightings and length of the stretches.
+        outliers: share of swapped observations and length of the stretches.
         time: (n,), s.
         seen: (n, m).
-        seed: of what is drawn.
+        seed: of the random numbers.
     """
     own = np.broadcast_to(np.arange(seen.shape[1]), seen.shape)
     if outliers.swapped == 0:
@@ -85,12 +94,12 @@ def swaps(outliers: Outliers, time: FloatArray, seen: BoolArray, seed: SeedSeque
     np.logical_or.at(present, stretch, seen)
 
     order_seed, choice_seed = seed.spawn(2)
-    lots = np.where(present, np.random.default_rng(order_seed).random((count, m)), np.inf)
-    order = np.argsort(lots, axis=1)
+    draws = np.where(present, np.random.default_rng(order_seed).random((count, m)), np.inf)
+    order = np.argsort(draws, axis=1)
     paired = present.sum(axis=1, keepdims=True) // 2 * 2
-    chance = outliers.swapped * present.sum(axis=1, keepdims=True) / np.maximum(paired, 1)
+    probability = outliers.swapped * present.sum(axis=1, keepdims=True) / np.maximum(paired, 1)
     place = np.arange(m)
-    chosen = (np.random.default_rng(choice_seed).random((count, m)) < chance)[:, place // 2 * 2]
+    chosen = (np.random.default_rng(choice_seed).random((count, m)) < probability)[:, place // 2 * 2]
     opposite = np.where(chosen & (place < paired), place ^ 1, place)
     partner = np.empty((count, m), dtype=np.intp)
     np.put_along_axis(partner, order, np.take_along_axis(order, opposite, axis=1), axis=1)

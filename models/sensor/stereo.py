@@ -1,7 +1,7 @@
-"""A rectified pair of cameras: where it sees a point, and the position and covariance it makes of that.
+"""A rectified pair of cameras: projection of points to pixels, and triangulation with covariance.
 
 The rig's frame V has its origin in the left camera, z along the boresight, x along the baseline to the right camera and
-y completing them; pixels are counted from where the boresight meets the image. A sighting is (u_l, v_l, u_r), px.
+y completing them; pixel coordinates are relative to the principal point. An observation is (u_l, v_l, u_r), px.
 """
 
 from functools import cache
@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 
 def project(rig: StereoRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArray:
-    """Pixels (n, m, 3) of points (n, m, 3), m in C; NaN where a point is not ahead of the rig.
+    """Pixels (n, m, 3) of points (n, m, 3), m in C; NaN where a point is not in front of the rig.
 
     Args:
         rig: focal length and baseline.
@@ -30,9 +30,9 @@ def project(rig: StereoRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArr
 
 
 def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What a rig makes of pixels (n, m, 3): positions (n, m, 3), m, and covariances (n, m, 3, 3), m², in C.
+    """Positions (n, m, 3), m, and their covariances (n, m, 3, 3), m², in C, from pixels (n, m, 3).
 
-    The covariance is the first-order one, J Jᵀ σ², at the point found. Both are NaN where no disparity is above zero.
+    The covariance is J Jᵀ σ² at the triangulated point, to first order. Both are NaN unless the disparity is above 0.
     """
     usable = np.where((pixels[..., 0] > pixels[..., 2])[..., None], pixels, np.nan)
     position_V = _of_each(_triangulation(), usable, rig)
@@ -41,7 +41,7 @@ def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[
 
 
 def _of_each(function: ColumnFunction, values: FloatArray, rig: StereoRig) -> FloatArray:
-    """Evaluate a function of (a point or a sighting, the rig) for (n, m, 3) of them."""
+    """Evaluate a function of (point or pixels, rig) for (n, m, 3) of them."""
     results = function(values.reshape(-1, 3).T, [rig.focal_length, rig.baseline, rig.pixel_noise])
     return results.reshape(*values.shape[:2], *results.shape[1:])
 

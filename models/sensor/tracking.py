@@ -1,4 +1,4 @@
-"""The sensor: which features of a run are seen when, and the positions that are measured of them, noisy or wrong."""
+"""The sensor: which features are seen when, and their measured positions with noise and gross errors."""
 
 from dataclasses import dataclass
 
@@ -17,15 +17,15 @@ FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit 
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
-    """What the chaser measures.
+class Observations:
+    """What the chaser measures in a run: n frames, m features.
 
     Attributes:
         position: (n, m, 3), m in frame C; NaN where a feature is not seen.
         seen: (n, m), where `position` holds numbers.
-        covariance: (n, m, 3, 3), m² in frame C, as the rig states it at the point measured; NaN where a feature is
+        covariance: (n, m, 3, 3), m² in frame C, at the measured point, as a rig computes it; NaN where a feature is
             not seen; None for isotropic noise.
-        wrong: (n, m), sightings that are not of the feature under whose label they stand, or not where it belongs.
+        wrong: (n, m), observations with a gross error: of another feature than the label says, or displaced.
     """
 
     position: FloatArray
@@ -41,24 +41,24 @@ def observe(
     normals_C: FloatArray,
     target_C: FloatArray | None = None,
     attitude: FloatArray | None = None,
-) -> Observation:
-    """Measure the true positions of the features as the scenario's tracking and sensor do.
+) -> Observations:
+    """Simulate the scenario's tracking and sensor on the true positions of the features.
 
-    A feature is seen while an interval names it, while it faces the chaser (if the scenario asks for that), where the
-    sighting is not dropped, and where a rig finds a positive disparity. Noise, dropout and what goes wrong are drawn
-    from separate streams of the scenario's seed, for every feature at every time, so that changing one of them, or the
-    intervals, leaves the rest as it was; only who is swapped with whom depends on who is seen.
+    A feature is seen while a tracking interval names it, while it faces the chaser (if the scenario asks for that),
+    unless the observation is dropped, and if a rig measures a positive disparity. Noise, dropout and gross errors are
+    drawn from separate streams of the scenario's seed, for every feature at every time: a change of one of them, or of
+    the intervals, leaves the others as they were. Only swaps depend on which features are seen.
 
     Args:
         scenario: gives intervals, visibility, sensor and seed.
         time: (n,), s.
         features_C: (n, m, 3), m, in the order of the scenario's features.
         normals_C: (n, m, 3), outward unit normals.
-        target_C: (n, 3), m, the target's CoM, at which a stereo rig looks; only that needs it.
-        attitude: (n, 4), the quaternion (w, x, y, z) of R_I_B; only features that slide need it.
+        target_C: (n, 3), m, the target's CoM, at which a stereo rig points; needed with a rig.
+        attitude: (n, 4), the quaternion (w, x, y, z) of R_I_B; needed if features slide.
 
     Raises:
-        ValueError: the shapes do not belong together, or something is missing that the sensor needs.
+        ValueError: the shapes do not match, or `target_C` or `attitude` is needed and missing.
     """
     shape = (time.size, len(scenario.features.points), 3)
     if features_C.shape != shape or normals_C.shape != shape:
@@ -73,7 +73,7 @@ def observe(
     measured, covariance = _measured(scenario, features_C + error_C, target_C, noise)
     seen = visible(scenario, time, features_C, normals_C) & kept & np.isfinite(measured[..., 0])
     frame, source = np.arange(time.size)[:, None], swaps(outliers, time, seen, outlier_seeds[2])
-    return Observation(
+    return Observations(
         position=np.where(seen[..., None], measured[frame, source], np.nan),
         seen=seen,
         covariance=None if covariance is None else np.where(seen[..., None, None], covariance[frame, source], np.nan),
@@ -95,25 +95,25 @@ def _measured(
 def _rig_axes(target_C: FloatArray | None) -> FloatArray:
     """R_C_V of the scenario's rig, (n, 3, 3)."""
     if target_C is None:
-        raise ValueError("a stereo rig needs the target's position, to look at it")
+        raise ValueError("target_C is missing, expected the target's position, at which a stereo rig points")
     return axes_along(target_C)
 
 
 def observation_covariance(
     scenario: Scenario, features_C: FloatArray, target_C: FloatArray | None = None
 ) -> FloatArray:
-    """True covariance of each sighting's noise, to first order, at the true point: what a Cramér–Rao bound needs.
+    """True covariance of the noise of each observation, to first order, at the true point, for a Cramér–Rao bound.
 
     Args:
         scenario: gives the sensor.
         features_C: (n, m, 3), m, where the features are.
-        target_C: (n, 3), m, the target's CoM, at which a stereo rig looks; only that needs it.
+        target_C: (n, 3), m, the target's CoM, at which a stereo rig points; needed with a rig.
 
     Returns:
-        (n, m, 3, 3), m² in frame C; NaN where a point is not ahead of the rig.
+        (n, m, 3, 3), m² in frame C; NaN where a point is not in front of the rig.
 
     Raises:
-        ValueError: there is a rig and no `target_C`.
+        ValueError: the scenario has a rig and `target_C` is missing.
     """
     rig = scenario.sensor.stereo
     if rig is None:
@@ -123,7 +123,7 @@ def observation_covariance(
 
 
 def visible(scenario: Scenario, time: FloatArray, features_C: FloatArray, normals_C: FloatArray) -> BoolArray:
-    """Which features an interval names and, if the scenario asks for that, face the chaser at each time, (n, m)."""
+    """Features that are tracked and, if the scenario asks for that, face the chaser, at each time, (n, m)."""
     seen = tracked(scenario, time)
     if scenario.tracking.visibility == "facing":
         limit = np.cos(np.deg2rad(scenario.tracking.max_incidence_deg)) - FACING_TOLERANCE
@@ -132,9 +132,9 @@ def visible(scenario: Scenario, time: FloatArray, features_C: FloatArray, normal
 
 
 def tracked(scenario: Scenario, time: FloatArray) -> BoolArray:
-    """Which features the scenario's intervals name at each time, (n, m); all of them where there are no intervals.
+    """Features that the scenario's intervals name at each time, (n, m); all features if there are no intervals.
 
-    An interval holds its start but not its end, except that of the one that ends last.
+    An interval includes its start and excludes its end; the last end of all is included.
     """
     labels, intervals = scenario.features.labels, scenario.tracking.intervals
     if not intervals:
@@ -143,7 +143,7 @@ def tracked(scenario: Scenario, time: FloatArray) -> BoolArray:
     order = np.argsort(time)
     starts = np.searchsorted(time, [interval.start for interval in intervals], sorter=order)
     ends = [np.searchsorted(time, i.end, "right" if i.end == last else "left", order) for i in intervals]
-    # How many intervals name a feature changes where they begin and end: memory goes with the frames alone.
+    # The number of intervals that name a feature changes at their ends; memory does not grow with the intervals.
     change = np.zeros((time.size + 1, len(labels)), dtype=np.intp)
     column = {label: index for index, label in enumerate(labels)}
     for interval, start, end in zip(intervals, starts, ends, strict=True):

@@ -85,7 +85,7 @@ def test_the_list_of_presets():
 def test_the_file_says_where_its_numbers_are_from(name):
     text = text_of(name)
     assert "# Published: " in text
-    assert "# Ours: " in text
+    assert "# Assumed: " in text
     assert text.count("\n") < 100
     description = tomllib.loads(text)["description"]
     assert description

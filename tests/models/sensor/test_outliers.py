@@ -143,7 +143,7 @@ def test_more_that_slide_leave_those_before_them_as_they_were():
 
 
 def test_sliding_needs_the_attitude():
-    with pytest.raises(ValueError, match="features that slide need the target's attitude"):
+    with pytest.raises(ValueError, match="attitude is missing"):
         observe(scenario(Outliers(sliding=1)), TIME, FEATURES_C, FEATURES_C)
 
 

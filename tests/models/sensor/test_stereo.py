@@ -144,5 +144,5 @@ def test_a_rig_needs_the_target():
         lambda: observe(scenario(), np.arange(2.0), features, features),
         lambda: observation_covariance(scenario(), features),
     ):
-        with pytest.raises(ValueError, match="stereo rig needs the target's position"):
+        with pytest.raises(ValueError, match="target_C is missing"):
             call()
