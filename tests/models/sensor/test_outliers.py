@@ -65,7 +65,7 @@ def test_the_others_are_left_alone(outliers):
 
 
 def test_blunders():
-    """Share of the sightings, rms length, no direction preferred, each by itself."""
+    """Share of the observations, rms length, no direction preferred, each by itself."""
     share, size = 0.1, 2.0
     seen = observed(scenario(Outliers(share=share, size=size)))
     off = (seen.position - FEATURES_C)[seen.wrong]

@@ -92,12 +92,12 @@ def test_covariance_off_the_boresight(point):
 def test_many_draws():
     """Sample covariance against the true one, and the mean range against its bias of second order, Z (σ_d/d)²."""
     point = TARGET + np.array([2.0, 1.0, -1.5])
-    sightings = measured(scenario(), point).position.reshape(-1, 3)
-    whitened = np.linalg.solve(np.linalg.cholesky(true_covariance(scenario(), point)), (sightings - point).T)
-    n = len(sightings)
+    observations = measured(scenario(), point).position.reshape(-1, 3)
+    whitened = np.linalg.solve(np.linalg.cholesky(true_covariance(scenario(), point)), (observations - point).T)
+    n = len(observations)
     np.testing.assert_allclose(np.cov(whitened), np.eye(3), atol=SIGMAS * np.sqrt(2 / n))
     boresight = TARGET / 20
-    range_, ranges = point @ boresight, sightings @ boresight
+    range_, ranges = point @ boresight, observations @ boresight
     bias = range_ * (np.sqrt(0.5) / (1911.0 / range_)) ** 2
     assert ranges.mean() - range_ == pytest.approx(bias, abs=SIGMAS * ranges.std() / np.sqrt(n))
 

@@ -149,7 +149,7 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another():
 
 
 def test_noise_and_dropout_are_separate_streams():
-    """More noise loses the same sightings, scaled; more dropout leaves the noise of what is seen as it was."""
+    """More noise loses the same observations, scaled; more dropout leaves the noise of what is seen as it was."""
     time, features, normals = still(500)
     low, high, lossy = (
         observe(scenario(sensor=sensor), time, features, normals)
