@@ -1,13 +1,15 @@
 """Files: written completely or not at all, and read with errors of one line."""
 
+import errno
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError
 
+DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 AnyPath = str | os.PathLike[str]  # what functions take that users call
 
 
@@ -15,10 +17,12 @@ AnyPath = str | os.PathLike[str]  # what functions take that users call
 def replacing(path: AnyPath) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; rename it to `path` on success, remove it on failure.
 
-    Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was.
+    Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was. Where several
+    of these are entered before anything is written, all files are finished before the first is renamed.
 
     Raises:
         InputError: the folder cannot be made or written to, or `path` is a folder.
+        ComputationError: the disk is full, or fails.
     """
     path = Path(path)
     if path.is_dir():
@@ -27,7 +31,7 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+        raise unwritable(path, error) from error
     os.close(handle)
     temporary = Path(name)
     try:
@@ -36,8 +40,57 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         temporary.replace(path)
+    except OSError as error:
+        if error.filename not in (None, name, temporary) or isinstance(error, BrokenPipeError):
+            raise  # of something else that was done meanwhile
+        raise unwritable(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Yield a folder that is removed, with what is in it, in the end.
+
+    Raises:
+        InputError, ComputationError: it cannot be made or written to; names the folder for temporary files.
+    """
+    folder = tempfile.gettempdir()
+    try:
+        with tempfile.TemporaryDirectory(prefix="baryscope-", ignore_cleanup_errors=True) as name:
+            folder = name
+            yield Path(name)
+    except OSError as error:
+        if isinstance(error, BrokenPipeError) or not str(error.filename or folder).startswith(folder):
+            raise  # of something else that was done meanwhile
+        raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
+
+
+def unwritable(path: AnyPath, error: OSError) -> InputError | ComputationError:
+    """What to raise where `path` cannot be written: the request's fault, but for a disk that is full or fails."""
+    kind = ComputationError if error.errno in DISK_TROUBLE else InputError
+    return kind(f"{os.fspath(path)}: cannot be written ({error.strerror or error})")
+
+
+def refuse_overwriting(written: Iterable[AnyPath], read: Iterable[AnyPath]) -> None:
+    """Check that none of the files to be written is one that is read, by this name, another spelling or a link.
+
+    Raises:
+        InputError: one is.
+    """
+    sources = list(read)
+    for path in written:
+        for source in sources:
+            if _is_same(path, source):
+                also = "" if os.fspath(path) == os.fspath(source) else f", as {os.fspath(source)}"
+                raise InputError(f"{os.fspath(path)}: would be written over, but is read{also}; expected another name")
+
+
+def _is_same(one: AnyPath, other: AnyPath) -> bool:
+    try:
+        return Path(one).samefile(other)
+    except OSError:  # one is not there
+        return os.path.realpath(one) == os.path.realpath(other)
 
 
 def read_bytes(path: AnyPath, expected: str, limit: int = -1) -> bytes:

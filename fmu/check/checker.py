@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ from baryscope.fmu.check.finding import Finding, Severity, error
 from baryscope.fmu.check.ours import is_ours, table_findings
 from baryscope.fmu.layout.archive import unpack
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath
+from baryscope.models.files import AnyPath, temporary_folder
 
 TIME_LIMIT = 300.0  # seconds for all that is done with the binary
 
@@ -36,10 +35,11 @@ def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
 
     Raises:
         InputError: the file cannot be read, is no FMU, or holds unsafe paths.
+        ComputationError: there is no room to unpack it.
     """
     path = Path(path)
-    with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
-        folder = Path(name) / "unit"
+    with temporary_folder() as top:
+        folder = top / "unit"
         folder.mkdir()
         unpack(path, folder, "an FMU")
         _require_description(path, folder)
@@ -53,7 +53,7 @@ def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
         if is_ours(description):
             findings += table_findings(description)
         if not any("could not be checked" in finding.message for finding in findings):
-            findings += _isolated_findings(folder, Path(name) / "results") if isolated else binary_findings(folder)
+            findings += _isolated_findings(folder, top / "results") if isolated else binary_findings(folder)
     unique = dict.fromkeys(findings)  # both interfaces say much the same
     return sorted(unique, key=lambda finding: finding.severity != Severity.ERROR)
 

@@ -6,7 +6,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -19,6 +18,7 @@ from platform import libc_ver
 from baryscope.fmu.generate import cache
 from baryscope.fmu.layout.platforms import Platform
 from baryscope.models.errors import ComputationError
+from baryscope.models.files import temporary_folder
 
 CANDIDATES = ("cc", "gcc", "clang")
 # No -ffast-math: it would drop isfinite. No contraction: the same numbers from every compiler.
@@ -187,8 +187,7 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
 def _compile(job: Job) -> tuple[bytes, str]:
     """The library and the compiler's warnings, which should be empty."""
     command = [*job.compiler, *job.arguments]
-    with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
-        folder = Path(name)
+    with temporary_folder() as folder:
         for member, content in job.sources.items():
             (folder / member).write_bytes(content)
         try:

@@ -12,6 +12,7 @@ import fmpy
 from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference, reference_table
 from baryscope.models.errors import InputError
+from baryscope.models.files import DISK_TROUBLE, unwritable
 from baryscope.models.variables import Kind, Variable, variable_table
 
 MODEL_NAME = "TumblingTarget"
@@ -65,8 +66,12 @@ def open_unit(path: Path) -> UnitFile:
 
     Raises:
         InputError: it cannot be read, is damaged or unsafe, or is not a TumblingTarget of this version's table.
+        ComputationError: there is no room to unpack it.
     """
-    folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
+    except OSError as error:
+        raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
     try:
         unpack(path, folder, "an FMU made by `baryscope build`")
         return _describe(path, folder)
@@ -80,6 +85,7 @@ def unpack(path: Path, folder: Path, expected: str) -> None:
 
     Raises:
         InputError: it cannot be read, is damaged, or holds an unsafe path.
+        ComputationError: there is no room in the folder.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -91,6 +97,8 @@ def unpack(path: Path, folder: Path, expected: str) -> None:
     except zipfile.BadZipFile as error:
         raise InputError(f"{path}: is not a whole zip file ({error}), expected {expected}") from error
     except OSError as error:
+        if error.errno in DISK_TROUBLE:  # it can be read, but what is in it cannot be written
+            raise unwritable(folder, error) from error
         raise InputError(f"{path}: {error.strerror or error}, expected {expected}") from error
 
 

@@ -1,11 +1,14 @@
-"""Files are whole or not there."""
+"""Files are whole or not there, and none that is read is written over."""
 
+import errno
+import os
 import stat
+import tempfile
 
 import pytest
 
-from baryscope.models.errors import InputError
-from baryscope.models.files import read_text, replacing
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.files import read_text, refuse_overwriting, replacing, temporary_folder
 
 
 def test_a_new_file_in_a_new_folder(tmp_path):
@@ -72,3 +75,92 @@ def test_unreadable_text(tmp_path):
     with pytest.raises(InputError) as caught:
         read_text(path, "a text")
     assert str(caught.value) == f"{path}: byte 3 is not UTF-8 text, expected a text"
+
+
+def fail_at(number, half=None):
+    """Fail as a write does, with half a file written."""
+    if half is not None:
+        half.write_text("ne")
+    raise OSError(number, os.strerror(number))
+
+
+@pytest.mark.parametrize("number, kind", [
+    (errno.ENOSPC, ComputationError),
+    (errno.EIO, ComputationError),
+    (errno.EROFS, InputError),
+])  # fmt: skip
+def test_a_write_that_fails_names_the_file_and_the_reason_and_leaves_the_older_file(tmp_path, number, kind):
+    path = tmp_path / "file.csv"
+    path.write_text("older")
+    with pytest.raises(kind) as caught, replacing(path) as temporary:
+        fail_at(number, temporary)
+    assert str(caught.value) == f"{path}: cannot be written ({os.strerror(number)})"
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_fails_meanwhile_keeps_its_own_name(tmp_path):
+    with pytest.raises(FileNotFoundError, match="elsewhere"), replacing(tmp_path / "file.csv"):
+        (tmp_path / "elsewhere").read_text()
+    with pytest.raises(FileNotFoundError, match="elsewhere"), temporary_folder():
+        (tmp_path / "elsewhere").read_text()
+    with pytest.raises(BrokenPipeError), replacing(tmp_path / "file.csv"):
+        fail_at(errno.EPIPE)
+
+
+def test_files_that_belong_together_are_both_new_or_both_old(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).write_text("older")
+    with pytest.raises(ComputationError), replacing(tmp_path / "a"), replacing(tmp_path / "b") as second:
+        fail_at(errno.ENOSPC, second)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "older", "b": "older"}
+
+
+def test_a_temporary_folder_is_gone_afterwards_and_names_its_place_when_full():
+    with temporary_folder() as folder:
+        (folder / "file").touch()
+    assert not folder.exists()
+    with pytest.raises(ComputationError) as caught, temporary_folder():
+        fail_at(errno.ENOSPC)
+    assert (
+        str(caught.value)
+        == f"{tempfile.gettempdir()}, for temporary files: cannot be written (No space left on device)"
+    )
+
+
+def link_to(tmp_path):
+    (tmp_path / "link.csv").symlink_to(tmp_path / "in.csv")
+    return tmp_path / "link.csv"
+
+
+def hard_link_to(tmp_path):
+    os.link(tmp_path / "in.csv", tmp_path / "hard.csv")
+    return tmp_path / "hard.csv"
+
+
+def folder_link_to(tmp_path):
+    (tmp_path / "folder").symlink_to(tmp_path, target_is_directory=True)
+    return tmp_path / "folder" / "in.csv"
+
+
+@pytest.mark.parametrize("name_of", [
+    pytest.param(lambda p: p / "in.csv", id="same"),
+    pytest.param(lambda p: str(p / "in.csv"), id="text"),
+    pytest.param(lambda p: p / ".." / p.name / "in.csv", id="dots"),
+    pytest.param(lambda p: os.path.relpath(p / "in.csv"), id="relative"),
+    link_to,
+    hard_link_to,
+    folder_link_to,
+])  # fmt: skip
+def test_a_file_that_is_read_is_not_written_over_under_any_name(tmp_path, name_of):
+    (tmp_path / "in.csv").write_text("mine")
+    name = name_of(tmp_path)
+    with pytest.raises(InputError) as caught:
+        refuse_overwriting([tmp_path / "other.csv", name], [tmp_path / "none.toml", tmp_path / "in.csv"])
+    assert str(caught.value).startswith(f"{name}: would be written over, but is read")
+
+
+def test_other_files_may_be_written(tmp_path):
+    (tmp_path / "in.csv").write_text("mine")
+    (tmp_path / "there.csv").write_text("older")
+    refuse_overwriting([tmp_path / "there.csv", tmp_path / "not-there.csv"], [tmp_path / "in.csv"])
