@@ -17,6 +17,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from baryscope.fmu.layout.archive import UnitFile
 from baryscope.fmu.layout.platforms import FmiVersion, host_platform, library_of_this_machine
+from baryscope.fmu.runtime.arguments import number_of
 from baryscope.models.errors import ComputationError, InputError
 
 _WARNING = 1
@@ -186,7 +187,11 @@ class Instance:
 
     def step(self, time: float, duration: float) -> None:
         """Advance from `time` by `duration` seconds."""
-        status = self._do_step(self._component, time, duration, False, *self._answers)
+        try:
+            status = self._do_step(self._component, time, duration, False, *self._answers)
+        except ctypes.ArgumentError:  # not a float, but maybe a number
+            seconds = number_of("duration", duration)
+            status = self._do_step(self._component, time, seconds, False, *self._answers)
         if status > _WARNING:
             raise self._refusal("DoStep", status)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.fmu.layout.archive import UnitFile, open_unit
+from baryscope.fmu.runtime.arguments import array_of, number_of
 from baryscope.fmu.runtime.instance import Buffer, Instance, UnitError
 from baryscope.fmu.runtime.state import SavedState, read_times
 from baryscope.models.errors import InputError
@@ -20,6 +21,7 @@ from baryscope.models.variables import Kind, Variable
 __all__ = ["Session", "UnitError"]
 
 FloatArray = NDArray[np.float64]
+SMALLEST_TOLERANCE = 1e-15  # as for the parameter solver.tolerance
 
 
 class Session:
@@ -97,13 +99,18 @@ class Session:
         Raises:
             InputError, UnitError: as for the constructor.
         """
+        start = number_of("start_time", start_time)
+        stop = None if stop_time is None else number_of("stop_time", stop_time)
+        bound = None if tolerance is None else number_of("tolerance", tolerance)
+        if bound is not None and not bound >= SMALLEST_TOLERANCE:
+            raise InputError(f"tolerance: found {bound:g}, expected a value of at least {SMALLEST_TOLERANCE:g}")
         instance = self.instance
         instance.reset()
         for name, value in (parameters or {}).items():
             self._set_parameter(self._unit.find(name, Kind.PARAMETER), value)
-        instance.initialise(start_time, stop_time, tolerance)
+        instance.initialise(start, stop, bound)
         self._inputs.values[:] = 0.0
-        self.time, self._time_rest = start_time, 0.0
+        self.time, self._time_rest = start, 0.0
         instance.get(self._outputs)
 
     def tune(self, parameters: Mapping[str, ArrayLike]) -> None:
@@ -125,9 +132,11 @@ class Session:
             self.instance.get(self._outputs)
 
     def _set_parameter(self, variable: Variable, value: ArrayLike) -> None:
-        array = _shaped(variable, value)
+        array = array_of(variable.name, value, variable.shape)
         references = self._unit.references(variable)
         if variable.boolean:
+            if np.isnan(array):
+                raise InputError(f"{variable.name}: found nan, expected true or false")
             self.instance.set_boolean(references[0], bool(array.item() != 0))
         else:
             buffer = Buffer(references, variable.size, self._unit.fmi)
@@ -287,17 +296,4 @@ class _Block(Buffer):
 
     def __setitem__(self, name: str, value: ArrayLike) -> None:
         view = self._views[name]
-        array = np.asarray(value, dtype=float)
-        if array.shape != view.shape:
-            raise InputError(f"{name}: found shape {array.shape}, expected {view.shape}")
-        view[...] = array
-
-
-def _shaped(variable: Variable, value: ArrayLike) -> FloatArray:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{variable.name}: found {value!r}, expected numbers") from error
-    if array.shape != variable.shape:
-        raise InputError(f"{variable.name}: found shape {array.shape}, expected {variable.shape}")
-    return array
+        view[...] = array_of(name, value, view.shape)

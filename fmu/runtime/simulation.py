@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baryscope.fmu.runtime.arguments import array_of
 from baryscope.fmu.runtime.session import Session
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
@@ -62,8 +63,9 @@ def simulate(
         InputError: the times are not increasing, or as for `Session`.
         UnitError: the unit refuses a value or a step.
     """
-    points = np.asarray(times, dtype=float)
-    if points.ndim != 1 or points.size < 1 or not np.all(np.isfinite(points)) or np.any(np.diff(points) <= 0):
+    points = array_of("times", times)
+    increasing = points.ndim == 1 and points.size > 0 and np.all(points[1:] > points[:-1])
+    if not increasing or not np.all(np.isfinite(points)):
         raise InputError("times: expected a one-dimensional, finite, strictly increasing array of seconds")
     with Session(fmu, parameters, start_time=float(points[0])) as session:
         if acceleration is not None or torque is not None:
