@@ -7,9 +7,19 @@ ekf: tracks → start → passes of a bank of filters → smoother → assessmen
 score: tracks → bodies → least squares of a fixed centre → assessment → result.
 """
 
+from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import Estimate, Status
 from baryscope.estimator.tracks import FeatureTracks
 
-__all__ = ["METHODS", "Estimate", "FeatureTracks", "PathOptions", "ScrewOptions", "estimate"]
+__all__ = [
+    "METHODS",
+    "Estimate",
+    "FeatureTracks",
+    "PathOptions",
+    "ScrewOptions",
+    "Status",
+    "estimate",
+    "write_estimate",
+]

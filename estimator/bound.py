@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.diagnostics import Cluster, verdict
+from baryscope.estimator.adjustment.diagnostics import cluster_of, observability_of
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Path, trajectory_of
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
@@ -19,6 +19,8 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.result import Observability
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
@@ -35,7 +37,7 @@ class Bound:
     time (n,) in s; position_covariance (n, 3, 3) of the CoM in C, m²; offset_covariance (3, 3) of the CoM in the axes
     that all features hold, m²; attitude_covariance (n, 3, 3), rad², rate_covariance (3, 3), rad²/s², at the middle of
     the time, and inertia_covariance (5, 5), of trace 1, in the coefficients of INERTIA_BASIS: all in these axes.
-    observations: how many there are. verdict: whether the CoM is observable, in a sentence.
+    observations: how many there are; observability of the CoM.
     """
 
     time: FloatArray
@@ -45,7 +47,7 @@ class Bound:
     rate_covariance: FloatArray
     inertia_covariance: FloatArray
     observations: int
-    verdict: str
+    observability: Observability
 
     @cached_property
     def position_deviation(self) -> float:
@@ -99,15 +101,17 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
     seen = np.nonzero(observations.weight.any(axis=0))[0]
     offset, _ = found.offset_covariance(y, seen)
     attitude, rate, inertia = _in_held_axes(rotation, motion, found, y, seen)
+    position_covariance = sampled.covariance(of_path)
+    body = Body(seen, np.arange(len(time)), points[seen], motion.attitude)
     return Bound(
         time,
-        sampled.covariance(of_path),
+        position_covariance,
         offset,
         attitude,
         rate,
         inertia,
         observations.count,
-        verdict(Cluster(seen, np.arange(len(time)), (), points[seen], offset)),
+        observability_of([cluster_of(body, points[seen], offset, scenario.features.labels)], position_covariance),
     )
 
 

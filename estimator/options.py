@@ -4,13 +4,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from baryscope.estimator.registration.procrustes import Reference
-from baryscope.estimator.screws.polynomial import HIGHEST_DEGREE
 from baryscope.models.errors import InputError
 
+Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
 Noise = Literal["stereo", "fixed"]
 Torque = Literal["none", "gravity-gradient"]
+
+HIGHEST_DEGREE = 20  # of a polynomial path
 
 
 @dataclass(frozen=True)

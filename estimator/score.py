@@ -8,19 +8,27 @@ ground is the target's LVLH frame, in which a chaser on V-bar is at rest, and wi
 """
 
 import time as clock
+from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
+from baryscope.estimator.adjustment.diagnostics import (
+    cluster_of,
+    covered_by,
+    observability_of,
+    rejected_by,
+    residuals_of,
+)
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.registration.clusters import PosedBody, find_bodies
+from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
-from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import Orbit
 
 
@@ -28,8 +36,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """The centre of mass as the fixed centre of rotation, in LVLH where an orbit is given and `fixed` is not asked for.
 
     The covariance is that of the least squares, whose noise is what is left over: of c_k + R_k u − v, per coordinate,
-    which is also the diagnostics' `residual_rms`, and not the noise of an observation. Where the centre moves it is
-    wrong.
+    `ScoreDetails.centre_residual`. Where the centre moves it is wrong. A sigma in the options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`.
@@ -42,56 +49,75 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
     position = tracks.position @ R_C_W
     inliers = screen(position, tracks.seen)
-    posed, _ = find_bodies(position, inliers)
-    centre, offsets, covariance, variance = solve_score(posed)
-    each = np.ones((len(tracks.time), 1))
-    weights = np.zeros(tracks.seen.shape)
-    clusters = []
-    for index, (one, offset) in enumerate(zip(posed, offsets, strict=True)):
-        own, body = slice(3 * index, 3 * index + 3), one.body
-        block = np.ix_(body.frames, body.features)
-        weights[block] = np.where(tracks.seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
-        clusters.append(
-            Cluster(body.features, body.frames, one.intervals, body.points + offset, variance * covariance[own, own])
-        )
-    return assessed(
-        "score",
-        tracks,
-        "fixed in LVLH" if in_orbit else "fixed",
-        each * (R_C_W @ centre),
-        each[:, :, None] * (variance * R_C_W @ covariance[-3:, -3:] @ np.swapaxes(R_C_W, 1, 2)),
-        clusters,
-        weights=weights,
-        variance=variance,
+    registered = find_bodies(position, inliers)
+    centre, offsets, inverse, variance = solve_score(registered)
+    bodies = [
+        replace(body, points=body.points + offset) for body, offset in zip(registered.bodies, offsets, strict=True)
+    ]
+    weight, covariances = np.zeros(tracks.seen.shape), []
+    for index, body in enumerate(bodies):
+        own, block = slice(3 * index, 3 * index + 3), np.ix_(body.frames, body.features)
+        weight[block] = np.where(tracks.seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
+        covariances.append(variance * inverse[own, own])
+    clusters = tuple(
+        cluster_of(body, body.points, own, tracks.labels) for body, own in zip(bodies, covariances, strict=True)
+    )
+    n = len(tracks.time)
+    of_centre = R_C_W @ (variance * inverse[-3:, -3:]) @ np.swapaxes(R_C_W, 1, 2)
+    covariance = np.broadcast_to(of_centre, (n, 3, 3)).copy()
+    turn = lvlh_rate(orbit, tracks.time)[:, None] if orbit is not None and in_orbit else np.zeros((n, 1))
+    residuals = residuals_of(position, bodies, np.tile(centre, (n, 1)))
+    residuals = residuals @ np.swapaxes(R_C_W, 1, 2)
+    used, rejected = weight > 0, rejected_by(weight)
+    kept = residuals[used & ~rejected]
+    return Estimate(
+        time=tracks.time,
+        labels=tracks.labels,
+        position=np.broadcast_to(R_C_W @ centre, (n, 3)).copy(),
+        covariance=covariance,
+        motion=Motion(velocity=np.broadcast_to(R_C_W @ np.cross([0.0, 0.0, 1.0], centre), (n, 3)) * turn),
+        observability=observability_of(clusters, covariance),
+        clusters=clusters,
+        noise=Noise(None, float(np.sqrt(np.mean(kept**2))) if kept.size else np.nan),
+        residuals=residuals,
+        used=used,
+        rejected=rejected,
+        covered=covered_by(clusters, n),
+        converged=True,
+        rounds=1,
+        findings=(),
+        method="score",
+        path="fixed in LVLH" if in_orbit else "fixed",
         options=options,
-        begin=begin,
-        extra={},
+        details=ScoreDetails(float(np.sqrt(variance))),
+        wall_time=clock.perf_counter() - begin,
     )
 
 
-def solve_score(posed: tuple[PosedBody, ...]) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """The least squares of c_k = v + R_k d, d = −u, over all bodies at once.
 
     Returns:
         v (3,) and d (j, 3), each body's in its axes, m; the inverse (3 j + 3, 3 j + 3) of the normal equations of
         (d, v), zero where undetermined; and the variance of a coordinate that is left over, m².
     """
-    j = len(posed)
+    bodies, origins = registered.bodies, registered.origins
+    j = len(bodies)
     matrix, rhs = np.zeros((3 * j + 3, 3 * j + 3)), np.zeros(3 * j + 3)
-    for index, one in enumerate(posed):
-        own, R = slice(3 * index, 3 * index + 3), one.body.attitude
+    for index, (body, origin) in enumerate(zip(bodies, origins, strict=True)):
+        own, R = slice(3 * index, 3 * index + 3), body.attitude
         turned = R.sum(axis=0)
         matrix[own, own] = len(R) * np.eye(3)
         matrix[own, -3:], matrix[-3:, own] = turned.T, turned
         matrix[-3:, -3:] += len(R) * np.eye(3)
-        rhs[own] = np.einsum("kij,ki->j", R, one.translation)
-        rhs[-3:] += one.translation.sum(axis=0)
+        rhs[own] = np.einsum("kij,ki->j", R, origin)
+        rhs[-3:] += origin.sum(axis=0)
     inverse = symmetric_pseudo_inverse(matrix)
     found = inverse @ rhs
     centre, offsets = found[-3:], found[:-3].reshape(-1, 3)
     squares = sum(
-        float(np.sum((one.translation - centre - one.body.attitude @ offset) ** 2))
-        for one, offset in zip(posed, offsets, strict=True)
+        float(np.sum((origin - centre - body.attitude @ offset) ** 2))
+        for body, origin, offset in zip(bodies, origins, offsets, strict=True)
     )
-    values = 3 * sum(len(one.body.frames) for one in posed)
+    values = 3 * sum(len(body.frames) for body in bodies)
     return centre, offsets, inverse, squares / max(values - len(found), 1)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.prose import verdict
 from baryscope.estimator.tracks import FeatureTracks
 from oracles import inertial_states, propagate_kepler
 from synthetic import ENVISAT, MU, Orbit, attitude, box_features, make_case
@@ -85,24 +86,24 @@ def squared_error(found, case):
 
 def squared_error_of_cluster(found, case, index=0):
     """The same of the centre of mass in axes that a cluster's features hold: the truth is turned to them by scipy."""
-    cluster = found.diagnostics["clusters"][index]
-    members = [case.tracks.labels.index(label) for label in cluster["features"]]
+    cluster = found.clusters[index]
+    members = [case.tracks.labels.index(label) for label in cluster.labels]
     centroid = case.features[members].mean(axis=0)
-    shape = np.array(list(cluster["features"].values()))
+    shape = cluster.points
     turn = Rotation.align_vectors(shape, case.features[members] - centroid)[0].as_matrix()
-    error = np.array(cluster["centre_of_mass"]) + turn @ centroid
-    return float(error @ np.linalg.solve(cluster["centre_of_mass_covariance"], error))
+    error = cluster.centre_of_mass + turn @ centroid
+    return float(error @ np.linalg.solve(cluster.covariance, error))
 
 
 def assert_good(found, case, deviations=4.5):
     """Observable, settled, nothing to remark, and the errors what the covariance says: χ₃ beyond 4.5 is 1 in 6,000."""
-    assert found.diagnostics["verdict"].startswith("observable")
-    assert found.diagnostics["converged"]
-    assert found.diagnostics["remarks"] == []
+    assert verdict(found.observability).startswith("observable")
+    assert found.converged
+    assert found.findings == ()
     assert squared_error(found, case) < deviations**2
 
 
 def assert_as_few_frames(found, case, share):
     """Good, and hardly worse than if nothing were wrong, but for the share of frames that tell."""
     assert_good(found, case)
-    assert found.diagnostics["position_deviation"] < 1.3 * 0.001 / np.sqrt(share)
+    assert found.predicted_rmse < 1.3 * 0.001 / np.sqrt(share)

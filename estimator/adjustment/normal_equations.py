@@ -115,6 +115,18 @@ def best_turned(observations: Observations, attitude: FloatArray, origin: FloatA
     return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ rhs[:, :, None])[:, :, 0]))
 
 
+def attitude_information(observations: Observations, attitude: FloatArray, points: FloatArray) -> FloatArray:
+    """What observations say of the attitude (n, 3, 3) R_C_B of points (m, 3) in B: information (n, 3, 3) in B, 1/rad²,
+    for observations whose weights are inverse variances, and known points and origin.
+    """
+    arms = cross_matrices(points)
+    if observations.precision is None:
+        return turn_information(observations.weight, arms)
+    R = attitude[:, None]
+    P = observations.weight[:, :, None, None] * (np.swapaxes(R, 2, 3) @ observations.precision @ R)
+    return np.asarray(np.einsum("mij,kmjl,mnl->kin", arms, P, arms, optimize=True))
+
+
 def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:
     """Σ w [b]× [b]×ᵀ of each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
     squares = np.einsum("mij,mkj->mik", arms, arms)

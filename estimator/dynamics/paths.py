@@ -7,21 +7,22 @@ orbits); its Jacobian is Yamanaka's and Ankersen's, which is that of the motion 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.options import HIGHEST_DEGREE
 from baryscope.models.errors import InputError
-from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_path, relative_transition
 
 FloatArray = NDArray[np.float64]
 
-HIGHEST_DEGREE = 20
 ARC = 0.01  # rad of true anomaly between nodes: leaves 5/384 ARC⁴ of the distance, 3 nm at 20 m, to the spline
 TRAJECTORIES = "fixed, polynomial, polynomial:N or relative-orbit"
 
@@ -41,6 +42,10 @@ class Path(Protocol):
 
     def at(self, time: FloatArray) -> "SampledPath":
         """The path at times (n,) in s."""
+        ...
+
+    def rate_at(self, time: FloatArray) -> "SampledPath":
+        """The path's rate of change at times (n,) in s: velocities for positions, per s."""
         ...
 
 
@@ -80,10 +85,23 @@ class Polynomial:
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        half = max((self.end - self.begin) / 2, 1e-300)
-        scaled = (time - (self.begin + self.end) / 2) / half
-        terms = np.asarray(chebyshev.chebvander(scaled, self.degree), dtype=np.float64)
-        jacobian = np.einsum("nd,ij->nidj", terms, np.eye(3)).reshape(len(time), 3, self.size)
+        return self._sampled(chebyshev.chebvander(self._scaled(time), self.degree))
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The path's velocity at times (n,) in s."""
+        derivatives = chebyshev.chebder(np.eye(self.degree + 1)) / self._half
+        return self._sampled(chebyshev.chebval(self._scaled(time), derivatives).T)
+
+    @property
+    def _half(self) -> float:
+        return max((self.end - self.begin) / 2, 1e-300)
+
+    def _scaled(self, time: FloatArray) -> FloatArray:
+        return np.asarray((time - (self.begin + self.end) / 2) / self._half)
+
+    def _sampled(self, terms: NDArray[Any]) -> SampledPath:
+        """From the polynomials' values (n, degree + 1)."""
+        jacobian = np.einsum("nd,ij->nidj", terms, np.eye(3)).reshape(len(terms), 3, self.size)
         return SampledPath(jacobian, lambda x: np.asarray(terms @ x.reshape(-1, 3)))
 
 
@@ -109,12 +127,23 @@ class RelativeOrbit:
         """The path at times (n,) in s; between nodes ARC apart, where there are more times, by a cubic spline."""
         nodes = self._nodes(time)
         R_I_L = lvlh_attitude(self.orbit, nodes)
+        return self._sampled(time, nodes, np.concatenate([-R_I_L, np.zeros_like(R_I_L)], axis=2))
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The CoM's velocity in C, −R_I_L (ρ̇ + θ̇ e_z × ρ), at times (n,) in s, likewise."""
+        nodes = self._nodes(time)
+        R_I_L = lvlh_attitude(self.orbit, nodes)
+        turn = lvlh_rate(self.orbit, nodes)[:, None, None] * cross_matrices(np.eye(3)[2:])
+        return self._sampled(time, nodes, -np.concatenate([R_I_L @ turn, R_I_L], axis=2))
+
+    def _sampled(self, time: FloatArray, nodes: FloatArray, by_state: FloatArray) -> SampledPath:
+        """What follows (ρ, ρ̇) by matrices (k, 3, 6) at the nodes."""
         transition = relative_transition(self.orbit, nodes, self.epoch)
-        jacobian = -(R_I_L @ transition[:, :3]) * self.scale
+        jacobian = (by_state @ transition) * self.scale
 
         def position(x: FloatArray) -> FloatArray:
-            rho_L = relative_path(self.orbit, self.scale * x, nodes, self.epoch)[:, :3]
-            return _between(nodes, -(R_I_L @ rho_L[:, :, None])[:, :, 0], time)
+            state = relative_path(self.orbit, self.scale * x, nodes, self.epoch)
+            return _between(nodes, (by_state @ state[:, :, None])[:, :, 0], time)
 
         return SampledPath(_between(nodes, jacobian, time), position)
 

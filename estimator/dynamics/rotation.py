@@ -73,8 +73,14 @@ class Rotation:
 
     def at(self, time: FloatArray) -> "Attitudes":
         """Attitude, rate and sensitivities at times (n,) in s, in any order."""
-        nodes = _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
-        return nodes.between(time)
+        return self._nodes_around(time).between(time)
+
+    def rate_sensitivity_at(self, time: FloatArray) -> FloatArray:
+        """How the angular rate in B at times (n,) changes with rate and inertia at the epoch, (n, 3, 8)."""
+        return self._nodes_around(time).rate_sensitivity(time)
+
+    def _nodes_around(self, time: FloatArray) -> "_Nodes":
+        return _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +107,7 @@ class _Nodes:
 
     def between(self, time: FloatArray) -> Attitudes:
         h = self.time[1] - self.time[0]
-        left = np.clip(((time - self.time[0]) / h).astype(np.intp), 0, len(self.time) - 2)
-        s = (time - self.time[left]) / h
+        left, s = self._places(time)
         q, q1, q2 = _quaternion_derivatives(self.quaternion, self.rate, self.acceleration)
         quaternion = _quintic(s, left, q, h * q1, h * h * q2)
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
@@ -112,6 +117,20 @@ class _Nodes:
         turn_C = _cubic(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1))
         turn = np.swapaxes(attitude, 1, 2) @ turn_C.reshape(len(time), 3, RATE_AND_INERTIA)
         return Attitudes(attitude, rate, turn)
+
+    def rate_sensitivity(self, time: FloatArray) -> FloatArray:
+        """A turn φ in B that grows at φ̇ adds to the rate φ̇ + ω × φ, which is Rᵀ d(R φ)/dt: here of the cubic."""
+        h, k = self.time[1] - self.time[0], len(self.time)
+        left, s = self._places(time)
+        slope = _cubic_slope(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1)) / h
+        R_B_C = np.swapaxes(self.between(time).attitude, 1, 2)
+        return np.asarray(R_B_C @ slope.reshape(len(time), 3, RATE_AND_INERTIA))
+
+    def _places(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """The node before each time, and how far from there to the next it is, 0 to 1."""
+        h = self.time[1] - self.time[0]
+        left = np.clip(((time - self.time[0]) / h).astype(np.intp), 0, len(self.time) - 2)
+        return left, (time - self.time[left]) / h
 
 
 def _quaternion_derivatives(
@@ -136,6 +155,14 @@ def _cubic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArray)
     h01 = 3 * s2 - 2 * s3
     value: FloatArray = (1 - h01) * f[left] + h01 * f[left + 1]
     value += (s - 2 * s2 + s3) * df[left] + (s3 - s2) * df[left + 1]
+    return value
+
+
+def _cubic_slope(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArray) -> FloatArray:
+    """The derivative of `_cubic` by s."""
+    s = s[:, None]
+    value: FloatArray = (6 * s - 6 * s * s) * (f[left + 1] - f[left])
+    value += (1 - 4 * s + 3 * s * s) * df[left] + (3 * s * s - 2 * s) * df[left + 1]
     return value
 
 

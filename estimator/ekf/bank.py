@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.ekf.filter import Noise
+from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.motion import gravity_gradient_axis, white_noise
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.orbit import Orbit
@@ -92,13 +92,15 @@ def last_members(best: Member, gravity_gradients: Sequence[bool]) -> list[Member
     return [member for member in dict.fromkeys(members) if member.gravity_gradient in gravity_gradients]
 
 
-def bank_noise(members: Sequence[Member], size: int, time: FloatArray, pace: float, orbit: Orbit | None) -> Noise:
+def bank_noise(
+    members: Sequence[Member], size: int, time: FloatArray, pace: float, orbit: Orbit | None
+) -> ProcessNoise:
     """The process noise of the bank, for paths of `size` derivatives and a target that turns at `pace`, rad/s."""
     orders = sorted({member.order for member in members})
     gravity_gradient = (
         np.zeros((len(time) - 1, 3)) if orbit is None else gravity_gradient_axis(orbit, (time[1:] + time[:-1]) / 2)
     )
-    return Noise(
+    return ProcessNoise(
         np.stack([white_noise(order, size, time) for order in orders]),
         np.array([orders.index(member.order) for member in members]),
         np.array([member.path**2 for member in members]),

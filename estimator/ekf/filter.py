@@ -19,7 +19,7 @@ FASTEST = 10.0  # times the rate at first, three deviations added
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class ProcessNoise:
     """Process noise of k members.
 
     unit (o, n - 1, p, p): covariances of the path's steps that carry it off by 1 m; which (k,) of them each member has;
@@ -120,7 +120,7 @@ def run_filter(
     frames: range,
     time: FloatArray,
     process: PathProcess,
-    noise: Noise,
+    noise: ProcessNoise,
     measured: Measured,
     keep: bool = False,
 ) -> Run:
@@ -246,7 +246,9 @@ def _drop_astray(bank: _Bank) -> None:
         bank.state, bank.known, bank.missed = state.where(order), bank.known[order], bank.missed[order]
 
 
-def _predicted(state: State, step: int, dt: float, process: PathProcess, noise: Noise) -> tuple[State, FloatArray]:
+def _predicted(
+    state: State, step: int, dt: float, process: PathProcess, noise: ProcessNoise
+) -> tuple[State, FloatArray]:
     """One frame on, dt in s; and how the errors of path and rotation of the first member moved."""
     p, q = state.path.shape[1], state.path.shape[1] + ROTATION
     transition = process.transition[step]

@@ -122,9 +122,7 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
     of_inertia = state.covariance[0, p + 6 : p + ROTATION, p + 6 : p + ROTATION]
     scale, observations = last.scale, problem.observations
     if problem.options.sigma is None:
-        squares = run.squares[0]
-        scale *= float(np.median(squares[squares < GATE])) / MEDIAN
-        scale = max(scale, _least_scale(problem))
+        scale = max(renewed_scale(last, run), _least_scale(problem))
     if observations.precision is not None and problem.options.noise == "stereo":
         predicted = run.predicted[0]
         observations = moved_to(
@@ -139,6 +137,12 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
         _measured(problem, observations, scale),
         scale,
     )
+
+
+def renewed_scale(guess: Guess, run: Run) -> float:
+    """The variance of a coordinate, or the factor of the given covariances, as the innovations of a pass show it."""
+    squares = run.squares[0]
+    return guess.scale * float(np.median(squares[squares < GATE])) / MEDIAN
 
 
 def _least_scale(problem: Problem) -> float:

@@ -15,13 +15,14 @@ then come all frames. Where the attitude is lost, after a gap, registration find
 import time as clock
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.adjustment.diagnostics import Cluster, assessed
+from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, observability_of, rejected_by
 from baryscope.estimator.adjustment.reweighting import GATE, NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
+from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.paths import trajectory_of
 from baryscope.estimator.ekf.bank import (
     ORDERS,
@@ -32,17 +33,18 @@ from baryscope.estimator.ekf.bank import (
     middle_members,
     next_members,
 )
-from baryscope.estimator.ekf.filter import Noise, Run, run_filter
-from baryscope.estimator.ekf.guess import Guess, Problem, first_guess, next_guess
+from baryscope.estimator.ekf.filter import ProcessNoise, Run, run_filter
+from baryscope.estimator.ekf.guess import Guess, Problem, first_guess, next_guess, renewed_scale
 from baryscope.estimator.ekf.motion import ROTATION, PathProcess, derivatives, free_orbit
 from baryscope.estimator.ekf.smoother import SmoothedPath, smoothed_path
 from baryscope.estimator.ekf.start import start_from
 from baryscope.estimator.ekf.state import State
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.orbit import Orbit
@@ -73,8 +75,8 @@ class Pass:
 def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
     """The centre of mass by an iterated extended Kalman filter, smoothed.
 
-    The covariance is the smoother's; `filter` in the diagnostics has the filter's own at the last frame, the mean
-    normalised innovation squared (1 is expected), and the process noise that was chosen.
+    The covariance is the smoother's; `FilterDetails` has the filter's own at the last frame, the mean normalised
+    innovation squared (1 is expected), and the process noise that was chosen. Residuals are innovations.
 
     Raises:
         InputError: options that do not go together.
@@ -201,7 +203,7 @@ def _smoothed(problem: Problem, best: Pass) -> Pass:
 
 def _filtered(
     problem: Problem, guess: Guess, members: list[Member], frames: range, keep: bool
-) -> tuple[Run, PathProcess, Noise]:
+) -> tuple[Run, PathProcess, ProcessNoise]:
     start, time = problem.start, problem.tracks.time
     k, m, p = len(members), problem.tracks.seen.shape[1], len(guess.u)
     if problem.on_orbit and problem.orbit is not None:
@@ -229,46 +231,56 @@ def _filtered(
 
 
 def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: float) -> Estimate:
-    tracks, state = problem.tracks, best.run.state
-    seen = tracks.seen
-    rejected = best.run.squares[0] >= GATE
+    tracks, run, member = problem.tracks, best.run, best.member
+    seen, state, path = tracks.seen, run.state, best.path
+    gated = run.squares[0] >= GATE
+    weight = np.where(seen, np.where(gated | ~problem.inliers, NEGLIGIBLE, 1.0), 0.0)
+    nis, share = float(run.nis[0]), float(gated.sum() / max(np.isfinite(run.squares[0]).sum(), 1))
+    cluster, relative = _cluster(problem, best), tracks.covariance is not None
+    on_polynomial = f"polynomial:{member.order}" if member.order else "fixed"
+    return Estimate(
+        time=tracks.time,
+        labels=tracks.labels,
+        position=path.position,
+        covariance=path.position_covariance,
+        motion=Motion(velocity=path.velocity, velocity_covariance=path.velocity_covariance),
+        observability=observability_of([cluster], path.position_covariance),
+        clusters=(cluster,),
+        noise=Noise(problem.options.sigma, float(np.sqrt(renewed_scale(best.guess, run))), relative),
+        residuals=tracks.position - run.predicted[0],
+        used=weight > 0,
+        rejected=rejected_by(weight),
+        covered=covered_by([cluster], len(tracks.time)),
+        converged=settled and nis < ASTRAY and share < 0.5,
+        rounds=count,
+        findings=(),
+        method="ekf",
+        path="relative-orbit" if problem.on_orbit else on_polynomial,
+        options=replace(problem.options, torque="gravity-gradient" if member.gravity_gradient else "none"),
+        details=FilterDetails(
+            order=member.order,
+            path_noise=member.path,
+            turn_noise=member.turn,
+            gravity_gradient=member.gravity_gradient,
+            nis=nis,
+            restarts=int(run.restarts[0]),
+            log_likelihood=float(run.log_likelihood[0]),
+            final_covariance=path.position_covariance[-1],
+            angular_rate=state.rate[0],
+            inertia=state.inertia[0] / np.trace(state.inertia[0]),
+        ),
+        wall_time=clock.perf_counter() - begin,
+    )
+
+
+def _cluster(problem: Problem, best: Pass) -> Cluster:
+    """All features that were placed, as one cluster."""
+    seen, state = problem.tracks.seen, best.run.state
     placed = np.nonzero((seen & problem.inliers)[problem.start.frame :].any(axis=0))[0]
     rows = (len(best.guess.u) + ROTATION + 3 * placed[:, None] + np.arange(3)).ravel()
     points = state.points[0, placed]
-    held = offset_by_points(points)
-    cluster = Cluster(
-        features=placed,
-        frames=np.nonzero(seen.sum(axis=1) >= 3)[0],
-        intervals=cut_intervals(seen, np.zeros(len(seen) - 1, dtype=bool)),
-        points=points,
-        covariance=held @ state.covariance[0][np.ix_(rows, rows)] @ held.T,
-    )
-    nis, share = float(best.run.nis[0]), float(rejected.sum() / max(np.isfinite(best.run.squares[0]).sum(), 1))
-    order = best.member.order
-    causal = best.path.position_covariance[-1]
-    return assessed(
-        "ekf",
-        tracks,
-        "relative-orbit" if problem.on_orbit else f"polynomial:{order}" if order else "fixed",
-        best.path.position,
-        best.path.position_covariance,
-        [cluster],
-        weights=np.where(seen, np.where(rejected | ~problem.inliers, NEGLIGIBLE, 1.0), 0.0),
-        variance=best.guess.scale,
-        options=replace(problem.options, torque="gravity-gradient" if best.member.gravity_gradient else "none"),
-        begin=begin,
-        extra={
-            "converged": settled and nis < ASTRAY and share < 0.5,
-            "rounds": count,
-            "filter": {
-                "process_noise": asdict(best.member),
-                "mean_normalised_innovation_squared": nis,
-                "restarts": int(best.run.restarts[0]),
-                "log_likelihood": float(best.run.log_likelihood[0]),
-                "final_position_deviation": float(np.sqrt(np.trace(causal))),
-                "final_position_covariance": causal.tolist(),
-                "inertia_over_trace": (state.inertia[0] / np.trace(state.inertia[0])).tolist(),
-                "angular_rate": state.rate[0].tolist(),
-            },
-        },
-    )
+    held, frames = offset_by_points(points), np.nonzero(seen.sum(axis=1) >= 3)[0]
+    intervals = cut_intervals(seen, np.zeros(len(seen) - 1, dtype=bool))
+    body = Body(placed, frames, points, np.empty((0, 3, 3)), intervals)
+    covariance = held @ state.covariance[0][np.ix_(rows, rows)] @ held.T
+    return cluster_of(body, points, covariance, problem.tracks.labels)

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
 from baryscope.estimator.ekf.columns import Columns
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
-from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_path, relative_transition
 
@@ -29,16 +30,25 @@ ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five o
 class PathProcess:
     """A path of the centre of mass as a linear process u_{k+1} = Φ_k u_k + w_k, seen in C at nominal_k + H_k u_k.
 
-    nominal (n, 3) in m; observed (n, 3, p): H; transition (n - 1, p, p): Φ. All components of u are in m.
+    nominal (n, 3) in m; observed (n, 3, p): H; transition (n - 1, p, p): Φ. All components of u are in m. The velocity
+    is nominal_rate (n, 3), m/s, + observed_rate (n, 3, p) u, 1/s.
     """
 
     nominal: FloatArray
     observed: FloatArray
+    nominal_rate: FloatArray
+    observed_rate: FloatArray
     transition: FloatArray
 
     def until(self, stop: int) -> "PathProcess":
         """That of the first frames."""
-        return PathProcess(self.nominal[:stop], self.observed[:stop], self.transition[: stop - 1])
+        return PathProcess(
+            self.nominal[:stop],
+            self.observed[:stop],
+            self.nominal_rate[:stop],
+            self.observed_rate[:stop],
+            self.transition[: stop - 1],
+        )
 
 
 def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: FloatArray, epoch: float) -> PathProcess:
@@ -49,12 +59,16 @@ def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: Float
     """
     span = span_of(time)
     R_I_L = lvlh_attitude(orbit, time)
-    rho = relative_path(orbit, np.concatenate([rho_L, drift_L]), time, epoch)[:, :3]
+    state = relative_path(orbit, np.concatenate([rho_L, drift_L]), time, epoch)
+    by_position = lvlh_rate(orbit, time)[:, None, None] * cross_matrices(np.eye(3)[2:])
+    by_state = -np.concatenate([R_I_L @ by_position, R_I_L], axis=2)
     scale = np.repeat([1.0, span], 3)
     whole = relative_transition(orbit, time, epoch) * (scale[:, None] / scale)
     return PathProcess(
-        -(R_I_L @ rho[:, :, None])[:, :, 0],
+        -(R_I_L @ state[:, :3, None])[:, :, 0],
         np.concatenate([-R_I_L, np.zeros_like(R_I_L)], axis=2),
+        (by_state @ state[:, :, None])[:, :, 0],
+        by_state / scale,
         whole[1:] @ np.linalg.inv(whole[:-1]),
     )
 
@@ -70,10 +84,12 @@ def derivatives(size: int, time: FloatArray, origin: FloatArray) -> PathProcess:
     for i in range(size):
         for j in range(i, size):
             transition[:, i, j] = comb(j, i) * steps ** (j - i)
-    observed = np.kron(np.eye(1, size), np.eye(3))
+    observed, observed_rate = (np.kron(np.eye(1, size, k), np.eye(3)) for k in (0, 1))
     return PathProcess(
         np.tile(origin, (len(time), 1)),
         np.tile(observed, (len(time), 1, 1)),
+        np.zeros((len(time), 3)),
+        np.tile(observed_rate / span, (len(time), 1, 1)),
         np.kron(transition, np.eye(3)).astype(np.float64),
     )
 

@@ -31,7 +31,20 @@ class SmoothedPath:
     @property
     def position_covariance(self) -> FloatArray:
         """Its covariance (n, 3, 3), m²."""
-        H = self.process.observed
+        return self._seen_by(self.process.observed)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Of the centre of mass in C, (n, 3), m/s."""
+        moved = (self.process.observed_rate @ self.u[:, :, None])[:, :, 0]
+        return np.asarray(self.process.nominal_rate + moved)
+
+    @property
+    def velocity_covariance(self) -> FloatArray:
+        """Its covariance (n, 3, 3), (m/s)²."""
+        return self._seen_by(self.process.observed_rate)
+
+    def _seen_by(self, H: FloatArray) -> FloatArray:
         return np.asarray(H @ self.covariance @ np.swapaxes(H, 1, 2))
 
 

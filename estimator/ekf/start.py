@@ -42,11 +42,12 @@ def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
     """
     enough = np.nonzero(inliers.sum(axis=1) >= 3)[0]
     window = slice(int(enough[0]), int(enough[:FRAMES][-1]) + 1) if len(enough) else slice(0, None)
-    posed, noise = find_bodies(tracks.position[window], inliers[window])
-    main = max(posed, key=lambda one: len(one.body.frames))
-    frames = window.start + main.body.frames
+    registered = find_bodies(tracks.position[window], inliers[window])
+    main = max(range(len(registered.bodies)), key=lambda index: len(registered.bodies[index].frames))
+    body, origin, noise = registered.bodies[main], registered.origins[main], registered.noise
+    frames = window.start + body.frames
     time = tracks.time[frames] - tracks.time[frames[0]]
-    turn = log_rotation(main.body.attitude[0].T @ main.body.attitude)
+    turn = log_rotation(body.attitude[0].T @ body.attitude)
     if len(frames) < LEAST:
         raise ComputationError(
             f"the first attitudes are seen in {counted(len(frames), 'frame')}, {LEAST} are needed for a rate"
@@ -55,17 +56,17 @@ def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
     count = min(max(int(np.argmax(wide)) if wide.any() else len(wide), 2), RATE_FRAMES)
     time, turn = time[:count], turn[:count]
     # B is parallel to C in the first frame, so that turns from there are the same in C, and in B.
-    turn_B = turn @ main.body.attitude[0].T
+    turn_B = turn @ body.attitude[0].T
     rate = (time @ turn_B) / (time @ time)
-    points = main.body.points
+    points = body.points
     radius = float(np.sqrt(np.mean(np.sum(points**2, axis=1))))
     pace = float(np.linalg.norm(rate))
     by_noise = WIDER * noise / radius * np.sqrt(3 / len(points)) * np.sqrt(2 / (time @ time))
     by_change = pace**2 * time[-1] / 2  # an angular acceleration of ω² at most
-    drift = float(np.linalg.norm(main.translation[count - 1] - main.translation[0])) / time[-1]
+    drift = float(np.linalg.norm(origin[count - 1] - origin[0])) / time[-1]
     return Start(
         int(frames[0]),
-        main.translation[0],
+        origin[0],
         radius,
         rate,
         float(np.hypot(by_noise, by_change)),

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.normal_equations import turn_information
+from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MEDIAN
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
-from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, log_rotation
+from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
@@ -103,13 +103,7 @@ def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float
     for index, body in enumerate(bodies):
         frames, attitude = body.frames[::every], body.attitude[::every]
         own = observations.features(body.features).frames(frames)
-        arms = cross_matrices(body.points)
-        if own.precision is None:
-            information = turn_information(own.weight, arms)
-        else:
-            R = attitude[:, None]
-            P = own.weight[:, :, None, None] * (np.swapaxes(R, 2, 3) @ own.precision @ R)
-            information = np.einsum("mij,kmjl,mnl->kin", arms, P, arms, optimize=True)
+        information = attitude_information(own, attitude, body.points)
         parts.append((time[frames], attitude, np.full(len(frames), index), information / variance))
     order = np.argsort(np.concatenate([part[0] for part in parts]), kind="stable")
     columns = [np.concatenate(values)[order] for values in zip(*parts, strict=True)]

@@ -6,22 +6,18 @@ attitudes of all frames are three numbers of rate and five of inertia, and that 
 
 import time as clock
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.diagnostics import (
-    assessed,
-    clusters_of,
-    spurious_information_columns,
-    three_sigma_factor,
-)
+from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, observability_of, rejected_by
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.details import TumbleDetails
+from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
@@ -31,7 +27,7 @@ from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import MISFIT, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
@@ -109,33 +105,59 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)
-    position = best.sampled.position(best.x)
-    reach = float(np.linalg.norm(position, axis=1).max())
-    y, offsets = _covariances(best, [posed.body.features for posed in pivot.posed], reach)
-    remarks, converged = pivot.remarks, best.converged
+    origin = best.sampled.position(best.x)
+    reach = float(np.linalg.norm(origin, axis=1).max())
+    y, offsets = _covariances(best, [body.features for body in pivot.bodies], reach)
+    covariance = best.sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
+    clusters = tuple(
+        cluster_of(body, best.found.points[body.features], offset, tracks.labels)
+        for body, offset in zip(pivot.bodies, offsets, strict=True)
+    )
+    weight = best.observations.weight
+    gravity_gradient = best.rotation.orbit is not None
+    return Estimate(
+        time=tracks.time,
+        labels=tracks.labels,
+        position=origin,
+        covariance=covariance,
+        motion=_motion(best, y, pivot.path, tracks.time),
+        observability=observability_of(clusters, covariance),
+        clusters=clusters,
+        noise=Noise(options.sigma, float(np.sqrt(best.residual_variance)), tracks.covariance is not None),
+        residuals=tracks.position - (best.found.points @ np.swapaxes(best.motion.attitude, 1, 2) + origin[:, None]),
+        used=weight > 0,
+        rejected=rejected_by(weight),
+        covered=covered_by(clusters, len(tracks.time)),
+        converged=best.converged,
+        rounds=best.rounds,
+        findings=pivot.findings + _misfit(best, pivot),
+        method="ml",
+        path=pivot.path.name,
+        options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
+        details=_details(best.rotation, y, gravity_gradient),
+        wall_time=clock.perf_counter() - begin,
+    )
+
+
+def _misfit(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
+    """Whether residuals are much greater than with attitudes that are free."""
     ratio = best.residual_variance / max(pivot.residual_variance, 1e-300)
-    if ratio > MISFIT and best.residual_variance > least_variance(pivot.observations, ROUNDING):
-        converged = False
-        remarks += (f"no free tumble fits: residuals are {np.sqrt(ratio):.2g} times those with free attitudes",)
-    of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
-    clusters = clusters_of(pivot.posed, (best.found.points[posed.body.features] for posed in pivot.posed), offsets)
-    return assessed(
-        "ml",
-        tracks,
-        pivot.path.name,
-        position,
-        best.sampled.covariance(of_path),
-        clusters,
-        weights=best.observations.weight,
-        variance=best.variance,
-        options=replace(options, torque="none" if best.rotation.orbit is None else "gravity-gradient"),
-        begin=begin,
-        extra={
-            "converged": converged,
-            "rounds": best.rounds,
-            "rotation": _described(best, y),
-        },
-        remarks=remarks,
+    if ratio <= MISFIT or best.residual_variance <= least_variance(pivot.observations, ROUNDING):
+        return ()
+    return (ExcessResiduals(FREE_TUMBLE, float(np.sqrt(ratio))),)
+
+
+def _motion(best: Likelihood, y: FloatArray, path: Path, time: FloatArray) -> Motion:
+    """Velocity, attitude and angular rate with their covariances from y's, (q, q)."""
+    rate, of_rotation = path.rate_at(time), y[:RATE_AND_INERTIA, :RATE_AND_INERTIA]
+    turn, by_rate = best.motion.turn, best.rotation.rate_sensitivity_at(time)
+    return Motion(
+        velocity=rate.position(best.x),
+        velocity_covariance=rate.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]),
+        attitude=best.motion.attitude,
+        attitude_covariance=turn @ of_rotation @ np.swapaxes(turn, 1, 2),
+        angular_rate=best.motion.rate,
+        angular_rate_covariance=by_rate @ of_rotation @ np.swapaxes(by_rate, 1, 2),
     )
 
 
@@ -248,17 +270,14 @@ def _common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
     return np.asarray(points / np.where(total > 0, total, 1.0)[:, None])
 
 
-def _described(best: Likelihood, y: FloatArray) -> dict[str, Any]:
-    """The motion at the epoch for the diagnostics."""
-    rotation = best.rotation
-    values, axes = np.linalg.eigh(rotation.inertia)
-    return {
-        "epoch": rotation.epoch,
-        "attitude": rotation.attitude.tolist(),
-        "angular_rate": rotation.rate.tolist(),
-        "angular_rate_deviation": np.sqrt(np.diag(y)[:3]).tolist(),
-        "inertia_over_trace": rotation.inertia.tolist(),
-        "inertia_deviation": float(np.sqrt(np.trace(y[3:RATE_AND_INERTIA, 3:RATE_AND_INERTIA]))),
-        "principal_moments_over_trace": values.tolist(),
-        "principal_axes": axes.T.tolist(),
-    }
+def _details(rotation: Rotation, y: FloatArray, gravity_gradient: bool) -> TumbleDetails:
+    """The rotational state at the epoch."""
+    return TumbleDetails(
+        epoch=rotation.epoch,
+        attitude=rotation.attitude,
+        angular_rate=rotation.rate,
+        angular_rate_deviation=np.sqrt(np.diag(y)[:3]),
+        inertia=rotation.inertia,
+        inertia_deviation=float(np.sqrt(np.trace(y[3:RATE_AND_INERTIA, 3:RATE_AND_INERTIA]))),
+        gravity_gradient=gravity_gradient,
+    )

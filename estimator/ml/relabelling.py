@@ -82,12 +82,10 @@ def _in_columns(
     if covariance is not None:
         covariance = np.where(kept[..., None, None], covariance[:, source], np.nan)
     bodies = [replace(body, features=own) for body, own in zip(pivot.bodies, columns, strict=True)]
-    posed = [replace(one, body=replace(one.body, features=own)) for one, own in zip(pivot.posed, columns, strict=True)]
     observations = pivot.observations.features(source)
     return FeatureTracks(tracks.time, position, tuple(labels), covariance), replace(
         pivot,
         inliers=pivot.inliers[:, source] & kept,
         solution=replace(pivot.solution, bodies=tuple(bodies)),
-        posed=tuple(posed),
         observations=observations.weighted(observations.weight * kept),
     )

@@ -12,7 +12,8 @@ from baryscope.estimator.adjustment.normal_equations import turn_information
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
-from baryscope.estimator.registration.clusters import PosedBody
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import Registered
 
 FloatArray = NDArray[np.float64]
 
@@ -25,14 +26,13 @@ class Drift:
     offsets: tuple[FloatArray, ...]
 
 
-def solve_drift(bodies: tuple[PosedBody, ...], weights: list[FloatArray], path: SampledPath) -> Drift:
+def solve_drift(registered: Registered, weights: list[FloatArray], path: SampledPath) -> Drift:
     """The least squares of c_k = g + R_k d with a weight (n,) for each body's frames."""
-    p, d = path.jacobian.shape[2], 3 * len(bodies)
+    p, d = path.jacobian.shape[2], 3 * len(registered.bodies)
     matrix, rhs = np.zeros((d + p, d + p)), np.zeros(d + p)
-    for index, (posed, weight) in enumerate(zip(bodies, weights, strict=True)):
-        frames = posed.body.frames
+    for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
         own = slice(3 * index, 3 * index + 3)
-        rows = np.concatenate([posed.body.attitude, path.jacobian[frames], posed.translation[:, :, None]], axis=2)
+        rows = np.concatenate([body.attitude, path.jacobian[body.frames], origin[:, :, None]], axis=2)
         scaled = (rows * np.sqrt(weight)[:, None, None]).reshape(-1, 4 + p)
         outer = scaled.T @ scaled
         matrix[own, own] = outer[:3, :3]
@@ -45,16 +45,13 @@ def solve_drift(bodies: tuple[PosedBody, ...], weights: list[FloatArray], path: 
     return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
 
 
-def frame_weights(
-    bodies: tuple[PosedBody, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]
-) -> list[FloatArray]:
+def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]) -> list[FloatArray]:
     """One weight for each posed frame: the inverse mean variance of c_k − R_k d, for observations of weight (n, m).
 
     The centroid of n points has the variance 1/n, and the noise of the rotation acts on d by its lever.
     """
     found = []
-    for posed, offset in zip(bodies, offsets, strict=True):
-        body = posed.body
+    for body, offset in zip(bodies, offsets, strict=True):
         w = weight[np.ix_(body.frames, body.features)]
         arms = cross_matrices(body.points)
         total = np.maximum(w.sum(axis=1), 1e-300)

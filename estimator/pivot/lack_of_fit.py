@@ -1,38 +1,36 @@
 """What may be wrong with a path that fits: a departure from its kind, and directions seen by noise alone."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
-from baryscope.estimator.adjustment.diagnostics import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.refinement import FEW_FRAMES, Pivot, thinned
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.result import LackOfFit
 
 FloatArray = NDArray[np.float64]
 
 FOREIGN = 0.01  # of a cubic's size that a path must be unable to follow, to be a departure from it
 CHANCE = 1e-7  # of a departure that is none
-DEPARTURE_FRAMES = 1500  # frames at most that a departure from the path is looked for in
+TEST_FRAMES = 1500  # frames at most that a departure from the path is looked for in
 
 
-def lack_of_fit(found: Pivot, time: FloatArray) -> str | None:
-    """A remark if the CoM departs from its kind of path by more than noise explains: by a cubic in time, added to it.
+def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
+    """A finding if the CoM departs from its kind of path by more than noise explains: by a cubic in time, added to it.
 
     Only what the path itself cannot do is added. Where there is no departure, the gain in cost of these k unknowns is
     χ² distributed with k degrees of freedom; where a direction is hardly seen noise may gain more: nothing is said.
     """
-    posed = tuple(replace(one, body=body) for one, body in zip(found.posed, found.bodies, strict=True))
-    some, few, rows = thinned(posed, found.observations, DEPARTURE_FRAMES)
-    bodies, x = tuple(one.body for one in some), found.solution.x
+    thin = thinned(found.bodies, found.observations, TEST_FRAMES)
+    few, rows, x = thin.observations, thin.rows, found.solution.x
     own = found.sampled.jacobian[rows]
     cubic = Polynomial(3, float(time[0]), float(time[-1])).at(time[rows]).jacobian
     known, added = own.reshape(3 * len(rows), -1), cubic.reshape(3 * len(rows), -1)
@@ -46,14 +44,14 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> str | None:
     wider = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
     start = np.concatenate([x, np.zeros(new.shape[2])])
     freed, held = (
-        gauss_newton_step(bodies, few, wider, start),
-        gauss_newton_step(bodies, few, SampledPath(own, lambda _: position), x),
+        gauss_newton_step(thin.bodies, few, wider, start),
+        gauss_newton_step(thin.bodies, few, SampledPath(own, lambda _: position), x),
     )
     gain = (freed.step - held.step) / found.variance
     if chi2.sf(gain, new.shape[2]) > CHANCE or _is_faint(found):
         return None
     metres = float(wider.lengths((freed.x - start)[:, None])[0])
-    return f"the path departs from {found.path.name} by {metres:.2g} m or so (χ² {gain:.0f}, expected {new.shape[2]})"
+    return LackOfFit(found.path.name, metres, float(gain), int(new.shape[2]))
 
 
 def _is_faint(found: Pivot) -> bool:

@@ -6,28 +6,47 @@ its centre of mass ties the frames together.
 
 import time as clock
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.diagnostics import assessed, clusters_of
+from baryscope.estimator.adjustment.diagnostics import (
+    attitude_series,
+    cluster_of,
+    covered_by,
+    observability_of,
+    rejected_by,
+    residuals_of,
+)
+from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
+from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.paths import Path, Polynomial, trajectory_of
+from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
-from baryscope.estimator.pivot.refinement import ROUNDING, Pivot, choose_degree, least_variance, refined, start_of
+from baryscope.estimator.pivot.refinement import (
+    ROUNDING,
+    Pivot,
+    Start,
+    choose_degree,
+    least_variance,
+    linear_start,
+    refined,
+)
 from baryscope.estimator.pivot.tie_points import TiePoints
-from baryscope.estimator.registration.clusters import PosedBody, find_bodies
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import DifferentPoints, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
+FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MISFIT = 1.5  # variance over that of the registration, from which on the path is said not to fit
@@ -42,80 +61,104 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """
     begin = clock.perf_counter()
     found = solve_pivot(tracks, orbit, options)
-    position = found.sampled.position(found.solution.x)
-    covariance, offsets = without_spurious_information(found, position)
-    clusters = clusters_of(found.posed, (body.points for body in found.bodies), offsets)
-    return assessed(
-        "pivot",
-        tracks,
-        found.path.name,
-        position,
-        found.sampled.covariance(covariance),
-        clusters,
-        weights=np.where(
-            tracks.seen & ~found.inliers, np.maximum(found.observations.weight, NEGLIGIBLE), found.observations.weight
-        ),
-        variance=found.variance,
+    x = found.solution.x
+    origin = found.sampled.position(x)
+    of_x, offsets = without_spurious_information(found, origin)
+    covariance = found.sampled.covariance(of_x)
+    clusters = tuple(
+        cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
+    )
+    weight = found.observations.weight
+    weight = np.where(tracks.seen & ~found.inliers, np.maximum(weight, NEGLIGIBLE), weight)
+    return Estimate(
+        time=tracks.time,
+        labels=tracks.labels,
+        position=origin,
+        covariance=covariance,
+        motion=_motion(found, of_x, tracks.time),
+        observability=observability_of(clusters, covariance),
+        clusters=clusters,
+        noise=Noise(options.sigma, float(np.sqrt(found.residual_variance)), tracks.covariance is not None),
+        residuals=residuals_of(tracks.position, found.bodies, origin),
+        used=weight > 0,
+        rejected=rejected_by(weight),
+        covered=covered_by(clusters, len(tracks.time)),
+        converged=found.converged,
+        rounds=found.rounds,
+        findings=found.findings,
+        method="pivot",
+        path=found.path.name,
         options=options,
-        begin=begin,
-        extra={
-            "converged": found.converged,
-            "rounds": found.rounds,
-            "tie_points": [_tie_described(tie, tracks.labels) for tie in found.tie_points],
-        },
-        remarks=found.remarks,
+        details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points)),
+        wall_time=clock.perf_counter() - begin,
     )
 
 
-def _tie_described(made: TiePoints, labels: tuple[str, ...]) -> dict[str, Any]:
-    return {"clusters": list(made.bodies), "features": [labels[index] for index in made.features]}
+def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
+    return TiedClusters(points.bodies, tuple(labels[index] for index in points.features))
+
+
+def _motion(found: Pivot, of_x: FloatArray, time: FloatArray) -> Motion:
+    """Velocity of the centre of mass, and the attitude of the body that has one in most frames."""
+    rate = found.path.rate_at(time)
+    body = max(found.bodies, key=lambda one: len(one.frames))
+    attitude_covariance = np.full((len(time), 3, 3), np.nan)
+    own = found.observations.features(body.features).frames(body.frames)
+    attitude_covariance[body.frames] = found.variance * symmetric_inverses(
+        attitude_information(own, body.attitude, body.points)
+    )
+    return Motion(
+        velocity=rate.position(found.solution.x),
+        velocity_covariance=rate.covariance(of_x),
+        attitude=attitude_series(body, len(time)),
+        attitude_covariance=attitude_covariance,
+    )
 
 
 def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
     """Bodies, path and points at their least squares."""
     trajectory = trajectory_of(options.trajectory, orbit)
     inliers = screen(tracks.position, tracks.seen)
-    posed, noise = find_bodies(tracks.position, inliers)
+    registered = find_bodies(tracks.position, inliers)
     measured = observations_of(tracks, tracks.seen)
-    observations = _restricted(measured, posed, inliers)
+    observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     if trajectory.kind == "polynomial" and trajectory.degree is None:
-        degree = choose_degree(posed, observations, tracks.time, span)
+        degree = choose_degree(registered, observations, tracks.time, span)
         path: Path = Polynomial(degree, *span)
     else:
         path = trajectory.path(orbit, *span, degree=0)
-    frames = sum(len(one.body.frames) for one in posed)
-    if 3 * frames <= path.size + 3 * len(posed):
+    frames, count = sum(len(body.frames) for body in registered.bodies), len(registered.bodies)
+    if 3 * frames <= path.size + 3 * count:
         raise ComputationError(
             f"{counted(frames, 'frame shows', 'frames show')} an attitude, too few for {path.name}: "
-            f"more than {path.size // 3 + len(posed)} needed"
+            f"more than {path.size // 3 + count} needed"
         )
-    sampled = path.at(tracks.time)
-    bodies, x = start_of(posed, observations, path, tracks.time)
-    found = refined(path, sampled, bodies, x, posed, measured, observations, inliers, options)
-    remarks = [_refusal(tie, tracks.labels) for tie in found.refused]
+    bodies, x = linear_start(registered, observations, path, tracks.time)
+    start = Start(path, path.at(tracks.time), bodies, x, measured, observations, inliers)
+    found = refined(start, options)
+    return replace(found, findings=_findings(found, registered.noise, measured, tracks))
+
+
+def _findings(found: Pivot, noise: float, measured: Observations, tracks: FeatureTracks) -> tuple[Finding, ...]:
+    """What speaks against labels and path; noise: of a coordinate, as registration shows it."""
+    findings: list[Finding] = [
+        DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
+        for points in found.refused
+    ]
     ratio = found.residual_variance / max(noise, 1e-300) ** 2
     if found.residual_variance > least_variance(measured, ROUNDING):
         if measured.precision is None and ratio > MISFIT:
-            remarks.append(
-                f"{path.name} does not fit: residuals are {np.sqrt(ratio):.2g} times those of the bodies alone"
-            )
-        elif remark := lack_of_fit(found, tracks.time):
-            remarks.append(remark)
-    return replace(found, remarks=tuple(remarks))
+            findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
+        elif departure := lack_of_fit(found, tracks.time):
+            findings.append(departure)
+    return tuple(findings)
 
 
-def _refusal(tie: TiePoints, labels: tuple[str, ...]) -> str:
-    """A remark that features of one name are not the same points."""
-    names, (first, second) = ", ".join(labels[index] for index in tie.features), tie.bodies
-    by = "it" if len(tie.features) == 1 else "them"
-    return f"{names}: not the same in clusters {first} and {second}, which are not tied by {by}"
-
-
-def _restricted(measured: Observations, posed: tuple[PosedBody, ...], inliers: BoolArray) -> Observations:
+def _restricted(measured: Observations, bodies: tuple[Body, ...], inliers: BoolArray) -> Observations:
     """Only what some body could explain; an outlier keeps a negligible weight, so that its residual is seen."""
     weight = np.zeros_like(measured.weight)
-    for one in posed:
-        block = np.ix_(one.body.frames, one.body.features)
+    for body in bodies:
+        block = np.ix_(body.frames, body.features)
         weight[block] = measured.weight[block] * np.where(inliers[block], 1.0, NEGLIGIBLE)
     return measured.weighted(weight)

@@ -14,7 +14,8 @@ from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.pivot.free_attitudes import Solution, gauss_newton_step
 from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.clusters import PosedBody
+from baryscope.estimator.registration.clusters import Registered
+from baryscope.estimator.result import Finding
 from baryscope.models.errors import ComputationError
 from baryscope.models.words import counted
 
@@ -37,20 +38,36 @@ LEAST_FRAMES = 20  # of a body, that are not left out for another's sake
 
 
 @dataclass(frozen=True, eq=False)
+class Start:
+    """What the refinement starts from.
+
+    path, sampled at the tracks' times; bodies with points seen from the centre of mass, and the path's x; measured: the
+    observations as they came; observations: those that bodies can explain; inliers (n, m): which passed the screening.
+    """
+
+    path: Path
+    sampled: SampledPath
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    measured: Observations
+    observations: Observations
+    inliers: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
 class Pivot:
     """What `pivot` finds, for `ml` to start from.
 
     path and its unknowns x; inliers (n, m): which observations passed the screening; bodies with points seen from the
     centre of mass; observations with their weights, all (n, m); variance of an observation of weight 1, as given or as
-    the residuals show it, over the given covariance or in m²; residual_variance: as they show it. ties between bodies
-    that share features, and those refused because the features differ; remarks: what does not fit.
+    the residuals show it, over the given covariance or in m²; residual_variance: as they show it. tie_points between
+    bodies that share features, and those refused because the features differ; findings: what does not fit.
     """
 
     path: Path
     sampled: SampledPath
     inliers: BoolArray
     solution: Solution
-    posed: tuple[PosedBody, ...]
     observations: Observations
     variance: float
     residual_variance: float
@@ -58,7 +75,7 @@ class Pivot:
     rounds: int
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]
-    remarks: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -66,48 +83,53 @@ class Pivot:
         return self.solution.bodies
 
 
-def start_of(
-    posed: tuple[PosedBody, ...], observations: Observations, path: Path, time: FloatArray
+@dataclass(frozen=True, eq=False)
+class Thinned:
+    """Bodies and observations in a few of their frames: rows (k,), every steps-th of each body."""
+
+    bodies: tuple[Body, ...]
+    observations: Observations
+    rows: IntArray
+    steps: tuple[int, ...]
+
+
+def linear_start(
+    registered: Registered, observations: Observations, path: Path, time: FloatArray
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies and path to refine: by linear least squares; of many frames, some are solved, and refined once."""
-    some, few, rows = thinned(posed, observations, FEW_FRAMES)
-    sampled = path.at(time[rows])
-    bodies, x = _linear(some, few, sampled)
-    if len(rows) < sum(len(one.body.frames) for one in posed):
-        solution = gauss_newton_step(bodies, few, sampled, x)
+    few = thinned(registered.bodies, observations, FEW_FRAMES)
+    sampled = path.at(time[few.rows])
+    bodies, x = _linear(_in_few(registered, few), few.observations, sampled)
+    if len(few.rows) < sum(len(body.frames) for body in registered.bodies):
+        solution = gauss_newton_step(bodies, few.observations, sampled, x)
         bodies, x = solution.bodies, solution.x
-    return tuple(replace(one.body, points=body.points) for one, body in zip(posed, bodies, strict=True)), x
+    both = zip(registered.bodies, bodies, strict=True)
+    return tuple(replace(body, points=refined.points) for body, refined in both), x
+
+
+def _in_few(registered: Registered, few: Thinned) -> Registered:
+    origins = zip(registered.origins, few.steps, strict=True)
+    return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
 
 
 def _linear(
-    posed: tuple[PosedBody, ...], observations: Observations, sampled: SampledPath
+    registered: Registered, observations: Observations, sampled: SampledPath
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """The path and the bodies seen from the centre of mass, by linear least squares, weighted the second time."""
-    first = solve_drift(posed, [np.ones(len(one.body.frames)) for one in posed], sampled)
-    drift = solve_drift(posed, frame_weights(posed, observations.weight, first.offsets), sampled)
-    moved = zip(posed, drift.offsets, strict=True)
-    return tuple(replace(one.body, points=one.body.points + offset) for one, offset in moved), drift.x
+    first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled)
+    drift = solve_drift(registered, frame_weights(registered.bodies, observations.weight, first.offsets), sampled)
+    moved = zip(registered.bodies, drift.offsets, strict=True)
+    return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x
 
 
-def refined(
-    path: Path,
-    sampled: SampledPath,
-    bodies: tuple[Body, ...],
-    x: FloatArray,
-    posed: tuple[PosedBody, ...],
-    measured: Observations,
-    observations: Observations,
-    inliers: BoolArray,
-    options: PathOptions,
-) -> Pivot:
-    """Gauss–Newton steps until they are short and the weights at rest, then the ties.
-
-    bodies and x to start from; measured: the observations as they came; observations: those that posed bodies could
-    explain.
+def refined(start: Start, options: PathOptions) -> Pivot:
+    """Gauss–Newton steps until they are short and the weights at rest, then the tie points.
 
     Raises:
         ComputationError: too few values for the unknowns.
     """
+    sampled, measured, observations = start.sampled, start.measured, start.observations
+    bodies, x = start.bodies, start.x
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < ROUNDS:
         rounds += 1
@@ -129,9 +151,19 @@ def refined(
         converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * dof)
         observations = observations.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
-    solution, ties, strangers = tie_bodies(solution, max(scale, floor))
+    solution, made, refused = tie_bodies(solution, max(scale, floor))
     return Pivot(
-        path, sampled, inliers, solution, posed, observations, scale, variance, converged, rounds, ties, strangers
+        path=start.path,
+        sampled=sampled,
+        inliers=start.inliers,
+        solution=solution,
+        observations=observations,
+        variance=scale,
+        residual_variance=variance,
+        converged=converged,
+        rounds=rounds,
+        tie_points=made,
+        refused=refused,
     )
 
 
@@ -166,19 +198,20 @@ def least_variance(observations: Observations, rounding: float) -> float:
 
 
 def choose_degree(
-    posed: tuple[PosedBody, ...], observations: Observations, time: FloatArray, span: tuple[float, float]
+    registered: Registered, observations: Observations, time: FloatArray, span: tuple[float, float]
 ) -> int:
     """The degree of a polynomial by Akaike's criterion, from the lowest up until it fails to improve.
 
     Each degree is refined with free attitudes: with the attitudes held, their noise alone would favour high degrees,
     which shrink the offsets that it is multiplied by.
     """
-    some, few, rows = thinned(posed, observations, FEW_FRAMES)
+    thin = thinned(registered.bodies, observations, FEW_FRAMES)
+    few, some = thin.observations, _in_few(registered, thin)
     best, degree_of_best = np.inf, 0
     for degree in range(HIGHEST_CHOSEN + 1):
         if degree > degree_of_best + PATIENCE:
             break
-        sampled = Polynomial(degree, *span).at(time[rows])
+        sampled = Polynomial(degree, *span).at(time[thin.rows])
         bodies, x = _linear(some, few, sampled)
         for _ in range(3):
             solution = gauss_newton_step(bodies, few, sampled, x)
@@ -192,18 +225,13 @@ def choose_degree(
     return degree_of_best
 
 
-def thinned(
-    posed: tuple[PosedBody, ...], observations: Observations, most: int
-) -> tuple[tuple[PosedBody, ...], Observations, IntArray]:
-    """Bodies and observations in `most` of their frames or a few more, and which these are, (k,): of each body some."""
-    every = max(1, sum(len(one.body.frames) for one in posed) // most)
-    steps = [max(1, min(every, len(one.body.frames) // LEAST_FRAMES)) for one in posed]
-    rows = np.sort(np.concatenate([one.body.frames[::step] for one, step in zip(posed, steps, strict=True)]))
-    few = []
-    for one, step in zip(posed, steps, strict=True):
-        body = one.body
-        frames, attitude = np.searchsorted(rows, body.frames[::step]), body.attitude[::step]
-        few.append(
-            replace(one, body=replace(body, frames=frames, attitude=attitude), translation=one.translation[::step])
-        )
-    return tuple(few), observations.frames(rows), rows
+def thinned(bodies: tuple[Body, ...], observations: Observations, most: int) -> Thinned:
+    """Bodies and observations in `most` of their frames or a few more: of each body some."""
+    every = max(1, sum(len(body.frames) for body in bodies) // most)
+    steps = tuple(max(1, min(every, len(body.frames) // LEAST_FRAMES)) for body in bodies)
+    rows = np.sort(np.concatenate([body.frames[::step] for body, step in zip(bodies, steps, strict=True)]))
+    few = tuple(
+        replace(body, frames=np.searchsorted(rows, body.frames[::step]), attitude=body.attitude[::step])
+        for body, step in zip(bodies, steps, strict=True)
+    )
+    return Thinned(few, observations.frames(rows), rows, steps)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.registration.intervals import Interval
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -15,13 +16,15 @@ IntArray = NDArray[np.intp]
 class Body:
     """Features that are seen together: one rigid body in axes S of its own.
 
-    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S.
+    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S; intervals
+    in which it was seen.
     """
 
     features: IntArray
     frames: IntArray
     points: FloatArray
     attitude: FloatArray
+    intervals: tuple[Interval, ...] = ()
 
     def moved(self, change: FloatArray) -> "Body":
         """With other points: a long step (3 m,) may turn the axes that they hold, and is turned back."""

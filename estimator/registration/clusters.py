@@ -29,12 +29,15 @@ CHUNK = 8192  # frames aligned at once
 
 
 @dataclass(frozen=True, eq=False)
-class PosedBody:
-    """A body, the image of its axes' origin in each of its frames, (n, 3) in C, and the intervals it was seen in."""
+class Registered:
+    """Rigid bodies as registration finds them, points from their centroid.
 
-    body: Body
-    translation: FloatArray
-    intervals: tuple[Interval, ...]
+    origins: for each body where its centroid is in each of its frames, (n, 3) in C, m; noise: of a coordinate, m.
+    """
+
+    bodies: tuple[Body, ...]
+    origins: tuple[FloatArray, ...]
+    noise: float
 
 
 @dataclass(eq=False)
@@ -46,8 +49,8 @@ class _Shape:
     intervals: list[Interval]
 
 
-def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody, ...], float]:
-    """The bodies in position (n, m, 3), and the noise of a coordinate in m that registration leaves over.
+def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
+    """The bodies in position (n, m, 3), and the noise of a coordinate that registration leaves over.
 
     used (n, m) says which observations to believe.
 
@@ -86,11 +89,12 @@ def find_bodies(position: FloatArray, used: BoolArray) -> tuple[tuple[PosedBody,
     if not shapes:
         raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
     noise = float(np.sqrt(squares / max(dof, 1)))
-    bodies = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
-    found = tuple(body for body in bodies if len(body.body.frames))
+    posed = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
+    found = [(body, origin) for body, origin in posed if len(body.frames)]
     if not found:
         raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
-    return found, noise
+    bodies, origins = zip(*found, strict=True)
+    return Registered(bodies, origins, noise)
 
 
 def _tied_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> list[Interval]:
@@ -169,8 +173,11 @@ def _join(whole: _Shape, other: _Shape, noise: float) -> bool:
     return True
 
 
-def _posed(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -> PosedBody:
-    """The attitude of a shape in all frames of its intervals, without those whose features lie too near a line."""
+def _posed(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -> tuple[Body, FloatArray]:
+    """A shape with its attitude in all frames of its intervals, and its centroid there, (n, 3) in C.
+
+    Frames are left out whose features lie too near a line.
+    """
     features = np.array(sorted(shape.points), dtype=np.intp)
     points = np.array([shape.points[index] for index in features])
     points = points - points.mean(axis=0)
@@ -186,5 +193,5 @@ def _posed(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -
         attitudes.append(fitted.rotation[good])
         translations.append(fitted.translation[good])
         kept.append(rows[good])
-    body = Body(features, np.concatenate(kept), points, np.concatenate(attitudes))
-    return PosedBody(body, np.concatenate(translations), tuple(shape.intervals))
+    body = Body(features, np.concatenate(kept), points, np.concatenate(attitudes), tuple(shape.intervals))
+    return body, np.concatenate(translations)

@@ -10,16 +10,15 @@ S are the shape's axes: parallel to the tracks' axes in the interval's first fra
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
+from baryscope.estimator.options import Reference
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-Reference = Literal["mean", "first"]
 
 TOLERANCE = 1e-11  # of the shape's change in one round, relative to its size
 ROUNDS = 100

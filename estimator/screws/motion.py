@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.options import Reference
 from baryscope.estimator.registration.intervals import Interval, find_intervals, usual_step
-from baryscope.estimator.registration.procrustes import Reference, Registration, register
+from baryscope.estimator.registration.procrustes import Registration, register
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
 from baryscope.models.words import counted
@@ -16,7 +17,7 @@ IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Motion:
+class RegisteredMotion:
     """Tracks in working axes W (inertial or LVLH, origin at the chaser) and the poses registered from them.
 
     time (n,) in s; position (n, m, 3) in m, NaN = not seen; interval (n,), the number of each frame's interval or -1;
@@ -48,7 +49,7 @@ class Motion:
         return np.asarray(np.array([*values, np.nan])[self.interval])
 
 
-def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: Reference) -> Motion:
+def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: Reference) -> RegisteredMotion:
     """Find the intervals of the tracks, turn the tracks into W by R_W_C (n, 3, 3) if given, and register each interval.
 
     Raises:
@@ -75,7 +76,7 @@ def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: 
         number[frames] = index
         rotation[frames] = np.where(fitted.valid[:, None, None], fitted.rotation, np.nan)
         centre[frames] = np.where(fitted.valid[:, None], fitted.translation, np.nan)
-    motion = Motion(tracks.time, position, number, rotation, centre, intervals, tuple(registrations))
+    motion = RegisteredMotion(tracks.time, position, number, rotation, centre, intervals, tuple(registrations))
     if not motion.posed.any():
         raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
     return motion
@@ -85,7 +86,7 @@ def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: 
 class Pairs:
     """Pairs of frames of a motion, `lag` frames apart in one interval: first and second (k,), indices of frames."""
 
-    motion: Motion
+    motion: RegisteredMotion
     lag: int
     first: IntArray
     second: IntArray
@@ -102,7 +103,7 @@ class Pairs:
         return np.asarray(np.sqrt(2.0) * one)
 
 
-def pairs_of(motion: Motion, lag: int) -> Pairs:
+def pairs_of(motion: RegisteredMotion, lag: int) -> Pairs:
     """All pairs of posed frames `lag` frames apart within an interval."""
     n = len(motion.time)
     first = np.arange(max(n - lag, 0))
@@ -112,6 +113,6 @@ def pairs_of(motion: Motion, lag: int) -> Pairs:
     return Pairs(motion, lag, first[keep], second[keep])
 
 
-def step_of(motion: Motion) -> float:
+def step_of(motion: RegisteredMotion) -> float:
     """Sampling interval in s."""
     return usual_step(motion.time)

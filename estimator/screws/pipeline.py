@@ -1,25 +1,24 @@
 """What all screw methods share: tracks → axes → motion → screws → low-pass → pseudo-intersections → polynomial."""
 
 import time as clock
-from collections.abc import Callable
-from dataclasses import dataclass
-from importlib.metadata import version
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.options import ScrewOptions
-from baryscope.estimator.result import Estimate
+from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
 from baryscope.estimator.screws.intersection import Intersections, intersect
 from baryscope.estimator.screws.low_pass import low_pass_axes
-from baryscope.estimator.screws.motion import Motion, Pairs, pairs_of, register_motion, step_of
+from baryscope.estimator.screws.motion import Pairs, RegisteredMotion, pairs_of, register_motion, step_of
 from baryscope.estimator.screws.polynomial import PathFit, fit_path
 from baryscope.estimator.screws.screws import REASONS, TOO_LITTLE_ROTATION, Screws, screws_or_nan
 from baryscope.estimator.screws.tuning import Trial, choose_cutoff, choose_lag, try_lag
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
-from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
@@ -84,21 +83,58 @@ def estimate_by_screws(
     at = motion.time[axes.second[one][ok]]
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     path = fit_path(at, crossings.middle[ok], crossings.sine[ok], span, options.degree)
-    position_W = path(tracks.time)
-    position = position_W if R_C_W is None else np.einsum("nij,nj->ni", R_C_W, position_W)
-    diagnostics = {
-        "method": name,
-        "version": version("baryscope"),
-        "options": _options(options, trial, cutoff, path, motion),
-        **_quality(motion, screws, crossings, path, spread, at, options, trial),
-        "clusters": _clusters(tracks, motion, position_W),
-        "rejected_features": [],
-        "wall_time": clock.perf_counter() - begin,
-    }
-    return Estimate(tracks.time, position, None, diagnostics)
+    lvlh = None if R_C_W is None or orbit is None else (R_C_W, lvlh_rate(orbit, tracks.time))
+    position, velocity = _in_C(path, tracks.time, lvlh)
+    clusters = tuple(_clusters(tracks, motion, path(tracks.time)))
+    return Estimate(
+        time=tracks.time,
+        labels=tracks.labels,
+        position=position,
+        covariance=None,
+        motion=Motion(velocity=velocity),
+        observability=None,
+        clusters=tuple(cluster for cluster, _ in clusters),
+        noise=Noise(None, motion.rms),
+        residuals=_residuals(motion, R_C_W),
+        used=tracks.seen & motion.posed[:, None],
+        rejected=np.zeros_like(tracks.seen),
+        covered=np.isin(np.arange(len(tracks.time)), axes.second[one][ok]),
+        converged=all(fitted.converged for fitted in motion.registrations),
+        rounds=max(fitted.rounds for fitted in motion.registrations),
+        findings=(),
+        method=name,
+        path=f"polynomial:{path.degree}" if path.degree else "fixed",
+        options=replace(options, lag=trial.lag * step_of(motion), cutoff=cutoff, degree=path.degree),
+        details=replace(
+            _details(options, motion, screws, crossings, path, spread),
+            com_scatter=tuple(scatter for _, scatter in clusters),
+        ),
+        wall_time=clock.perf_counter() - begin,
+    )
 
 
-def _given_lag(motion: Motion, lag: float) -> Trial:
+def _in_C(path: PathFit, time: FloatArray, lvlh: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, FloatArray]:
+    """Position and velocity of a path in C; lvlh: R_C_W (n, 3, 3) and angular rate (n,) of its axes W."""
+    position, velocity = path(time), path.velocity(time)
+    if lvlh is None:
+        return position, velocity
+    R_C_W, rate = lvlh
+    velocity = velocity + rate[:, None] * np.cross([0.0, 0.0, 1.0], position)
+    in_C = (np.einsum("nij,nj->ni", R_C_W, values) for values in (position, velocity))
+    return next(in_C), next(in_C)
+
+
+def _residuals(motion: RegisteredMotion, R_C_W: FloatArray | None) -> FloatArray:
+    """What registration leaves over, (n, m, 3) in C."""
+    residual = np.full_like(motion.position, np.nan)
+    for interval, fitted in zip(motion.intervals, motion.registrations, strict=True):
+        columns = list(interval.features)
+        left = motion.position[interval.frames][:, columns] - fitted.rigid_points
+        residual[interval.frames, columns] = np.where(fitted.valid[:, None, None], left, np.nan)
+    return residual if R_C_W is None else residual @ np.swapaxes(R_C_W, 1, 2)
+
+
+def _given_lag(motion: RegisteredMotion, lag: float) -> Trial:
     frames = max(1, round(lag / step_of(motion)))
     longest = max(interval.length for interval in motion.intervals)
     if longest <= 2 * frames:
@@ -184,75 +220,54 @@ def _why(screws: Screws) -> str:
     return ", ".join(reasons)
 
 
-def _options(options: ScrewOptions, trial: Trial, cutoff: float, path: PathFit, motion: Motion) -> dict[str, Any]:
-    step = step_of(motion)
-    return {
-        "axes": options.axes,
-        "reference": options.reference,
-        "lag": trial.lag * step,
-        "lag_frames": trial.lag,
-        "cutoff": cutoff,
-        "degree": path.degree,
-        "chosen_from_data": [key for key in ("lag", "cutoff", "degree") if getattr(options, key) is None],
-        "sampling_interval": step,
-    }
-
-
-def _quality(
-    motion: Motion,
+def _details(
+    options: ScrewOptions,
+    motion: RegisteredMotion,
     screws: Screws,
     crossings: Intersections,
     path: PathFit,
     spread: tuple[FloatArray, FloatArray],
-    at: FloatArray,
-    options: ScrewOptions,
-    trial: Trial,
-) -> dict[str, Any]:
+) -> ScrewDetails:
     length = crossings.length[crossings.valid]
-    values, vectors = spread
     counts = np.bincount(screws.status, minlength=len(REASONS))
-    angle = screws.angle[screws.valid]
-    lag = trial.lag * step_of(motion)
-    return {
-        "residual_rms": motion.rms,
-        "registration_converged": all(fitted.converged for fitted in motion.registrations),
-        "screw_angle_deg": float(np.rad2deg(np.median(angle))),
-        "rotation_rate_deg": float(np.rad2deg(np.median(angle))) / lag,
-        "axis_angle_deg": float(np.rad2deg(np.median(np.arcsin(np.minimum(crossings.sine, 1.0))))),
-        "segment_length_rms": float(np.sqrt(np.mean(length**2))),
-        "segment_length_median": float(np.median(length)),
-        "fit_rms": path.rms,
-        "condition_number": float(values[-1] / values[0]) if values[0] > 0 else None,
-        "least_observable_direction": {"axes": options.axes, "direction": vectors[:, 0].tolist()},
-        "covered_share": len(np.unique(at)) / len(motion.time),
-        "screws": {REASONS[code]: int(counts[code]) for code in range(len(REASONS)) if counts[code] or not code},
-        "intersections": {
+    return ScrewDetails(
+        chosen=tuple(name for name in ("lag", "cutoff", "degree") if getattr(options, name) is None),
+        sampling_interval=step_of(motion),
+        screw_angle=float(np.median(screws.angle[screws.valid])),
+        axis_angle=float(np.median(np.arcsin(np.minimum(crossings.sine, 1.0)))),
+        segment_rms=float(np.sqrt(np.mean(length**2))),
+        segment_median=float(np.median(length)),
+        fit_rms=path.rms,
+        axis_spread=spread[0],
+        axis_directions=spread[1].T,
+        screws={REASONS[code]: int(counts[code]) for code in range(len(REASONS)) if counts[code] or not code},
+        intersections={
             "used": int(crossings.valid.sum()) - path.rejected,
             "too nearly parallel": int((~crossings.valid).sum()),
             "far from the path": path.rejected,
         },
-    }
+    )
 
 
-def _clusters(tracks: FeatureTracks, motion: Motion, position_W: FloatArray) -> list[dict[str, Any]]:
-    """Per interval: its time, its features in the shape's axes, and the centre of mass there, mean and scatter."""
-    clusters = []
+def _clusters(
+    tracks: FeatureTracks, motion: RegisteredMotion, position_W: FloatArray
+) -> Iterator[tuple[Cluster, FloatArray]]:
+    """Per interval: its features in the shape's axes with the mean centre of mass there, and its scatter (3,)."""
     for interval, fitted in zip(motion.intervals, motion.registrations, strict=True):
         good = fitted.valid
         com_S = np.einsum(
             "nji,nj->ni", fitted.rotation[good], position_W[interval.frames][good] - fitted.translation[good]
         )
-        names = [tracks.labels[index] for index in interval.features]
-        clusters.append(
-            {
-                "start": float(tracks.time[interval.start]),
-                "end": float(tracks.time[interval.stop - 1]),
-                "frames": interval.length,
-                "features": {name: point.tolist() for name, point in zip(names, fitted.shape, strict=True)},
-                "residual_rms": fitted.rms,
-                "rounds": fitted.rounds,
-                "centre_of_mass": com_S.mean(axis=0).tolist() if len(com_S) else None,
-                "centre_of_mass_scatter": com_S.std(axis=0).tolist() if len(com_S) else None,
-            }
+        none = np.full(3, np.nan)
+        yield (
+            Cluster(
+                labels=tuple(tracks.labels[index] for index in interval.features),
+                features=np.array(interval.features),
+                frames=np.arange(interval.start, interval.stop),
+                intervals=(interval,),
+                points=fitted.shape,
+                centre_of_mass=com_S.mean(axis=0) if len(com_S) else none,
+                covariance=None,
+            ),
+            com_S.std(axis=0) if len(com_S) else none,
         )
-    return clusters

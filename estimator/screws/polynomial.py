@@ -6,9 +6,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from baryscope.estimator.options import HIGHEST_DEGREE
+
 FloatArray = NDArray[np.float64]
 
-HIGHEST_DEGREE = 20
 LONGEST = 2000  # rows of a least-squares problem: longer series are averaged first
 BLOCKS = 20  # contiguous stretches that cross-validation leaves out one at a time
 ROUNDS = 10  # of reweighting
@@ -37,6 +38,12 @@ class PathFit:
     def __call__(self, time: FloatArray) -> FloatArray:
         """The path at time (n,) in s, (n, 3) in m."""
         return np.asarray(chebyshev.chebval(_scaled(time, self.begin, self.end), self.coefficients).T)
+
+    def velocity(self, time: FloatArray) -> FloatArray:
+        """The path's velocity at time (n,) in s, (n, 3) in m/s."""
+        half = 0.5 * (self.end - self.begin) or 1.0
+        slope = chebyshev.chebder(self.coefficients) / half
+        return np.asarray(chebyshev.chebval(_scaled(time, self.begin, self.end), slope).T)
 
 
 def fit_path(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.screws.motion import Motion, Pairs, pairs_of, step_of
+from baryscope.estimator.screws.motion import Pairs, RegisteredMotion, pairs_of, step_of
 from baryscope.estimator.screws.screws import Screws, screws_of_poses
 from baryscope.models.errors import ComputationError
 from baryscope.models.words import counted
@@ -30,7 +30,7 @@ class Trial:
     covered: int
 
 
-def choose_lag(motion: Motion) -> Trial:
+def choose_lag(motion: RegisteredMotion) -> Trial:
     """The lag in frames whose intersections are worth most: the sum of sin²(θ/2) sin²ψ over them.
 
     θ is the angle of a screw and ψ the angle between the two axes: an axis is known to 1/(2 sin(θ/2)), and the midpoint
@@ -59,7 +59,7 @@ def choose_lag(motion: Motion) -> Trial:
     return max(covering, key=lambda trial: (trial.information, trial.angle))
 
 
-def try_lag(motion: Motion, lag: int) -> Trial:
+def try_lag(motion: RegisteredMotion, lag: int) -> Trial:
     """Angle and information of the screws of one lag, from a sample of them."""
     pairs = pairs_of(motion, lag)
     successors = np.searchsorted(pairs.first, pairs.second)
@@ -89,7 +89,7 @@ def _pose_screws(pairs: Pairs, index: NDArray[np.intp]) -> Screws:
     return screws_of_poses(motion.rotation[first], motion.centre[first], motion.rotation[second], motion.centre[second])
 
 
-def choose_cutoff(motion: Motion, trial: Trial) -> float:
+def choose_cutoff(motion: RegisteredMotion, trial: Trial) -> float:
     """Cut-off in Hz: a few times the rate of rotation, above all that a tumbling axis does in a turn."""
     rate = trial.angle / (trial.lag * step_of(motion))
     return float(CUTOFF_RATIO * rate / (2 * np.pi)) if rate > 0 else np.inf

@@ -44,11 +44,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; errors are one line on standard error.
 
     Returns:
-        0 when done, 2 for bad input, 1 for what could not be computed, 130 when interrupted.
+        0 when done, 1 for what could not be computed, 2 for bad input, 3 where files were written but the result must
+        not be trusted, 130 when interrupted.
     """
     warnings.showwarning = _show_warning
     try:
-        app(arguments)
+        code = app(arguments)
     except (InputError, CycloptsError) as error:
         return _complain(error, BAD_INPUT)
     except ComputationError as error:
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if os.environ.get("BARYSCOPE_DEBUG"):
             raise
         return _complain(f"internal error, {type(error).__name__}: {error} (BARYSCOPE_DEBUG=1 shows where)", FAILED)
-    return 0
+    return code if isinstance(code, int) else 0
 
 
 def _complain(error: object, code: int) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.scripts.cli.console import out, step
@@ -135,7 +136,7 @@ def _print_own(scenario: Scenario, trajectory: str | None) -> None:
         f"  attitude                     ±{np.rad2deg(found.attitude_deviation):.3g}°",
         f"  angular rate                 ±{np.rad2deg(found.rate_deviation):.3g} °/s",
         f"  inertia over its trace       ±{found.inertia_deviation:.3g}",
-        f"  centre of mass {found.verdict}",
+        f"  centre of mass {verdict(found.observability)}",
     ]
     out.print("\n".join(lines), soft_wrap=True)
 

@@ -8,6 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope.estimator.bound import Bound, cramer_rao_bound
+from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import ScrewOptions
 from baryscope.fmu import build_fmu
@@ -88,9 +89,9 @@ def _run(method: str, axes: str, scenario: Scenario, flight: Flight, folder: Pat
         except ComputationError as failure:
             err.print(f"{method}: {failure}", soft_wrap=True)
             return Outcome(method, axes or "-", stem, failure=str(failure))
-    result.write(folder / f"{stem}.csv")
+    write_estimate(result, folder / f"{stem}.csv")
     true_path = flight.truth["target.position"]
-    kind = axes or str(result.diagnostics["options"]["trajectory"])
+    kind = axes or result.path
     outcome = Outcome(method, kind, stem, result, np.linalg.norm(result.position - true_path, axis=1))
     if pictures_possible():
         draw_outcome(scenario, flight.tracks, true_path, outcome, folder / f"{stem}.png")

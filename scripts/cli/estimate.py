@@ -6,10 +6,11 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, estimate
-from baryscope.estimator.options import Axes, Noise, Options, Torque
+from baryscope.estimator.options import Axes, Noise, Options, Reference, Torque
 from baryscope.estimator.plausibility import refuse_implausible
-from baryscope.estimator.registration.procrustes import Reference
+from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
@@ -17,7 +18,8 @@ from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import out, step
 from baryscope.scripts.cli.simulate import csv_path
-from baryscope.study.report import in_short
+
+UNTRUSTED = 3  # exit code
 
 
 def estimate_file(
@@ -36,8 +38,10 @@ def estimate_file(
     degree: int | None = None,
     reference: Reference | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
-) -> None:
+) -> int:
     """Estimate the path of the centre of mass from tracks of features.
+
+    Ends with 3 where files were written but the result must not be trusted: not converged, or a model does not fit.
 
     Parameters
     ----------
@@ -88,9 +92,10 @@ def estimate_file(
         refuse_implausible(data, str(tracks))
     with step(f"estimating by {method}: {METHODS[method].summary}"):
         result = estimate(data, method=method, orbit=known_orbit, options=options)
-    result.write(path)
-    out.print("\n".join([_headline(result, path), *(f"  {line}" for line in in_short(result))]), soft_wrap=True)
+    write_estimate(result, path)
+    out.print("\n".join([_headline(result, path), *(f"  {line}" for line in summary(result))]), soft_wrap=True)
     out.print(f"  more in {path.with_suffix('.json')}", soft_wrap=True)
+    return 0 if result.status.trustworthy else UNTRUSTED
 
 
 def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, Any]) -> tuple[str, Options]:
@@ -117,8 +122,7 @@ def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, 
 
 
 def _headline(result: Estimate, path: Path) -> str:
-    facts = result.diagnostics
     return (
-        f"{path}: {counted(result.time.size, 'position')} from {counted(len(facts['clusters']), 'cluster')}, "
-        f"{100 * facts['covered_share']:.0f} % of the times covered"
+        f"{path}: {counted(result.time.size, 'position')} from {counted(len(result.clusters), 'cluster')}, "
+        f"{100 * result.coverage:.0f} % of the times covered"
     )

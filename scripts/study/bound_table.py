@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from baryscope.estimator.bound import Bound, cramer_rao_bound
+from baryscope.estimator.prose import verdict
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import replacing
 from baryscope.models.scenario import Scenario
@@ -103,12 +104,12 @@ class Cell:
     @property
     def observable(self) -> bool:
         """Whether the centre of mass can be found."""
-        return self.bound is not None and self.bound.verdict.startswith("observable")
+        return self.bound is not None and bool(self.bound.observability.observable.all())
 
     @property
     def verdict(self) -> str:
         """In a sentence."""
-        return self.reason if self.bound is None else self.bound.verdict
+        return self.reason if self.bound is None else verdict(self.bound.observability)
 
     @property
     def in_short(self) -> str:
@@ -117,7 +118,7 @@ class Cell:
             return "none"
         if self.observable:
             return millimetres(self.bound.position_deviation)
-        return "axis hidden" if self.bound.verdict.startswith("along-axis") else "hidden"
+        return "axis hidden" if self.bound.observability.observable.sum() == 2 else "hidden"
 
     def values(self) -> list[float | int | str]:
         """Its row, in the order of COLUMNS: SI but for degrees; what is not observable is empty."""

@@ -9,8 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from baryscope.estimator.bound import Bound
-from baryscope.estimator.methods import METHODS
-from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.files import replacing
@@ -51,15 +50,15 @@ class Outcome:
         """Its row in the table."""
         if self.estimate is None or self.error is None:
             return (self.method, self.axes, "-", "-", "-", "-", "-")
-        facts = self.estimate.diagnostics
+        predicted = self.estimate.predicted_rmse
         return (
             self.method,
             self.axes,
             _millimetres(np.sqrt(np.mean(self.error**2))),
             _millimetres(self.error.max()),
-            _millimetres(facts["position_deviation"]) if "position_deviation" in facts else "-",
-            f"{100 * facts['covered_share']:.0f} %",
-            f"{facts['wall_time']:.2f} s",
+            "-" if predicted is None else _millimetres(predicted),
+            f"{100 * self.estimate.coverage:.0f} %",
+            f"{self.estimate.wall_time:.2f} s",
         )
 
 
@@ -137,33 +136,6 @@ def _details(outcome: Outcome, pictured: bool) -> list[str]:
     picture = [f"![path and error]({outcome.stem}.png)", ""] if pictured else []
     return [
         *picture,
-        *(f"- {line}" for line in in_short(outcome.estimate)),
+        *(f"- {line}" for line in summary(outcome.estimate)),
         f"- files: {outcome.stem}.csv, {outcome.stem}.json",
     ]
-
-
-def in_short(result: Estimate) -> list[str]:
-    """What a method chose and how good it thinks it is, in a few lines."""
-    facts = result.diagnostics
-    chosen = facts["options"]
-    if isinstance(METHODS[facts["method"]].options(), ScrewOptions):
-        own = ", ".join(chosen["chosen_from_data"]) or "none"
-        return [
-            f"lag {chosen['lag']:g} s, cut-off {chosen['cutoff']:.3g} Hz, degree {chosen['degree']} "
-            f"(chosen from the data: {own})",
-            f"rms of the registration {facts['residual_rms']:.3g} m, of the path's fit {facts['fit_rms']:.3g} m, "
-            f"of the segments between successive axes {facts['segment_length_rms']:.3g} m",
-        ]
-    noise = (
-        f"noise {facts['residual_rms']:.3g} m per axis"
-        if facts["residual_rms"] is not None
-        else f"noise √{facts['variance_factor']:.3g} of what the tracks say"
-    )
-    lines = [
-        f"trajectory {chosen['trajectory']}; {noise}; {100 * facts['rejected_share']:.2g} % of the sightings rejected"
-        + (f", features {', '.join(facts['rejected_features'])}" if facts["rejected_features"] else ""),
-        f"centre of mass {facts['verdict']}; path ±{facts['position_deviation']:.2g} m rms",
-    ]
-    if not facts.get("converged", True):
-        lines.append("did not converge: take the result for a first guess")
-    return lines + [f"note: {remark}" for remark in facts["remarks"]]

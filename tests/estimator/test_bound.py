@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
+from baryscope.estimator.prose import verdict
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import (
     Chaser,
@@ -152,7 +153,7 @@ def test_equals_the_inverse_of_a_fisher_matrix_by_brute_force(sensor, tracking):
     exact, found = BruteForce(flown, seen), cramer_rao_bound(flown)
     assert exact.rank == 17 + 18 - 3  # all but a turn of the axes
     assert found.observations == seen.sum()
-    assert found.verdict.startswith("observable")
+    assert verdict(found.observability).startswith("observable")
     path = exact.of(lambda u: exact.path(u).ravel()).reshape(len(time), 3, len(time), 3)
     close(found.position_covariance, np.einsum("kikj->kij", path))
     close(found.offset_covariance, exact.of(lambda u: turned_back(exact.places(u), exact.points)))
@@ -221,11 +222,11 @@ def test_what_is_known_of_the_path_is_worth_something():
 def test_a_pure_spin_is_not_observable_along_its_axis():
     values, axes = np.linalg.eigh(ENVISAT)
     spin = cramer_rao_bound(scenario(rate_deg=3.5 * axes[:, 2], duration=600.0), trajectory="fixed")
-    assert spin.verdict.startswith("along-axis position not observable")
+    assert verdict(spin.observability).startswith("along-axis position not observable")
     worst = np.linalg.eigh(spin.offset_covariance)[1][:, -1]
     assert abs(worst @ axes[:, 2]) > 0.999
     tumble = cramer_rao_bound(scenario(duration=600.0), trajectory="fixed")
-    assert tumble.verdict.startswith("observable")
+    assert verdict(tumble.observability).startswith("observable")
     assert values[0] > 0
 
 

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.prose import verdict
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from free_paths import (
@@ -41,13 +42,13 @@ def test_exact_without_noise(method, path):
     found = found_by(method, with_positions(case, position), path)
     np.testing.assert_allclose(found.position, case.com, atol=1e-7)
     np.testing.assert_array_equal(found.time, time)
-    assert found.diagnostics["verdict"].startswith("observable")
-    assert found.diagnostics["rejected_features"] == []
-    for index in range(len(found.diagnostics["clusters"])):
-        cluster = found.diagnostics["clusters"][index]
-        members = [case.tracks.labels.index(label) for label in cluster["features"]]
+    assert verdict(found.observability).startswith("observable")
+    assert list(found.rejected_features) == []
+    for index in range(len(found.clusters)):
+        cluster = found.clusters[index]
+        members = [case.tracks.labels.index(label) for label in cluster.labels]
         centroid = TEN[members].mean(axis=0)
-        assert np.linalg.norm(cluster["centre_of_mass"]) == pytest.approx(np.linalg.norm(centroid), abs=1e-6)
+        assert np.linalg.norm(cluster.centre_of_mass) == pytest.approx(np.linalg.norm(centroid), abs=1e-6)
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -58,12 +59,12 @@ def test_clusters_and_gaps_with_noise(method, path):
     found = found_by(method, case.tracks, path)
     assert_good(found, case)
     assert rms(found, case) < 0.005
-    shapes = [sorted(cluster["features"]) for cluster in found.diagnostics["clusters"]]
+    shapes = [sorted(cluster.labels) for cluster in found.clusters]
     assert sorted(shapes, key=len) == [["F2", "F8", "F9"], [f"F{k}" for k in range(8)]]
     for index in range(2):
         assert squared_error_of_cluster(found, case, index) < 4.5**2
     # 220 frames with 5 features: 3,000 numbers, of which the residuals' deviation is known to 1.3 %.
-    assert found.diagnostics["residual_rms"] == pytest.approx(NOISE, rel=0.06)
+    assert found.noise.a_posteriori == pytest.approx(NOISE, rel=0.06)
 
 
 @BOTH
@@ -85,7 +86,7 @@ def test_order_of_features_does_not_matter(method):
     other = FeatureTracks(tracks.time, tracks.position[:, order], tuple(tracks.labels[i] for i in order))
     one, two = (found_by(method, each) for each in (tracks, other))
     np.testing.assert_allclose(two.position, one.position, atol=2e-5)
-    assert set(two.diagnostics["clusters"][0]["features"]) == set(tracks.labels)
+    assert set(two.clusters[0].labels) == set(tracks.labels)
 
 
 SAMPLINGS = {
@@ -103,7 +104,7 @@ def test_few_features_and_all_rates_of_sampling(method, name):
     case = SAMPLINGS[name]()
     found = found_by(method, case.tracks)
     assert_good(found, case)
-    assert found.diagnostics["position_deviation"] < 0.004
+    assert found.predicted_rmse < 0.004
 
 
 def irregular(kind):
@@ -180,11 +181,13 @@ def test_a_known_deviation_scales_the_covariance_and_nothing_else(method):
     case = fixed_case()
     plain, known = found_by(method, case.tracks), found_by(method, case.tracks, sigma=0.05)
     np.testing.assert_allclose(known.position, plain.position, atol=1e-12)
-    factor = (0.05 / plain.diagnostics["residual_rms"]) ** 2
+    factor = (0.05 / plain.noise.a_posteriori) ** 2
     # Not quite in proportion: the noise also says what only seems to be seen.
     np.testing.assert_allclose(known.covariance, factor * plain.covariance, rtol=0.01, atol=1e-8)
-    assert known.diagnostics["residual_rms"] == 0.05
-    assert known.diagnostics["options"]["sigma"] == 0.05
+    # What is given is not what the residuals show.
+    assert (known.noise.a_priori, plain.noise.a_priori) == (0.05, None)
+    assert known.noise.a_posteriori == pytest.approx(NOISE, rel=0.06)
+    assert known.options.sigma == 0.05
 
 
 @BOTH
@@ -198,11 +201,12 @@ def test_given_covariances_weigh(method):
     found = found_by(method, tracks, noise="fixed")
     assert_good(found, case)
     # 4,800 numbers: 2 % of a variance is a standard deviation.
-    assert found.diagnostics["variance_factor"] == pytest.approx(0.25, rel=0.1)
+    assert found.noise.a_posteriori**2 == pytest.approx(0.25, rel=0.1)
     blind = found_by(method, with_positions(case, position))
-    assert found.diagnostics["position_deviation"] < 0.7 * blind.diagnostics["position_deviation"]
+    assert found.predicted_rmse < 0.7 * blind.predicted_rmse
     known = found_by(method, tracks, noise="fixed", sigma=0.5)
-    assert known.diagnostics["variance_factor"] == 0.25
+    assert known.noise.a_priori == 0.5
+    assert known.noise.a_posteriori == pytest.approx(0.5, rel=0.05)
 
 
 @BOTH
@@ -232,7 +236,7 @@ def test_wrong_options_are_refused(options, expected):
 
 def test_the_list_has_both_with_their_options_and_pivot_is_what_is_taken():
     assert METHODS["pivot"].options is METHODS["ml"].options is PathOptions
-    assert estimate(fixed_case(20).tracks).diagnostics["method"] == "pivot"
+    assert estimate(fixed_case(20).tracks).method == "pivot"
     with pytest.raises(InputError, match="ml takes PathOptions, found ScrewOptions"):
         estimate(fixed_case(20).tracks, method="ml", options=METHODS["screw-gpa"].options())
 

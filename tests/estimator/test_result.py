@@ -1,85 +1,76 @@
-import csv
-import json
+"""What an estimate holds, by covariances, residuals and weights made for the purpose."""
 
 import numpy as np
 import pytest
 
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.result import Estimate
-from baryscope.models.errors import InputError
-
-COLUMNS = ["time", "x", "y", "z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"]
+from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, PrincipalAxes, Status
+from results import a_cluster, an_estimate
 
 
-def read(path):
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.reader(stream))
+def test_principal_axes_are_those_of_the_covariance():
+    axes = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    found = PrincipalAxes.of(axes @ np.diag([9.0, 1.0, 4.0]) @ axes.T)
+    np.testing.assert_allclose(found.deviations, [1, 2, 3], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(np.sum(found.directions * axes.T[[1, 2, 0]], axis=1)), 1, rtol=1e-12)
 
 
-def refuse(name):
-    raise AssertionError(f"{name} is no JSON")
+def test_observability_counts_the_cluster_of_most_frames_and_a_quarter_of_its_radius():
+    few, many = a_cluster([1.0, 1.0, 1.0], frames=3), a_cluster([0.01, 0.24, 0.26], frames=6)
+    found = an_estimate(clusters=(few, many)).observability
+    assert found.cluster == 1
+    assert found.threshold == pytest.approx(0.25)
+    assert found.observable.tolist() == [True, True, False]
+    assert found.condition_number == pytest.approx(26**2)
+    np.testing.assert_allclose(found.inertial.deviations, [0.01, 0.02, 0.03])
 
 
-def test_files_hold_the_path_and_strict_json(tmp_path):
-    result = Estimate(
-        np.array([0.0, 0.1 + 0.2]),
-        np.array([[1.0, 2, 3], [1 / 3, -1e-300, 1e300]]),
-        None,
-        {
-            "nan": np.nan,
-            "infinity": np.float64(np.inf),
-            "array": np.arange(3),
-            "flag": np.True_,
-            "n": np.int64(3),
-            "µ": "ü",
-        },
-    )
-    result.write(tmp_path / "deep" / "est.csv")
-    rows = read(tmp_path / "deep" / "est.csv")
-    assert rows[0] == COLUMNS
-    assert rows[2][:4] == ["0.30000000000000004", "0.3333333333333333", "-1e-300", "1e+300"]
-    assert rows[1][4:] == [""] * 6
-    text = (tmp_path / "deep" / "est.json").read_text(encoding="utf-8")
-    values = json.loads(text, parse_constant=refuse)
-    assert values == {"nan": None, "infinity": None, "array": [0, 1, 2], "flag": True, "n": 3, "µ": "ü"}
-    assert sorted(path.name for path in (tmp_path / "deep").iterdir()) == ["est.csv", "est.json"]
+def test_coverage_is_the_share_of_frames_with_an_attitude():
+    clusters = (a_cluster([1.0, 1.0, 1.0], frames=3), a_cluster([0.01, 0.02, 0.03], frames=6))
+    assert an_estimate(clusters=clusters).coverage == pytest.approx(0.6)
 
 
-def test_covariance_is_written_where_there_is_one(tmp_path):
-    Estimate(np.zeros(1), np.zeros((1, 3)), np.arange(9.0).reshape(1, 3, 3)).write(tmp_path / "e.csv")
-    assert read(tmp_path / "e.csv")[1][4:] == ["0.0", "1.0", "2.0", "4.0", "5.0", "8.0"]
+def test_status_is_the_worst_that_is_known():
+    hidden = (a_cluster([0.01, 0.02, 4.0]),)
+    misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0))
+    assert an_estimate().status is Status.GOOD
+    assert an_estimate(findings=(DifferentPoints(("a",), (0, 1)),)).status is Status.GOOD
+    assert an_estimate(clusters=hidden).status is Status.NOT_OBSERVABLE
+    for misfit in misfits:
+        assert an_estimate(clusters=hidden, findings=(misfit,)).status is Status.MODEL_DOES_NOT_FIT
+    assert an_estimate(converged=False, findings=misfits).status is Status.NOT_CONVERGED
+    assert [status.value for status in Status if status.trustworthy] == ["good", "not observable"]
 
 
-def test_diagnostics_say_what_was_done(case_of, at_rest, tmp_path):
-    case = case_of(at_rest, noise=0.02, seed=5)
-    estimate(case.tracks, method="screw-gpa").write(tmp_path / "e.csv")
-    values = json.loads((tmp_path / "e.json").read_text(encoding="utf-8"), parse_constant=refuse)
-    assert values["method"] == "screw-gpa"
-    assert values["rejected_features"] == []
-    # 11,000 observations of three coordinates less the unknowns: 1 % is four standard deviations.
-    assert values["residual_rms"] == pytest.approx(0.02, rel=0.02)
-    assert values["options"]["chosen_from_data"] == ["lag", "cutoff", "degree"]
-    assert values["condition_number"] >= 1
-    assert np.linalg.norm(values["least_observable_direction"]["direction"]) == pytest.approx(1)
-    assert 0.5 < values["covered_share"] < 0.9
-    assert values["wall_time"] > 0
-    assert [len(cluster["features"]) for cluster in values["clusters"]] == [5, 4, 5, 3]
+def test_predicted_rmse_is_the_mean_trace():
+    assert an_estimate().predicted_rmse == pytest.approx(np.sqrt(14e-4))
+    assert an_estimate(covariance=None).predicted_rmse is None
+
+
+def test_residuals_by_feature_leave_out_what_is_rejected_or_not_there():
+    residuals, rejected = np.zeros((10, 4, 3)), np.zeros((10, 4), dtype=bool)
+    residuals[:, 0], residuals[:5, 1] = [0.03, 0.0, 0.0], 0.02
+    residuals[5:, 1] = np.nan
+    residuals[:, 2], rejected[:, 2] = 5.0, True
+    found = an_estimate(residuals=residuals, rejected=rejected).feature_rms
+    np.testing.assert_allclose(found, [0.03 / np.sqrt(3), 0.02, np.nan, 0.0])
+
+
+def test_what_is_rejected():
+    used, rejected = np.ones((10, 4), dtype=bool), np.zeros((10, 4), dtype=bool)
+    rejected[2:5, 0] = rejected[7, 0] = rejected[:6, 1] = True
+    used[5:, 3] = False
+    found = an_estimate(used=used, rejected=rejected)
+    assert found.rejected_features == ("b",)
+    assert found.rejected_share == pytest.approx(10 / 35)
 
 
 def test_the_centre_of_mass_in_the_axes_of_each_cluster(case_of, at_rest):
     """By the truth: the shape's axes are C's at the interval's first frame, its origin the features' centroid."""
     case = case_of(at_rest)
     found = estimate(case.tracks, method="screw-gpa")
-    for cluster in found.diagnostics["clusters"]:
-        members = [case.tracks.labels.index(name) for name in cluster["features"]]
-        k = int(np.searchsorted(case.tracks.time, cluster["start"]))
-        expected = -case.R_I_B[k] @ case.features[members].mean(axis=0)
-        np.testing.assert_allclose(cluster["centre_of_mass"], expected, atol=1e-6)
-        shape = (case.features[members] - case.features[members].mean(axis=0)) @ case.R_I_B[k].T
-        np.testing.assert_allclose(list(cluster["features"].values()), shape, atol=1e-6)
-
-
-def test_diagnostics_are_not_written_over_the_path(tmp_path):
-    with pytest.raises(InputError, match="json"):
-        Estimate(np.zeros(1), np.zeros((1, 3))).write(tmp_path / "e.json")
-    assert list(tmp_path.iterdir()) == []
+    for cluster in found.clusters:
+        k = cluster.frames[0]
+        members = case.features[[case.tracks.labels.index(name) for name in cluster.labels]]
+        np.testing.assert_allclose(cluster.centre_of_mass, -case.R_I_B[k] @ members.mean(axis=0), atol=1e-6)
+        np.testing.assert_allclose(cluster.points, (members - members.mean(axis=0)) @ case.R_I_B[k].T, atol=1e-6)

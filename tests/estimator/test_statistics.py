@@ -77,17 +77,17 @@ def test_ml_reaches_the_bound_and_pivot_comes_within_a_quarter(draws):
         assert ratio.mean() > 1 - spread
         assert ratio.mean() < (1 + spread if method == "ml" else 1.25**2)
     # What they say of themselves is the bound, but for how well 1,200 numbers tell the noise.
-    stated = np.mean([one.diagnostics["position_deviation"] for one in found["ml"]])
+    stated = np.mean([one.predicted_rmse for one in found["ml"]])
     assert stated == pytest.approx(bound.position_deviation, rel=0.02)
 
 
 def in_held_axes(found, case, time):
     """Attitude, rate and inertia of `ml` at a time, in axes turned so that the features stand as in the truth."""
-    cluster, rotation = found.diagnostics["clusters"][0], found.diagnostics["rotation"]
-    shape = np.array(list(cluster["features"].values()))
+    cluster, rotation = found.clusters[0], found.details
+    shape = cluster.points
     turn = Rotation.align_vectors(case.features - case.features.mean(axis=0), shape)[0].as_matrix()
-    attitude, rate, inertia = (np.array(rotation[key]) for key in ("attitude", "angular_rate", "inertia_over_trace"))
-    then = Tumbling(rotation["epoch"], attitude, rate, inertia).at(np.array([time]))
+    inertia = rotation.inertia
+    then = Tumbling(rotation.epoch, rotation.attitude, rotation.angular_rate, inertia).at(np.array([time]))
     return then.attitude[0] @ turn.T, turn @ then.rate[0], turn @ inertia @ turn.T
 
 

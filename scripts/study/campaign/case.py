@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.prose import verdict
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.scenario import Outliers, Scenario
@@ -109,7 +110,7 @@ def _bounds(scenario: Scenario) -> dict[str, Any]:
         "path": bound.position_deviation,
         "offset": bound.offset_deviation,
         "reference": reference.position_deviation,
-        "verdict": bound.verdict,
+        "verdict": verdict(bound.observability),
     }
 
 
@@ -121,16 +122,15 @@ def _judged(label: str, scenario: Scenario, flight: Flight, wall: dict[str, floa
     wall[label] = clock.perf_counter() - begin
     if result is None:
         return {"failure": failure}
-    facts = result.diagnostics
     error = result.position - flight.truth["target.position"]
     distance = np.linalg.norm(error, axis=1)
     judged = {
         "rms": _finite(np.sqrt(np.mean(distance**2))),
         "max": _finite(distance.max()),
-        "own": _finite(facts.get("position_deviation")),
+        "own": _finite(result.predicted_rmse),
         "nees": None if result.covariance is None else _nees(error, result.covariance),
-        "converged": facts.get("converged"),
-        "rejected": facts.get("rejected_share"),
+        "converged": result.status.trustworthy,
+        "rejected": result.rejected_share,
     }
     if judged["rms"] is None:
         return judged | {"failure": "gave a path that is not finite"}
@@ -160,14 +160,12 @@ def _offset(result: Estimate, scenario: Scenario) -> dict[str, Any]:
 
     True and estimated features are laid on each other; what is left between the two CoMs is the error.
     """
-    clusters = [cluster for cluster in result.diagnostics["clusters"] if "centre_of_mass_covariance" in cluster]
-    if not clusters:
+    if result.observability is None:
         return {}
-    cluster = max(clusters, key=lambda item: int(item["frames"]))
+    cluster = result.clusters[result.observability.cluster]
     places = {point.label: point.position for point in scenario.features.points}
-    estimated = np.array(list(cluster["features"].values()))
-    true = np.array([places[label] for label in cluster["features"]])
-    R, _ = Rotation.align_vectors(estimated - estimated.mean(axis=0), true - true.mean(axis=0))
-    error = np.array(cluster["centre_of_mass"]) - R.apply(-true.mean(axis=0))
-    nees = _normalised(error, np.array(cluster["centre_of_mass_covariance"]))
+    true = np.array([places[label] for label in cluster.labels])
+    R, _ = Rotation.align_vectors(cluster.points, true - true.mean(axis=0))
+    error = cluster.centre_of_mass - R.apply(-true.mean(axis=0))
+    nees = None if cluster.covariance is None else _normalised(error, cluster.covariance)
     return {"offset": _finite(np.linalg.norm(error)), "offset_nees": nees}

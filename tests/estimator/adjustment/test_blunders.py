@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from baryscope.estimator.document import rejected_intervals
 from free_paths import BOTH, NOISE, assert_good, fixed_case, found_by, squared_error, with_positions
 
 
@@ -14,12 +15,12 @@ def test_blunders_are_rejected(method, share):
     position = case.tracks.position + np.where(wrong[..., None], 2 / np.sqrt(3) * rng.normal(size=(300, 8, 3)), 0)
     found = found_by(method, with_positions(case, position))
     assert_good(found, case)
-    assert found.diagnostics["rejected_share"] == pytest.approx(wrong.mean(), abs=0.03)
-    assert found.diagnostics["rejected_features"] == []
+    assert found.rejected_share == pytest.approx(wrong.mean(), abs=0.03)
+    assert list(found.rejected_features) == []
     # The noise is that of the others, not quite without those that lie within 4.5 deviations by chance.
-    assert found.diagnostics["residual_rms"] == pytest.approx(NOISE, rel=0.05)
+    assert found.noise.a_posteriori == pytest.approx(NOISE, rel=0.05)
     clean = found_by(method, case.tracks)
-    assert found.diagnostics["position_deviation"] < 1.35 * clean.diagnostics["position_deviation"]
+    assert found.predicted_rmse < 1.35 * clean.predicted_rmse
 
 
 @BOTH
@@ -30,12 +31,12 @@ def test_swapped_labels_are_rejected_where_they_are(method):
         position[begin : begin + 40, [one, two]] = position[begin : begin + 40, [two, one]]
     found = found_by(method, with_positions(case, position))
     assert_good(found, case)
-    stretches = found.diagnostics["rejected_observations"]
+    stretches = rejected_intervals(found)
     expected = {"F0": 40, "F1": 40, "F2": 120, "F6": 120, "F3": 200, "F4": 200}
     assert set(stretches) >= set(expected)
     for label, begin in expected.items():
-        assert [float(begin), begin + 39.0] in stretches[label]
-    assert found.diagnostics["rejected_share"] == pytest.approx(240 / 2400, abs=0.002)
+        assert (float(begin), begin + 39.0) in stretches[label]
+    assert found.rejected_share == pytest.approx(240 / 2400, abs=0.002)
 
 
 @BOTH
@@ -47,12 +48,12 @@ def test_a_feature_that_slides_is_rejected(method):
         position = case.tracks.position.copy()
         position[:, 3] += way[:, None] * (case.R_I_B @ [0, 0.6, 0.8])
         found = found_by(method, with_positions(case, position))
-        assert found.diagnostics["rejected_features"] == ["F3"]
+        assert list(found.rejected_features) == ["F3"]
         assert squared_error(found, case) < 4.5**2
         # Of the 2,100 others, χ²₃ puts 0.4 beyond the gate.
-        others = {label: times for label, times in found.diagnostics["rejected_observations"].items() if label != "F3"}
+        others = {label: times for label, times in rejected_intervals(found).items() if label != "F3"}
         assert sum(map(len, others.values())) <= 4
-        begin, end = max(found.diagnostics["rejected_observations"]["F3"], key=lambda stretch: stretch[1] - stretch[0])
+        begin, end = max(rejected_intervals(found)["F3"], key=lambda stretch: stretch[1] - stretch[0])
         if start:
             assert 100 <= begin <= 115
             assert end == 299
@@ -74,4 +75,4 @@ def test_a_feature_that_is_not_of_the_body_is_rejected(method, kind):
     position[:, 3] = STRANGERS[kind](case, np.random.default_rng(0))
     found = found_by(method, with_positions(case, position))
     assert_good(found, case)
-    assert found.diagnostics["rejected_features"] == ["F3"]
+    assert list(found.rejected_features) == ["F3"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.prose import verdict
 from baryscope.models.errors import ComputationError
 from free_paths import (
     BOTH,
@@ -35,7 +36,7 @@ def test_a_pure_spin_hides_the_place_along_its_axis(method, path):
     for noise, seed in draws:
         case = pure_spin(noise, seed, path)
         found = found_by(method, case.tracks, path)
-        assert found.diagnostics["verdict"].startswith("along-axis position not observable")
+        assert verdict(found.observability).startswith("along-axis position not observable")
         axis = np.array([0, 0.6, 0.8])
         error = found.position[100] - case.com[100]
         across = error - axis * (axis @ error)
@@ -54,7 +55,7 @@ def test_a_pure_spin_seen_by_turns_hides_it_too(method, path):
         for seed in range(6 if method == "pivot" else 1):
             case = make_case(time, R, PATHS[path][0](time), TEN, noise=NOISE, seed=seed, clusters=clusters)
             found = found_by(method, case.tracks, path)
-            assert found.diagnostics["verdict"].startswith("along-axis position not observable")
+            assert verdict(found.observability).startswith("along-axis position not observable")
             assert squared_error(found, case) < 4.5**2
             for index in range(3):
                 assert squared_error_of_cluster(found, case, index) < 4.5**2

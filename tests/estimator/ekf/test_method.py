@@ -74,15 +74,15 @@ def test_from_its_own_start_it_comes_to_the_likelihood_s_estimate(tracked, rates
         case = tracked(rates, seed=seed)
         found = run(case)
         best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions(torque="none"))
-        deviation = best.diagnostics["position_deviation"]
+        deviation = best.predicted_rmse
         assert np.sqrt(np.mean(np.sum((found.position - best.position) ** 2, axis=1))) < 0.25 * deviation
-        assert found.diagnostics["position_deviation"] == pytest.approx(deviation, rel=0.05)
-        assert found.diagnostics["converged"]
-        chosen = found.diagnostics["filter"]
-        assert chosen["process_noise"] == {"order": 1, "path": 0.0, "turn": 0.0, "gravity_gradient": False}
-        assert chosen["mean_normalised_innovation_squared"] == pytest.approx(1.0, abs=0.08)
-        assert found.diagnostics["residual_rms"] == pytest.approx(0.02, rel=0.05)
-        moments = np.linalg.eigvalsh(chosen["inertia_over_trace"])
+        assert found.predicted_rmse == pytest.approx(deviation, rel=0.05)
+        assert found.converged
+        chosen = found.details
+        assert (chosen.order, chosen.path_noise, chosen.turn_noise, chosen.gravity_gradient) == (1, 0.0, 0.0, False)
+        assert chosen.nis == pytest.approx(1.0, abs=0.08)
+        assert found.noise.a_posteriori == pytest.approx(0.02, rel=0.05)
+        moments = np.linalg.eigvalsh(chosen.inertia)
         np.testing.assert_allclose(moments, np.linalg.eigvalsh(ENVISAT / np.trace(ENVISAT)), atol=0.005)
         squares.append(normalised(found, case))
     assert np.mean(squares) < 3 * 3
@@ -91,9 +91,9 @@ def test_from_its_own_start_it_comes_to_the_likelihood_s_estimate(tracked, rates
 def test_features_that_come_and_go(tracked):
     case = tracked(clusters=CLUSTERS, seed=4)
     found = run(case)
-    assert found.diagnostics["converged"]
+    assert found.converged
     assert normalised(found, case) < 5 * 3
-    assert found.diagnostics["covered_share"] < 1
+    assert found.coverage < 1
 
 
 def test_after_gaps_that_a_poor_first_inertia_cannot_foretell_the_attitude_is_found_again(tracked):
@@ -101,10 +101,10 @@ def test_after_gaps_that_a_poor_first_inertia_cannot_foretell_the_attitude_is_fo
     case = tracked(clusters=[(start, start + 36.0, range(6)) for start in (0.0, 216.0, 432.0, 564.0)], seed=2)
     found = run(case)
     best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions(torque="none"))
-    assert found.diagnostics["converged"]
-    assert found.diagnostics["filter"]["restarts"] == 0
+    assert found.converged
+    assert found.details.restarts == 0
     assert rms(found, case) < 1.2 * rms(best, case)
-    assert found.diagnostics["position_deviation"] == pytest.approx(best.diagnostics["position_deviation"], rel=0.1)
+    assert found.predicted_rmse == pytest.approx(best.predicted_rmse, rel=0.1)
 
 
 def test_long_tracks_are_learnt_from_their_first_frames(tracked):
@@ -117,9 +117,9 @@ def test_long_tracks_are_learnt_from_their_first_frames(tracked):
     case = make_case(time, turned, com, points, noise=0.02, seed=0, clusters=clusters)
     found = run(case)
     best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions())
-    assert found.diagnostics["converged"]
+    assert found.converged
     assert rms(found, case) < 1.2 * rms(best, case)
-    assert found.diagnostics["position_deviation"] == pytest.approx(best.diagnostics["position_deviation"], rel=0.1)
+    assert found.predicted_rmse == pytest.approx(best.predicted_rmse, rel=0.1)
 
 
 def test_outliers_are_gated(tracked):
@@ -130,8 +130,8 @@ def test_outliers_are_gated(tracked):
     position[hit] += rng.normal(size=(int(hit.sum()), 3))
     found = estimate_by_filter(with_positions(case.tracks, position), CIRCULAR.model(), PathOptions())
     assert normalised(found, case) < 5 * 3
-    assert found.diagnostics["rejected_share"] == pytest.approx(hit.mean(), abs=0.005)
-    assert found.diagnostics["residual_rms"] == pytest.approx(0.02, rel=0.05)
+    assert found.rejected_share == pytest.approx(hit.mean(), abs=0.005)
+    assert found.noise.a_posteriori == pytest.approx(0.02, rel=0.05)
 
 
 def test_a_feature_that_jumps_is_placed_anew(tracked):
@@ -145,13 +145,13 @@ def test_a_feature_that_jumps_is_placed_anew(tracked):
 def test_where_the_path_is_unknown_its_noise_is_tuned_and_smoothed(tracked):
     case = tracked(seed=3)
     found = run(case, orbit=None)
-    chosen = found.diagnostics["filter"]["process_noise"]
-    assert chosen["path"] > 0
-    assert found.diagnostics["converged"]
-    assert found.diagnostics["options"]["trajectory"] == f"polynomial:{chosen['order']}"
+    chosen = found.details
+    assert chosen.path_noise > 0
+    assert found.converged
+    assert found.path == f"polynomial:{chosen.order}"
     assert normalised(found, case) < 3 * 3
     # The filter's own deviation at the end is more than that of the smoothed path in the middle.
-    assert found.diagnostics["filter"]["final_position_deviation"] > np.sqrt(np.trace(found.covariance[100]))
+    assert np.sqrt(np.trace(found.details.final_covariance)) > np.sqrt(np.trace(found.covariance[100]))
 
 
 def test_a_path_that_is_not_free_motion_is_believed_less(tracked):
@@ -159,7 +159,7 @@ def test_a_path_that_is_not_free_motion_is_believed_less(tracked):
     elliptic = Orbit(eccentricity=0.01)
     case = tracked(seed=5, on=elliptic)
     found = run(case, orbit=elliptic)
-    assert found.diagnostics["filter"]["process_noise"]["path"] > 0
+    assert found.details.path_noise > 0
     assert normalised(found, case) < 5 * 3
 
 
@@ -170,8 +170,8 @@ def test_a_thrust_that_the_first_frames_do_not_show():
     points = box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
     case = make_case(time, attitude(ENVISAT, np.deg2rad(FAST), time), com, points, noise=0.02, seed=0)
     found = run(case, orbit=elliptic)
-    assert found.diagnostics["filter"]["process_noise"]["path"] > 0
-    assert found.diagnostics["converged"]
+    assert found.details.path_noise > 0
+    assert found.converged
     assert normalised(found, case) < 5 * 3
 
 
@@ -181,8 +181,8 @@ def test_the_gravity_gradient_is_told_from_none():
     com = -(CIRCULAR.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
     case = make_case(time, R_I_B, com, box_features(6, (10, 5, 5), seed=3), noise=0.02, seed=0)
     found = run(case)
-    assert found.diagnostics["filter"]["process_noise"]["gravity_gradient"]
-    assert found.diagnostics["options"]["torque"] == "gravity-gradient"
+    assert found.details.gravity_gradient
+    assert found.options.torque == "gravity-gradient"
     assert normalised(found, case) < 5 * 3
 
 
@@ -191,12 +191,13 @@ def test_a_fixed_centre_and_known_noise(tracked, sampled):
     still = case.tracks.position - case.com[:, None] + np.array([4.0, -19.0, 3.0])
     tracks = with_positions(case.tracks, still, np.tile(1e-4 * np.eye(3), (*case.tracks.seen.shape, 1, 1)))
     found = estimate_by_filter(tracks, None, PathOptions(trajectory="fixed", sigma=2.0))
-    assert found.diagnostics["variance_factor"] == 4.0
+    assert found.noise.a_priori == 2.0
+    assert found.noise.a_posteriori == pytest.approx(2.0, rel=0.05)
     error = found.position - [4.0, -19.0, 3.0]
     assert np.ptp(found.position, axis=0).max() < 1e-9
     assert error[0] @ np.linalg.solve(found.covariance[0], error[0]) < 16  # of χ² with three degrees of freedom, 1e-3
     guessed = estimate_by_filter(tracks, None, PathOptions(trajectory="fixed"))
-    assert guessed.diagnostics["variance_factor"] == pytest.approx(4.0, rel=0.1)
+    assert guessed.noise.a_posteriori**2 == pytest.approx(4.0, rel=0.1)
 
 
 def test_what_it_cannot_start_from_is_said_in_a_sentence(tracked):

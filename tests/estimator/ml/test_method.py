@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.prose import sentence
+from baryscope.estimator.result import Status
 from baryscope.models.errors import InputError
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 
@@ -26,22 +28,22 @@ def test_rate_and_inertia_are_found_with_what_they_deviate_by():
     R = attitude(ENVISAT, RATE, time)
     case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=1)
     found = estimate(case.tracks, method="ml", options=FIXED)
-    said = found.diagnostics["rotation"]
-    turn = np.array(said["attitude"]).T  # R_B_C at the epoch: B against the truth's axes by the true attitude there
-    k = int(said["epoch"])
-    assert said["epoch"] == time[k]
+    said = found.details
+    turn = said.attitude.T  # R_B_C at the epoch: B against the truth's axes by the true attitude there
+    k = int(said.epoch)
+    assert said.epoch == time[k]
     R_B_true = turn @ R[k]
-    exact = Tumbling(0.0, np.eye(3), RATE, ENVISAT).at(np.array([said["epoch"]]))
-    rate = np.array(said["angular_rate"])
+    exact = Tumbling(0.0, np.eye(3), RATE, ENVISAT).at(np.array([said.epoch]))
+    rate = said.angular_rate
     # The attitude at the epoch is exact by definition of B; features hold it to 0.02/4/√(8 × 300), 1e-4 rad.
     missed = np.abs(rate - R_B_true @ exact.rate[0])
-    np.testing.assert_array_less(missed, 4 * np.array(said["angular_rate_deviation"]) + 1e-3 * np.linalg.norm(RATE))
+    np.testing.assert_array_less(missed, 4 * said.angular_rate_deviation + 1e-3 * np.linalg.norm(RATE))
     inertia = R_B_true @ (ENVISAT / np.trace(ENVISAT)) @ R_B_true.T
-    assert np.linalg.norm(said["inertia_over_trace"] - inertia) < 4 * said["inertia_deviation"] + 2e-3
-    np.testing.assert_allclose(said["principal_moments_over_trace"], np.linalg.eigvalsh(inertia), atol=2e-3)
-    axes = np.array(said["principal_axes"])
+    assert np.linalg.norm(said.inertia - inertia) < 4 * said.inertia_deviation + 2e-3
+    np.testing.assert_allclose(np.linalg.eigvalsh(said.inertia), np.linalg.eigvalsh(inertia), atol=2e-3)
+    axes = np.linalg.eigh(said.inertia)[1].T
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-    assert found.diagnostics["options"]["torque"] == "none"
+    assert found.options.torque == "none"
 
 
 def test_an_unknown_torque_is_noticed_and_pivot_is_not_disturbed():
@@ -59,10 +61,10 @@ def test_an_unknown_torque_is_noticed_and_pivot_is_not_disturbed():
     R = Rotation.from_quat(q, scalar_first=True).as_matrix()
     case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=2)
     found = estimate(case.tracks, method="ml", options=FIXED)
-    assert any(remark.startswith("no free tumble fits") for remark in found.diagnostics["remarks"])
-    assert not found.diagnostics["converged"]
+    assert any(remark.startswith("no free tumble fits") for remark in [sentence(finding) for finding in found.findings])
+    assert found.status is Status.MODEL_DOES_NOT_FIT
     plain = estimate(case.tracks, method="pivot", options=FIXED)
-    assert plain.diagnostics["remarks"] == []
+    assert plain.findings == ()
     error = plain.position[0] - case.com[0]
     assert error @ np.linalg.solve(plain.covariance[0], error) < 4.5**2
 
@@ -78,13 +80,13 @@ def gravity_gradient():
 def test_the_gravity_gradient_is_taken_where_it_explains_more(gravity_gradient):
     case, orbit = gravity_gradient
     found = estimate(case.tracks, method="ml", orbit=orbit, options=FIXED)
-    assert found.diagnostics["options"]["torque"] == "gravity-gradient"
-    assert found.diagnostics["remarks"] == []
+    assert found.options.torque == "gravity-gradient"
+    assert found.findings == ()
     error = found.position[0] - case.com[0]
     assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
     free = estimate(case.tracks, method="ml", orbit=orbit, options=PathOptions(trajectory="fixed", torque="none"))
-    assert free.diagnostics["options"]["torque"] == "none"
-    assert any(remark.startswith("no free tumble fits") for remark in free.diagnostics["remarks"])
+    assert free.options.torque == "none"
+    assert any(remark.startswith("no free tumble fits") for remark in [sentence(finding) for finding in free.findings])
 
 
 def test_no_gravity_gradient_where_none_acts():
@@ -94,7 +96,7 @@ def test_no_gravity_gradient_where_none_acts():
         estimate(case.tracks, method="ml", orbit=orbit, options=PathOptions(trajectory="fixed", torque=torque))
         for torque in ("none", "gravity-gradient")
     ]
-    assert [found.diagnostics["options"]["torque"] for found in torques] == ["none", "gravity-gradient"]
+    assert [found.options.torque for found in torques] == ["none", "gravity-gradient"]
     # In 200 s at 7 °/s the gradient hardly turns the body: both agree to a part of the deviation.
     np.testing.assert_allclose(torques[0].position, torques[1].position, atol=1e-3)
     with pytest.raises(InputError, match="torque is gravity-gradient, which needs the target's orbit"):
@@ -109,11 +111,11 @@ def test_features_never_seen_together_share_the_motion():
     R = attitude(ENVISAT, RATE, time)
     case = make_case(time, R, at_rest(time), features, noise=NOISE, seed=6, clusters=clusters)
     found, plain = (estimate(case.tracks, method=name, options=FIXED) for name in ("ml", "pivot"))
-    assert len(found.diagnostics["clusters"]) == 4
-    assert found.diagnostics["remarks"] == []
+    assert len(found.clusters) == 4
+    assert found.findings == ()
     error = found.position[0] - case.com[0]
     assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
-    assert found.diagnostics["position_deviation"] < 0.95 * plain.diagnostics["position_deviation"]
+    assert found.predicted_rmse < 0.95 * plain.predicted_rmse
 
 
 def test_a_rigs_range_has_no_bias_either():
@@ -132,7 +134,7 @@ def test_a_rigs_range_has_no_bias_either():
         deviation = np.sqrt(sight @ found.covariance[0] @ sight)
         moved.append(sight @ (found.position[0] - plain.position[0]) / deviation)
         apart.append(sight @ (found.position[0] - peer.position[0]) / deviation)
-        assert found.diagnostics["remarks"] == []
-        assert found.diagnostics["variance_factor"] == pytest.approx(1, abs=0.1)
+        assert found.findings == ()
+        assert found.noise.a_posteriori**2 == pytest.approx(1, abs=0.1)
     assert np.mean(moved) == pytest.approx(1.7, abs=0.6)
     assert np.abs(apart).max() < 0.7

@@ -8,18 +8,18 @@ from baryscope.estimator.dynamics.paths import Polynomial, RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.clusters import PosedBody
+from baryscope.estimator.registration.clusters import Registered
 from synthetic import Orbit
 
 OFFSETS = np.array([[3.0, -1, 0.5], [-2.0, 0.3, 4]])
 
 
-def posed(frames, offset, origin, seed):
-    """A body whose axes S are `offset` away from the centre of mass, in some frames."""
+def registered(frames, offset, origin, seed):
+    """A body whose axes S are `offset` away from the centre of mass, in some frames, and its origin there."""
     attitude = Rotation.random(len(frames), random_state=seed).as_matrix()
     points = np.random.default_rng(seed).normal(size=(4, 3))
     translation = origin[frames] + attitude @ offset
-    return PosedBody(Body(np.arange(4), frames, points - points.mean(axis=0), attitude), translation, ())
+    return Body(np.arange(4), frames, points - points.mean(axis=0), attitude), translation
 
 
 @pytest.mark.parametrize("kind", ["fixed", "polynomial:3", "relative-orbit"])
@@ -35,12 +35,15 @@ def test_exact_without_noise_whatever_the_weights(kind):
     sampled = path.at(time)
     # By the Jacobian: relative motion is linear only where the chaser is close by.
     origin = sampled.jacobian @ x
-    bodies = tuple(
-        posed(frames, offset, origin, seed)
-        for seed, (frames, offset) in enumerate(zip((np.arange(0, 25), np.arange(30, 60)), OFFSETS, strict=True))
+    bodies, origins = zip(
+        *(
+            registered(frames, offset, origin, seed)
+            for seed, (frames, offset) in enumerate(zip((np.arange(0, 25), np.arange(30, 60)), OFFSETS, strict=True))
+        ),
+        strict=True,
     )
-    weights = [np.random.default_rng(1).uniform(0.1, 10, len(one.body.frames)) for one in bodies]
-    found = solve_drift(bodies, weights, sampled)
+    weights = [np.random.default_rng(1).uniform(0.1, 10, len(body.frames)) for body in bodies]
+    found = solve_drift(Registered(bodies, origins, 0.0), weights, sampled)
     np.testing.assert_allclose(found.x, x, atol=1e-8)
     np.testing.assert_allclose(found.offsets, OFFSETS, atol=1e-8)
 
@@ -50,12 +53,12 @@ def test_same_as_numpys_least_squares_with_noise():
     sampled = Polynomial(1, 0.0, 100.0).at(time)
     rng = np.random.default_rng(0)
     origin = sampled.position(rng.normal(size=6)) + 0.1 * rng.normal(size=(40, 3))
-    one = posed(np.arange(40), OFFSETS[0], origin, 3)
+    body, translation = registered(np.arange(40), OFFSETS[0], origin, 3)
     weight = rng.uniform(0.1, 10, 40)
     root = np.repeat(np.sqrt(weight), 3)
-    rows = np.concatenate([one.body.attitude, sampled.jacobian], axis=2).reshape(120, -1) * root[:, None]
-    expected = np.linalg.lstsq(rows, one.translation.ravel() * root, rcond=None)[0]
-    found = solve_drift((one,), [weight], sampled)
+    rows = np.concatenate([body.attitude, sampled.jacobian], axis=2).reshape(120, -1) * root[:, None]
+    expected = np.linalg.lstsq(rows, translation.ravel() * root, rcond=None)[0]
+    found = solve_drift(Registered((body,), (translation,), 0.0), [weight], sampled)
     np.testing.assert_allclose(found.offsets[0], expected[:3], atol=1e-10)
     np.testing.assert_allclose(found.x, expected[3:], atol=1e-10)
 
@@ -75,5 +78,5 @@ def test_weight_of_a_frame_is_the_inverse_variance_of_its_pivot(offset, weight):
     pivot = fitted.translation - fitted.rotation @ np.array(offset)
     variance = np.var(pivot, axis=0).mean() / noise**2
     body = Body(np.arange(5), np.zeros(1, dtype=int), points, np.eye(3)[None])
-    found = frame_weights((PosedBody(body, np.zeros((1, 3)), ()),), weight[None], (np.array(offset),))
+    found = frame_weights((body,), weight[None], (np.array(offset),))
     assert 1 / found[0][0] == pytest.approx(variance, rel=0.05)

@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.prose import sentence
 from baryscope.models.errors import ComputationError
 from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
@@ -35,7 +36,7 @@ def test_the_degree_is_chosen_by_the_data(tumbling, degree):
     for seed in range(8):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
         found = estimate(case.tracks, method="pivot")
-        name = found.diagnostics["options"]["trajectory"]
+        name = found.path
         excess.append((0 if name == "fixed" else int(name.partition(":")[2])) - degree)
         assert np.linalg.norm(found.position - case.com, axis=1).max() < 0.02
     assert min(excess) >= 0
@@ -47,10 +48,10 @@ def test_the_degree_is_chosen_by_the_data(tumbling, degree):
 def test_a_wrong_kind_of_path_is_noticed(tumbling, trajectory, degree):
     case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02)
     found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=trajectory))
-    (remark,) = found.diagnostics["remarks"]
+    (remark,) = [sentence(finding) for finding in found.findings]
     assert trajectory in remark
     right = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=f"polynomial:{degree}"))
-    assert right.diagnostics["remarks"] == []
+    assert right.findings == ()
 
 
 def test_thrust_on_a_path_that_is_said_to_be_free_is_noticed(tumbling):
@@ -58,7 +59,7 @@ def test_thrust_on_a_path_that_is_said_to_be_free_is_noticed(tumbling):
     com = -(orbit.R_I_L(TIME) @ np.array([0.0, -20.0, 0.0])) + np.outer(TIME**2 / 2, [2e-5, 0, 4e-5])
     case = make_case(TIME, tumbling, com, FEATURES, noise=0.02)
     found = estimate(case.tracks, method="pivot", orbit=orbit.model())
-    assert any("relative-orbit" in remark for remark in found.diagnostics["remarks"])
+    assert any("relative-orbit" in remark for remark in [sentence(finding) for finding in found.findings])
 
 
 def test_no_remark_where_the_path_is_right(tumbling):
@@ -66,7 +67,7 @@ def test_no_remark_where_the_path_is_right(tumbling):
     for seed in range(20):
         case = make_case(TIME, tumbling, moving(0), FEATURES, noise=0.02, seed=seed)
         found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory="fixed"))
-        assert found.diagnostics["remarks"] == []
+        assert found.findings == ()
 
 
 def test_a_rigs_range_has_no_bias_and_its_error_is_what_is_said(tumbling):
@@ -83,7 +84,7 @@ def test_a_rigs_range_has_no_bias_and_its_error_is_what_is_said(tumbling):
             errors[noise].append(sight @ error / np.sqrt(sight @ covariance @ sight))
             if noise == "stereo":
                 squares.append(error @ np.linalg.solve(covariance, error))
-                assert found.diagnostics["variance_factor"] == pytest.approx(1, abs=0.1)
+                assert found.noise.a_posteriori**2 == pytest.approx(1, abs=0.1)
     # The mean of 30 has a deviation of 0.18, that of 30 values of χ²₃ one of √(6/30): four of them.
     assert abs(np.mean(errors["stereo"])) < 0.73
     assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 30))
@@ -107,6 +108,6 @@ def test_a_body_seen_in_few_of_many_frames_is_kept(trajectory):
     clusters = [(0.0, 9000.0, [0, 1, 2, 3]), (9001.0, 9007.0, [4, 5, 6, 7]), (9008.0, 20_000.0, [8, 9, 0, 1])]
     case = make_case(time, (spin * roll).as_matrix(), at_rest(time), TEN, noise=NOISE, clusters=clusters)
     found = estimate(case.tracks, options=PathOptions(trajectory=trajectory))
-    assert sorted(cluster["frames"] for cluster in found.diagnostics["clusters"]) == [6, 9000, 10_992]
+    assert sorted(len(cluster.frames) for cluster in found.clusters) == [6, 9000, 10_992]
     assert_good(found, case)
     assert squared_error_of_cluster(found, case, 2) < 4.5**2

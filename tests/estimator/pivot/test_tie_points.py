@@ -13,6 +13,7 @@ from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.tie_points import tie_bodies
+from baryscope.estimator.prose import sentence
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FeatureTracks
 from free_paths import (
@@ -146,11 +147,13 @@ def test_a_name_that_was_given_twice_is_told(method):
     position = case.tracks.position.copy()
     position[60:, 3] += R[60:] @ (0.1 * TEN[3])
     found = found_by(method, with_positions(case, position), "relative-orbit")
-    assert found.diagnostics["rejected_share"] < 0.01
-    assert found.diagnostics["remarks"] == ["F3: not the same in clusters 0 and 1, which are not tied by it"]
+    assert found.rejected_share < 0.01
+    assert [sentence(finding) for finding in found.findings] == [
+        "F3: not the same in clusters 0 and 1, which are not tied by it"
+    ]
     assert squared_error(found, case) < 4.5**2
     # `ml`, which sees one body, tells the two points apart; clusters have a feature under its name.
-    names = [list(cluster["features"]) for cluster in found.diagnostics["clusters"]]
+    names = [list(cluster.labels) for cluster in found.clusters]
     assert names == [["F0", "F1", "F2", "F3"], ["F3 (2)" if method == "ml" else "F3", "F4", "F5", "F6"]]
 
 
@@ -162,9 +165,9 @@ def test_a_name_that_was_given_to_another_point_for_a_while():
     position = case.tracks.position.copy()
     position[40:80, 3] += R[40:80] @ (0.1 * TEN[3])
     found = found_by("ml", with_positions(case, position), "relative-orbit")
-    names = {cluster["start"]: next(iter(cluster["features"])) for cluster in found.diagnostics["clusters"]}
+    names = {found.time[cluster.frames[0]]: cluster.labels[0] for cluster in found.clusters}
     assert names == {0.0: "F0", 41.0: "F3 (2)", 80.0: "F3"}
-    assert found.diagnostics["rejected_share"] < 0.01
+    assert found.rejected_share < 0.01
     assert squared_error(found, case) < 4.5**2
 
 
@@ -226,9 +229,9 @@ def test_features_that_return_make_the_estimate_better_and_it_says_by_how_much(k
     for seed in range(DRAWS):
         case = make_case(time, R, com, TEN, noise=NOISE, seed=seed, clusters=clusters)
         found = found_by("pivot", case.tracks, "relative-orbit")
-        assert sorted(one["features"] for one in found.diagnostics["tie_points"]) == shared
+        assert sorted(list(one.labels) for one in found.details.tie_points) == shared
         alone = found_by("pivot", as_others(case.tracks), "relative-orbit")
-        assert alone.diagnostics["tie_points"] == []
+        assert alone.details.tie_points == ()
         errors.append([rms(found, case) ** 2, rms(alone, case) ** 2])
         squares.append([squared_error(found, case), *(squared_error_of_cluster(found, case, k) for k in range(3))])
     tied, untied = np.sqrt(np.mean(errors, axis=0))

@@ -55,7 +55,7 @@ def test_a_short_segment_says_nothing_about_the_error(time, case_of):
     found = estimate(case.tracks, method="screw-gpa", options=ScrewOptions(lag=2.0, degree=1))
     error = np.linalg.norm(found.position - case.com, axis=1)
     assert error.mean() > 0.2
-    assert found.diagnostics["segment_length_median"] < 0.2 * error.mean()
+    assert found.details.segment_median < 0.2 * error.mean()
 
 
 def test_twice_the_drift_is_twice_the_error(time, case_of):
@@ -75,5 +75,5 @@ def test_a_flat_cluster_with_the_axis_in_its_plane_is_no_obstacle():
     flat = np.array([[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     case = make_case(time, R, np.tile([0.0, 5, 0], (600, 1)), flat)
     found = estimate(case.tracks, method="screw-gpa")
-    assert found.diagnostics["screws"] == {"sound": sum(found.diagnostics["screws"].values())}
+    assert found.details.screws == {"sound": sum(found.details.screws.values())}
     np.testing.assert_allclose(found.position, case.com, atol=1e-6)

@@ -31,7 +31,7 @@ def test_exact_without_noise_and_translation(method, reference, case_of, at_rest
     np.testing.assert_allclose(found.position, case.com, atol=1e-6)
     np.testing.assert_array_equal(found.time, case.tracks.time)
     assert found.covariance is None
-    assert found.diagnostics["segment_length_rms"] < 1e-6
+    assert found.details.segment_rms < 1e-6
 
 
 @pytest.mark.parametrize("method", SCREWS)
@@ -47,8 +47,8 @@ def test_exact_without_noise_at_rest_in_lvlh(method, case_of, on_v_bar, orbit):
 def test_given_options_are_used_and_recorded(method, case_of, at_rest):
     options = ScrewOptions(lag=20.0, cutoff=0.05, degree=2)
     found = estimate(case_of(at_rest, noise=0.01).tracks, method=method, options=options)
-    used = found.diagnostics["options"]
-    assert (used["lag"], used["cutoff"], used["degree"], used["chosen_from_data"]) == (20.0, 0.05, 2, [])
+    assert found.options == options
+    assert found.details.chosen == ()
 
 
 @pytest.mark.parametrize("method", SCREWS)
@@ -60,7 +60,7 @@ def test_a_rigid_motion_of_the_frame_moves_the_estimate_along(method, case_of, a
     moved = FeatureTracks(tracks.time + 1000.0, tracks.position @ turn.T + shift, tracks.labels)
     after = estimate(moved, method=method, options=options)
     np.testing.assert_allclose(after.position, before.position @ turn.T + shift, atol=1e-6)
-    assert after.diagnostics["options"]["lag"] == pytest.approx(before.diagnostics["options"]["lag"])
+    assert after.options.lag == pytest.approx(before.options.lag)
 
 
 def test_order_of_features_does_not_matter(case_of, at_rest):
@@ -86,7 +86,7 @@ def test_least_squares_is_as_good_as_procrustes_and_raw_points_are_worse(case_of
             for name in SCREWS:
                 found = estimate(case.tracks, method=name, options=ScrewOptions(lag=20.0, degree=0))
                 errors[name].append(rms(found, case) / noise)
-                segments[name].append(found.diagnostics["segment_length_median"] / noise)
+                segments[name].append(found.details.segment_median / noise)
     error = {name: np.sqrt(np.mean(np.square(values))) for name, values in errors.items()}
     segment = {name: np.mean(values) for name, values in segments.items()}
     assert segment["screw-ls"] == pytest.approx(segment["screw-gpa"], rel=0.05)

@@ -24,7 +24,7 @@ def test_intervals_too_short_for_a_long_lag_shorten_it(time, tumbling, features,
     clusters += [(1000.0, 1400.0, [4, 5, 6, 7])]
     case = make_case(time, tumbling, on_v_bar, features, noise=0.02, clusters=clusters)
     found = estimate(case.tracks, method="screw-gpa")
-    assert found.diagnostics["options"]["lag"] <= 15.0
+    assert found.options.lag <= 15.0
     # The bias in inertial axes, v/ω = 0.34 m along axes that swing, and no more.
     assert np.linalg.norm(found.position - case.com, axis=1).max() < 2.0
     # With a lag of 26 s only 1000 s to 1400 s are covered, and the rest is guessed.

@@ -1,0 +1,86 @@
+"""An estimate in sentences: the only place where what a result holds is put into words."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.details import ScrewDetails
+from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.result import (
+    FREE_TUMBLE,
+    DifferentPoints,
+    Estimate,
+    ExcessResiduals,
+    Finding,
+    LackOfFit,
+    Observability,
+    Status,
+)
+
+
+def verdict(observability: Observability) -> str:
+    """Whether the centre of mass is observable in the cluster's axes, with the worst deviation."""
+    worst = f"±{observability.body.deviations[-1]:.2g} m"
+    unseen = ~observability.observable
+    if not unseen.any():
+        return f"observable: {worst} in the worst direction"
+    if unseen.all():
+        return f"position not observable: {worst}"
+    if unseen.sum() == 2:
+        return f"position across {_vector(observability.body.directions[0])} not observable: {worst}"
+    axis = _vector(observability.body.directions[-1])
+    return f"along-axis position not observable: {worst} along {axis} (cluster axes)"
+
+
+def sentence(finding: Finding) -> str:
+    """A finding in words."""
+    match finding:
+        case LackOfFit():
+            return (
+                f"the path departs from {finding.path} by {finding.magnitude:.2g} m or so "
+                f"(χ² {finding.chi_square:.0f}, expected {finding.dof})"
+            )
+        case ExcessResiduals(model=model) if model == FREE_TUMBLE:
+            return f"no free tumble fits: residuals are {finding.ratio:.2g} times those with free attitudes"
+        case ExcessResiduals():
+            return f"{finding.model} does not fit: residuals are {finding.ratio:.2g} times those of the bodies alone"
+        case DifferentPoints():
+            first, second = finding.clusters
+            by = "it" if len(finding.labels) == 1 else "them"
+            names = ", ".join(finding.labels)
+            return f"{names}: not the same in clusters {first} and {second}, which are not tied by {by}"
+
+
+def summary(result: Estimate) -> list[str]:
+    """What a method chose and how good it thinks it is, in a few lines."""
+    if isinstance(result.details, ScrewDetails):
+        return _screw_summary(result, result.details)
+    noise = (
+        f"noise √{result.noise.a_posteriori**2:.3g} of what the tracks say"
+        if result.noise.relative
+        else f"noise {result.noise.a_posteriori:.3g} m per axis"
+    )
+    features = f", features {', '.join(result.rejected_features)}" if result.rejected_features else ""
+    lines = [
+        f"trajectory {result.path}; {noise}; {100 * result.rejected_share:.2g} % of the observations rejected{features}"
+    ]
+    if result.observability is not None and result.predicted_rmse is not None:
+        lines.append(f"centre of mass {verdict(result.observability)}; path ±{result.predicted_rmse:.2g} m RMSE")
+    if result.status is Status.NOT_CONVERGED:
+        lines.append("did not converge: take the result for a first guess")
+    return lines + [f"note: {sentence(finding)}" for finding in result.findings]
+
+
+def _screw_summary(result: Estimate, details: ScrewDetails) -> list[str]:
+    options = result.options
+    assert isinstance(options, ScrewOptions)  # noqa: S101  the screw methods take no others
+    chosen = ", ".join(details.chosen) or "none"
+    return [
+        f"lag {options.lag:g} s, cut-off {options.cutoff:.3g} Hz, degree {options.degree} "
+        f"(chosen from the data: {chosen})",
+        f"rms of the registration {result.noise.a_posteriori:.3g} m, of the path's fit {details.fit_rms:.3g} m, "
+        f"of the segments between successive axes {details.segment_rms:.3g} m",
+    ]
+
+
+def _vector(direction: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in direction) + ")"

@@ -1,0 +1,116 @@
+"""Velocity, attitude and angular rate that come with a path, against the truth and their own covariances."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation as ScipyRotation
+from scipy.stats import chi2
+
+from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
+from baryscope.estimator.dynamics.paths import Polynomial, RelativeOrbit
+from baryscope.estimator.dynamics.rotation import Rotation
+from free_paths import FEATURES, NOISE, ORBIT, RATE, found_by, in_orbit, turning
+from synthetic import ENVISAT, make_case
+
+FRAMES, DRAWS = 120, 12
+STEP = 1e-3  # s, of central differences: they leave the square of it, and rounding over it
+
+
+@pytest.fixture(scope="module")
+def cases():
+    time, R = turning(FRAMES)
+    return [make_case(time, R, in_orbit(time), FEATURES, noise=NOISE, seed=seed) for seed in range(DRAWS)]
+
+
+def velocity_of(time):
+    return (in_orbit(time + STEP) - in_orbit(time - STEP)) / (2 * STEP)
+
+
+def in_band(squares):
+    """Whether the mean of independent χ²₃ is in its band of 99.9 %."""
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * len(squares)) / len(squares)
+    return low < np.mean(squares) < high
+
+
+def squared(error, covariance):
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+@pytest.mark.parametrize("path", [Polynomial(4, 0.0, 100.0), RelativeOrbit(ORBIT.model(), 50.0)], ids=lambda p: p.name)
+@pytest.mark.parametrize("count", [7, 5000])
+def test_the_rate_of_a_path_is_its_derivative(path, count):
+    """By central differences of the position, also where a spline stands between nodes, and of the Jacobian."""
+    time, x = np.linspace(0.0, 100.0, count), np.random.default_rng(0).normal(size=path.size) * 10
+    rate, before, after = path.rate_at(time), path.at(time - 0.01), path.at(time + 0.01)
+    np.testing.assert_allclose(rate.position(x), (after.position(x) - before.position(x)) / 0.02, atol=1e-6)
+    np.testing.assert_allclose(rate.jacobian, (after.jacobian - before.jacobian) / 0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_velocity_deviates_by_what_its_covariance_says(method, cases):
+    true, k = velocity_of(cases[0].tracks.time), FRAMES // 2
+    squares = []
+    for case in cases[:: 4 if method == "ekf" else 1]:
+        found = found_by(method, case.tracks, "relative-orbit")
+        squares.append(squared(found.velocity[k] - true[k], found.motion.velocity_covariance[k]))
+    assert in_band(squares)
+
+
+def test_velocity_on_a_polynomial_by_the_filter_and_by_screws(cases):
+    case = cases[0]
+    filtered = found_by("ekf", case.tracks, "polynomial:2")
+    np.testing.assert_allclose(
+        filtered.velocity[1:-1], (filtered.position[2:] - filtered.position[:-2]) / 2, rtol=1e-3, atol=1e-5
+    )
+    for axes in ("inertial", "lvlh"):
+        options = ScrewOptions(axes=axes, degree=2)
+        screws = estimate(case.tracks, method="screw-gpa", orbit=ORBIT.model(), options=options)
+        np.testing.assert_allclose(
+            screws.velocity[1:-1], (screws.position[2:] - screws.position[:-2]) / 2, rtol=1e-3, atol=1e-4
+        )
+
+
+def test_velocity_at_rest_in_lvlh(cases):
+    found = estimate(cases[0].tracks, method="score", orbit=ORBIT.model())
+    np.testing.assert_allclose(found.velocity[1:-1], (found.position[2:] - found.position[:-2]) / 2, atol=1e-7)
+
+
+def test_attitude_and_rate_of_ml_deviate_by_what_their_covariances_say(cases):
+    """In axes that are the truth's at the epoch, where those of `ml` are exact; far from it, errors have grown."""
+    time, R = turning(FRAMES)
+    truth = Rotation(0.0, np.eye(3), RATE, ENVISAT).at(time)
+    squares = []
+    for case in cases:
+        found = found_by("ml", case.tracks, "relative-orbit", torque="none")
+        k = int(np.argmin(np.abs(time - found.details.epoch)))
+        R_true_B = R[k].T @ found.attitude[k]
+        turned = ScipyRotation.from_matrix(R_true_B.T @ np.swapaxes(R, 1, 2) @ found.attitude).as_rotvec()
+        rate = found.angular_rate - truth.rate @ R_true_B
+        motion, last = found.motion, FRAMES - 1
+        squares.append([squared(turned[last], motion.attitude_covariance[last])])
+        squares[-1].append(squared(rate[last], motion.angular_rate_covariance[last]))
+        np.testing.assert_allclose(motion.attitude_covariance[k], 0, atol=1e-15)
+    # B's axes are held by the features' errors, which are common to both: less than what three χ² values tell.
+    assert np.mean(squares, axis=0).max() < 1.5 * chi2.ppf(0.9995, 3 * DRAWS) / DRAWS
+
+
+def test_attitude_of_pivot_deviates_frame_by_frame(cases):
+    _, R = turning(FRAMES)
+    squares = []
+    for case in cases[:3]:
+        found = found_by("pivot", case.tracks, "relative-orbit")
+        mean = ScipyRotation.from_matrix(np.swapaxes(R, 1, 2) @ found.attitude).mean().as_matrix()
+        turned = ScipyRotation.from_matrix(mean.T @ np.swapaxes(R, 1, 2) @ found.attitude).as_rotvec()
+        squares += [squared(t, C) for t, C in zip(turned, found.motion.attitude_covariance, strict=True)]
+    assert in_band(squares)
+
+
+def test_attitude_is_nan_where_the_body_is_not_seen(cases):
+    tracks = cases[0].tracks
+    position = tracks.position.copy()
+    position[40:60] = np.nan
+    hidden = FeatureTracks(tracks.time, position, tracks.labels)
+    found = estimate(hidden, orbit=ORBIT.model(), options=PathOptions(trajectory="relative-orbit"))
+    assert np.isnan(found.attitude[40:60]).all()
+    assert np.isfinite(found.attitude[[39, 60]]).all()
+    assert not found.covered[40:60].any()
+    assert np.isnan(found.residuals[40:60]).all()

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.prose import sentence, summary, verdict
+from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, Noise
+from results import a_cluster, an_estimate
+
+
+def said(deviations, axes=None):
+    return verdict(an_estimate(clusters=(a_cluster(deviations, axes=axes),)).observability)
+
+
+@pytest.mark.parametrize(
+    "deviations, expected",
+    [
+        ([0.001, 0.002, 0.0123], "observable: ±0.012 m in the worst direction"),
+        ([0.24, 0.24, 0.24], "observable: ±0.24 m in the worst direction"),
+        ([0.001, 0.002, 0.26], "along-axis position not observable: ±0.26 m along (0.00, 0.00, 1.00) (cluster axes)"),
+        ([0.001, 0.002, 4.0], "along-axis position not observable: ±4 m along (0.00, 0.00, 1.00) (cluster axes)"),
+        ([0.001, 3.0, 4.0], "position across (1.00, 0.00, 0.00) not observable: ±4 m"),
+        ([2.0, 3.0, 40.0], "position not observable: ±40 m"),
+        ([0.0, 0.0, 0.0], "observable: ±0 m in the worst direction"),
+    ],
+)
+def test_verdict(deviations, expected):
+    """A quarter of the features' radius, 1 m, is the limit."""
+    assert said(deviations).replace("-0.00", "0.00").replace("-1.00", "1.00") == expected
+
+
+def test_verdict_names_a_skew_axis():
+    axis = np.array([0.0, 0.6, 0.8])
+    axes = np.column_stack([axis, [1, 0, 0], np.cross(axis, [1, 0, 0])])
+    assert "along (0.00, 0.60, 0.80)" in said([2.0, 0.01, 0.01], axes).replace("-", "")
+
+
+@pytest.mark.parametrize(
+    "finding, expected",
+    [
+        (LackOfFit("fixed", 0.123, 91.4, 3), "the path departs from fixed by 0.12 m or so (χ² 91, expected 3)"),
+        (ExcessResiduals("free tumble", 2.04), "no free tumble fits: residuals are 2 times those with free attitudes"),
+        (ExcessResiduals("fixed", 3.3), "fixed does not fit: residuals are 3.3 times those of the bodies alone"),
+        (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, which are not tied by it"),
+        (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, which are not tied by them"),
+    ],
+)
+def test_sentences(finding, expected):
+    assert sentence(finding) == expected
+
+
+def test_summary_names_noise_what_is_rejected_and_every_finding():
+    rejected = np.zeros((10, 4), dtype=bool)
+    rejected[:6, 1] = True
+    found = an_estimate(rejected=rejected, converged=False, findings=(DifferentPoints(("a",), (0, 1)),))
+    assert summary(found) == [
+        "trajectory fixed; noise 0.02 m per axis; 15 % of the observations rejected, features b",
+        "centre of mass observable: ±0.03 m in the worst direction; path ±0.037 m RMSE",
+        "did not converge: take the result for a first guess",
+        "note: a: not the same in clusters 0 and 1, which are not tied by it",
+    ]
+    factor = an_estimate(noise=Noise(None, 1.2, relative=True))
+    assert "noise √1.44 of what the tracks say" in summary(factor)[0]
+
+
+def test_summary_of_a_screw_method_says_what_the_data_chose(case_of, at_rest):
+    first, second = summary(estimate(case_of(at_rest, noise=0.02).tracks, method="screw-gpa"))
+    assert first.endswith("(chosen from the data: lag, cutoff, degree)")
+    assert second.startswith("rms of the registration 0.02 m, ")
