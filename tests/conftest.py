@@ -1,5 +1,9 @@
 """Fixtures that several folders share: the units are built once a session."""
 
+import os
+import shutil
+from importlib.metadata import version
+
 import pytest
 from hypothesis import settings
 
@@ -10,11 +14,25 @@ settings.register_profile("baryscope", derandomize=True, deadline=None)
 settings.load_profile("baryscope")
 
 
+def pytest_report_header():
+    """On what the tests run, and which programs that some of them need are there."""
+    packages = ("baryscope", "casadi", "fmpy", "numpy", "scipy")
+    programs = ("cc", "wine64", "qemu-aarch64-static", "node")
+    return [
+        "with: " + ", ".join(f"{name} {version(name)}" for name in packages),
+        "programs: " + ", ".join(name if shutil.which(name) else f"no {name}" for name in programs),
+        f"OPENBLAS_CORETYPE: {os.environ.get('OPENBLAS_CORETYPE', 'as the processor has it')}",
+    ]
+
+
 @pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory):
-    """Libraries compiled by the tests are kept for the session and leave the user's cache alone."""
+def own_cache(tmp_path_factory, testrun_uid):
+    """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent / testrun_uid
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("BARYSCOPE_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("BARYSCOPE_CACHE", str(folder / "cache"))
         yield
 
 
