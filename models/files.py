@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import DiskError, InputError
 
 DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 AnyPath = str | os.PathLike[str]  # what functions take that users call
@@ -22,7 +22,7 @@ def replacing(path: AnyPath) -> Iterator[Path]:
 
     Raises:
         InputError: the folder cannot be made or written to, or `path` is a folder.
-        ComputationError: the disk is full, or fails.
+        DiskError: the disk is full, or fails.
     """
     path = Path(path)
     if path.is_dir():
@@ -53,7 +53,7 @@ def temporary_folder() -> Iterator[Path]:
     """Yield a folder that is removed, with what is in it, in the end.
 
     Raises:
-        InputError, ComputationError: it cannot be made or written to; names the folder for temporary files.
+        InputError, DiskError: it cannot be made or written to; names the folder for temporary files.
     """
     folder = tempfile.gettempdir()
     try:
@@ -66,9 +66,9 @@ def temporary_folder() -> Iterator[Path]:
         raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
 
 
-def unwritable(path: AnyPath, error: OSError) -> InputError | ComputationError:
+def unwritable(path: AnyPath, error: OSError) -> InputError | DiskError:
     """What to raise where `path` cannot be written: the request's fault, but for a disk that is full or fails."""
-    kind = ComputationError if error.errno in DISK_TROUBLE else InputError
+    kind = DiskError if error.errno in DISK_TROUBLE else InputError
     return kind(f"{os.fspath(path)}: cannot be written ({error.strerror or error})")
 
 

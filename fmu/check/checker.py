@@ -35,7 +35,7 @@ def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
 
     Raises:
         InputError: the file cannot be read, is no FMU, or holds unsafe paths.
-        ComputationError: there is no room to unpack it.
+        DiskError: there is no room to unpack it.
     """
     path = Path(path)
     with temporary_folder() as top:

@@ -66,7 +66,7 @@ def open_unit(path: Path) -> UnitFile:
 
     Raises:
         InputError: it cannot be read, is damaged or unsafe, or is not a TumblingTarget of this version's table.
-        ComputationError: there is no room to unpack it.
+        DiskError: there is no room to unpack it.
     """
     try:
         folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
@@ -85,7 +85,7 @@ def unpack(path: Path, folder: Path, expected: str) -> None:
 
     Raises:
         InputError: it cannot be read, is damaged, or holds an unsafe path.
-        ComputationError: there is no room in the folder.
+        DiskError: there is no room in the folder.
     """
     try:
         with zipfile.ZipFile(path) as archive:

@@ -3,7 +3,7 @@
 Start with `load_scenario("envisat")`. Angles in files are in degrees; `Scenario.orbit` is in SI units.
 """
 
-from baryscope.models.scenario.loading import load_scenario, preset_names
+from baryscope.models.scenario.loading import load_scenario, preset_names, scenario_path
 from baryscope.models.scenario.orbit import OrbitTable, load_orbit, write_orbit
 from baryscope.models.scenario.scenario import Scenario
 from baryscope.models.scenario.schema import FileModel, read_toml
@@ -38,5 +38,6 @@ __all__ = [
     "load_scenario",
     "preset_names",
     "read_toml",
+    "scenario_path",
     "write_orbit",
 ]

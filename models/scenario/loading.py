@@ -21,6 +21,19 @@ def load_scenario(name_or_path: AnyPath) -> Scenario:
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
+    path = scenario_path(name_or_path)
+    data = read_toml(path, "a scenario in TOML")
+    if set(data) == {"orbit"}:
+        raise InputError(f"{path}: holds an orbit alone, expected a scenario, with [target], [features], [chaser] …")
+    return Scenario.parse({"name": path.stem} | data, str(path))
+
+
+def scenario_path(name_or_path: AnyPath) -> Path:
+    """The file that `load_scenario` reads: a preset's or the user's.
+
+    Raises:
+        InputError: a name that is not one of a preset.
+    """
     path = Path(name_or_path)
     if isinstance(name_or_path, str) and path.suffix != ".toml" and len(path.parts) <= 1:
         names = preset_names()
@@ -29,7 +42,4 @@ def load_scenario(name_or_path: AnyPath) -> Scenario:
                 f"scenario {name_or_path!r}: not a preset, expected one of {', '.join(names)} or a FILE.toml"
             )
         path = Path(str(files("baryscope.models") / "presets" / f"{name_or_path}.toml"))
-    data = read_toml(path, "a scenario in TOML")
-    if set(data) == {"orbit"}:
-        raise InputError(f"{path}: holds an orbit alone, expected a scenario, with [target], [features], [chaser] …")
-    return Scenario.parse({"name": path.stem} | data, str(path))
+    return path

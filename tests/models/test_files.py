@@ -7,7 +7,7 @@ import tempfile
 
 import pytest
 
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import DiskError, InputError
 from baryscope.models.files import read_text, refuse_overwriting, replacing, temporary_folder
 
 
@@ -85,8 +85,8 @@ def fail_at(number, half=None):
 
 
 @pytest.mark.parametrize("number, kind", [
-    (errno.ENOSPC, ComputationError),
-    (errno.EIO, ComputationError),
+    (errno.ENOSPC, DiskError),
+    (errno.EIO, DiskError),
     (errno.EROFS, InputError),
 ])  # fmt: skip
 def test_a_write_that_fails_names_the_file_and_the_reason_and_leaves_the_older_file(tmp_path, number, kind):
@@ -111,7 +111,7 @@ def test_what_fails_meanwhile_keeps_its_own_name(tmp_path):
 def test_files_that_belong_together_are_both_new_or_both_old(tmp_path):
     for name in ("a", "b"):
         (tmp_path / name).write_text("older")
-    with pytest.raises(ComputationError), replacing(tmp_path / "a"), replacing(tmp_path / "b") as second:
+    with pytest.raises(DiskError), replacing(tmp_path / "a"), replacing(tmp_path / "b") as second:
         fail_at(errno.ENOSPC, second)
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "older", "b": "older"}
 
@@ -120,7 +120,7 @@ def test_a_temporary_folder_is_gone_afterwards_and_names_its_place_when_full():
     with temporary_folder() as folder:
         (folder / "file").touch()
     assert not folder.exists()
-    with pytest.raises(ComputationError) as caught, temporary_folder():
+    with pytest.raises(DiskError) as caught, temporary_folder():
         fail_at(errno.ENOSPC)
     assert (
         str(caught.value)
