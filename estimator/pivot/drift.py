@@ -3,6 +3,7 @@
 c_k is the image of a body's origin in its axes S, d where that lies from the centre of mass.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from baryscope.estimator.registration.clusters import Registered
 
 FloatArray = NDArray[np.float64]
 
+ROUNDING = 1e-14  # of Σ c²: what is left of the difference of two such sums
+
 
 @dataclass(frozen=True, eq=False)
 class Drift:
@@ -28,8 +31,27 @@ class Drift:
 
 def solve_drift(registered: Registered, weights: list[FloatArray], path: SampledPath) -> Drift:
     """The least squares of c_k = g + R_k d with a weight (n,) for each body's frames."""
+    matrix, rhs, _ = _normal_equations(registered, weights, path)
+    found = symmetric_pseudo_inverse(matrix) @ rhs
+    d = 3 * len(registered.bodies)
+    return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
+
+
+def squares_by_size(registered: Registered, path: SampledPath, sizes: Sequence[int]) -> FloatArray:
+    """The least sum of squares of c_k − g − R_k d, m², with only so many of the path's first unknowns."""
+    weights = [np.ones(len(body.frames)) for body in registered.bodies]
+    matrix, rhs, total = _normal_equations(registered, weights, path)
+    ends = [3 * len(registered.bodies) + size for size in sizes]
+    gains = [rhs[:end] @ symmetric_pseudo_inverse(matrix[:end, :end]) @ rhs[:end] for end in ends]
+    return np.maximum(total - np.array(gains), ROUNDING * total)
+
+
+def _normal_equations(
+    registered: Registered, weights: list[FloatArray], path: SampledPath
+) -> tuple[FloatArray, FloatArray, float]:
+    """Matrix (3 k + p, 3 k + p) and right-hand side of the k bodies' offsets, then of x, and the weighted Σ c_k²."""
     p, d = path.jacobian.shape[2], 3 * len(registered.bodies)
-    matrix, rhs = np.zeros((d + p, d + p)), np.zeros(d + p)
+    matrix, rhs, total = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0
     for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
         own = slice(3 * index, 3 * index + 3)
         rows = np.concatenate([body.attitude, path.jacobian[body.frames], origin[:, :, None]], axis=2)
@@ -41,8 +63,8 @@ def solve_drift(registered: Registered, weights: list[FloatArray], path: Sampled
         matrix[d:, d:] += outer[3:-1, 3:-1]
         rhs[own] = outer[:3, -1]
         rhs[d:] += outer[3:-1, -1]
-    found = symmetric_pseudo_inverse(matrix) @ rhs
-    return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
+        total += float(outer[-1, -1])
+    return matrix, rhs, total
 
 
 def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]) -> list[FloatArray]:

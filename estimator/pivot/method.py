@@ -26,12 +26,12 @@ from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.paths import Path, Polynomial, trajectory_of
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.degree import choose_degree
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
     Pivot,
     Start,
-    choose_degree,
     least_variance,
     linear_start,
     refined,

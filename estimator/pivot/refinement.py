@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
-from baryscope.estimator.dynamics.paths import Path, Polynomial, SampledPath
+from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.pivot.free_attitudes import Solution, gauss_newton_step
@@ -31,8 +31,6 @@ CONTRACTION = 1e-5
 ROUNDING = 1e-10  # of the distance: residuals smaller than this are none
 HASTY = 6  # rounds in which weights may change at will
 UNRULY = 1e-2  # share of the cost that the last change of weights may take away
-HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
-PATIENCE = 3  # degrees that may fail to be better before the search ends
 FEW_FRAMES = 3000  # frames at most, or so, that a start is found by, a degree, and what attitude noise seems to show
 LEAST_FRAMES = 20  # of a body, that are not left out for another's sake
 
@@ -99,7 +97,7 @@ def linear_start(
     """Bodies and path to refine: by linear least squares; of many frames, some are solved, and refined once."""
     few = thinned(registered.bodies, observations, FEW_FRAMES)
     sampled = path.at(time[few.rows])
-    bodies, x = _linear(_in_few(registered, few), few.observations, sampled)
+    bodies, x = linear_solution(in_few(registered, few), few.observations, sampled)
     if len(few.rows) < sum(len(body.frames) for body in registered.bodies):
         solution = gauss_newton_step(bodies, few.observations, sampled, x)
         bodies, x = solution.bodies, solution.x
@@ -107,12 +105,13 @@ def linear_start(
     return tuple(replace(body, points=refined.points) for body, refined in both), x
 
 
-def _in_few(registered: Registered, few: Thinned) -> Registered:
+def in_few(registered: Registered, few: Thinned) -> Registered:
+    """What registration found, in a few of the frames only."""
     origins = zip(registered.origins, few.steps, strict=True)
     return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
 
 
-def _linear(
+def linear_solution(
     registered: Registered, observations: Observations, sampled: SampledPath
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """The path and the bodies seen from the centre of mass, by linear least squares, weighted the second time."""
@@ -167,12 +166,19 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     )
 
 
-def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -> float:
-    """Values less unknowns, where a frame's rotation takes three, and a body's points three each but for its turn."""
+def values_for_path(bodies: tuple[Body, ...], observations: Observations) -> float:
+    """Values less all unknowns but the path's: a frame's rotation takes three, a body's points three each but for its
+    turn."""
     frames = sum(len(body.frames) for body in bodies)
     points = sum(3 * len(body.features) - 3 for body in bodies)
-    dof = 3 * float(observations.weight.sum()) - 3 * frames - points - path_size
+    return 3 * float(observations.weight.sum()) - 3 * frames - points
+
+
+def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -> float:
+    """Values less all unknowns."""
+    dof = values_for_path(bodies, observations) - path_size
     if dof <= 0:
+        frames = sum(len(body.frames) for body in bodies)
         raise ComputationError(
             f"{counted(frames, 'frame that shows', 'frames that show')} an attitude, with "
             f"{counted(observations.count, 'observation')}: too few for a path of {path_size} unknowns"
@@ -195,34 +201,6 @@ def least_variance(observations: Observations, rounding: float) -> float:
         return 1e-9
     position = observations.position
     return rounding**2 * float(np.einsum("kmi,kmi->km", position, position).max(initial=0.0))
-
-
-def choose_degree(
-    registered: Registered, observations: Observations, time: FloatArray, span: tuple[float, float]
-) -> int:
-    """The degree of a polynomial by Akaike's criterion, from the lowest up until it fails to improve.
-
-    Each degree is refined with free attitudes: with the attitudes held, their noise alone would favour high degrees,
-    which shrink the offsets that it is multiplied by.
-    """
-    thin = thinned(registered.bodies, observations, FEW_FRAMES)
-    few, some = thin.observations, _in_few(registered, thin)
-    best, degree_of_best = np.inf, 0
-    for degree in range(HIGHEST_CHOSEN + 1):
-        if degree > degree_of_best + PATIENCE:
-            break
-        sampled = Polynomial(degree, *span).at(time[thin.rows])
-        bodies, x = _linear(some, few, sampled)
-        for _ in range(3):
-            solution = gauss_newton_step(bodies, few, sampled, x)
-            bodies, x = solution.bodies, solution.x
-        dof = _dof(bodies, few, len(x))
-        values = dof + len(x)
-        # Akaike's criterion for Gaussian noise of unknown size.
-        criterion = values * np.log(max(float(solution.squares.sum()), 1e-300) / dof) + 2 * len(x)
-        if criterion < best:
-            best, degree_of_best = criterion, degree
-    return degree_of_best
 
 
 def thinned(bodies: tuple[Body, ...], observations: Observations, most: int) -> Thinned:

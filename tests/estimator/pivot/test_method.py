@@ -31,7 +31,7 @@ def moving(degree):
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 4])
 def test_the_degree_is_chosen_by_the_data(tumbling, degree):
-    """Akaike's criterion takes one degree too many with some 11 % (χ²₃ > 6), and two with less."""
+    """A degree too many is as rare as χ²₃ > 9, and never one too few where each term is seen."""
     excess = []
     for seed in range(8):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
