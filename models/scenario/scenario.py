@@ -19,7 +19,7 @@ from baryscope.models.variables import Kind
 
 MIN_SAMPLES = 3
 MAX_POSITIONS = 10_000_000  # samples × features: a wrong unit of sample_time must not fill the memory
-MAX_TURNS = 1e6  # of body and orbit in a run: the integrator takes some 20 steps for each
+MAX_TURNS = 20_000  # of body and orbit in a run: time and memory of simulation and bound grow with them
 
 
 class Scenario(FileModel):
@@ -65,7 +65,7 @@ class Scenario(FileModel):
         if turns > MAX_TURNS:
             raise ValueError(
                 f"run.duration: found {self.duration:g} s, in which the target makes {turns:.3g} turns, "
-                f"expected at most {MAX_TURNS:g} turns"
+                f"expected at most {MAX_TURNS} turns"
             )
         failure = tumbling_target(len(self.features.points)).checks.failure(self.flat_parameters())
         if failure is not None:
