@@ -143,7 +143,7 @@ def _gaps(solution: Solution, ties: list[TiePoints]) -> _Gaps:
             values[row] += sign * one.compared @ product
             slopes[row][used.index(index)] = sparse.csr_array(sign * one.compared @ slope)
     slope = sparse.block_array(slopes, format="csr")
-    own = sparse.block_diag([solution.points_covariance[index] for index in used], format="csr")
+    own = sparse.block_diag([sparse.csr_array(solution.points_covariance[index]) for index in used], format="csr")
     with_points = own @ slope.T
     by_path = slope @ np.concatenate([solution.points_path[index] for index in used])
     covariance = (slope @ with_points).toarray() + by_path @ solution.covariance @ by_path.T
