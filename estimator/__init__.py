@@ -8,7 +8,7 @@ score: tracks → bodies → least squares of a fixed centre → assessment → 
 """
 
 from baryscope.estimator.document import write_estimate
-from baryscope.estimator.methods import METHODS, estimate
+from baryscope.estimator.methods import METHODS, Failure, attempt, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions
 from baryscope.estimator.result import Estimate, Status
 from baryscope.estimator.tracks import FeatureTracks
@@ -16,10 +16,12 @@ from baryscope.estimator.tracks import FeatureTracks
 __all__ = [
     "METHODS",
     "Estimate",
+    "Failure",
     "FeatureTracks",
     "PathOptions",
     "ScrewOptions",
     "Status",
+    "attempt",
     "estimate",
     "write_estimate",
 ]

@@ -21,7 +21,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.ml.likelihood import Equations, equations
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import Observability
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
 from baryscope.models.scenario import Scenario
@@ -94,7 +94,7 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
     points = np.array([point.position for point in scenario.features.points])
     observations = _expected(scenario, time, motion.attitude, origin, points)
     if not observations.count:
-        raise ComputationError("no feature is seen at any time of the scenario")
+        raise ComputationError("no feature is seen at any time of the scenario", Reason.TOO_FEW_FEATURES)
     found = equations(observations, motion, sampled, origin, points)
     y = found.covariance(sampled, float(np.linalg.norm(origin, axis=1).max()))
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
@@ -160,7 +160,7 @@ def _expected(
     position = np.where(seen[..., None], features_C, 0.0)
     if scenario.sensor.stereo is None:
         if scenario.sensor.noise == 0:
-            raise ComputationError("sensor.noise is 0: without noise there is no bound above zero")
+            raise ComputationError("sensor.noise is 0: without noise there is no bound above zero", Reason.NO_NOISE)
         return Observations(position, weight / scenario.sensor.noise**2)
     precision = np.linalg.inv(np.where(seen[..., None, None], covariance, np.eye(3)))
     return Observations(position, weight, precision)

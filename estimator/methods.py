@@ -15,7 +15,7 @@ from baryscope.estimator.score import estimate_by_score
 from baryscope.estimator.screws import gpa, least_squares, raw
 from baryscope.estimator.screws.pipeline import ScrewFunction, estimate_by_screws
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
 
@@ -56,6 +56,33 @@ METHODS: dict[str, Method] = {
         Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, estimate_by_score),
     )
 }
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a method has no estimate: the kind of reason, and the particulars in a sentence."""
+
+    method: str
+    reason: Reason
+    message: str
+
+
+def attempt(
+    tracks: FeatureTracks,
+    *,
+    method: str = "pivot",
+    orbit: Orbit | None = None,
+    options: Options | None = None,
+) -> Estimate | Failure:
+    """As `estimate`, but what cannot be computed is a value.
+
+    Raises:
+        InputError: no such method, or options that do not go together.
+    """
+    try:
+        return estimate(tracks, method=method, orbit=orbit, options=options)
+    except ComputationError as error:
+        return Failure(method, error.reason, str(error))
 
 
 def estimate(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from baryscope.models import differences as dif
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
-from baryscope.models.errors import ComputationError
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.frames import Symbol
 from baryscope.models.keplerian import (
     Elements,
@@ -69,7 +69,9 @@ def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float
     with np.errstate(invalid="ignore", divide="ignore"):
         path = _path_function()(_row(time), [epoch], orbit.elements, state0)
     if not np.isfinite(path).all():
-        raise ComputationError(f"relative state {np.asarray(state0).tolist()} in m and m/s: the chaser's orbit is open")
+        raise ComputationError(
+            f"relative state {np.asarray(state0).tolist()} in m and m/s: the chaser's orbit is open", Reason.OPEN_ORBIT
+        )
     return path
 
 

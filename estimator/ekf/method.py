@@ -14,7 +14,6 @@ then come all frames. Where the attitude is lost, after a gap, registration find
 
 import time as clock
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,7 +45,7 @@ from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
 PASSES = 8  # over the first frames, and over all, at most
@@ -70,6 +69,15 @@ class Pass:
     def score(self) -> float:
         """Log-likelihood of the innovations, less the penalty of the process noise."""
         return float(self.run.log_likelihood[0]) - self.member.penalty
+
+
+@dataclass(frozen=True, eq=False)
+class Passes:
+    """The best of some passes, their number, and whether they settled."""
+
+    best: Pass
+    count: int
+    settled: bool
 
 
 def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -115,25 +123,35 @@ def _passes(problem: Problem) -> tuple[Pass, int, bool]:
     posed = first + np.nonzero(problem.inliers[first:].any(axis=1))[0]
     everything, short = range(first, n), len(posed) <= WORTH * LEARN
     frames = everything if short else range(first, int(posed[LEARN - 1]) + 1)
-    gain = GAIN if short else ROUGH_GAIN
-    best, count, settled = _learned(problem, frames, gravity_gradients, orders, gain)
+    learned = _learned(problem, frames, gravity_gradients, orders)
+    if learned is None:
+        raise _astray()
+    best, count, settled = learned.best, learned.count, learned.settled
     if problem.degree is not None and best.member.path:
         # A poor first inertia is easily taken for noise of the path, and no pass finds back from there.
-        with suppress(ComputationError):
-            calm, more, calm_settled = _learned(problem, frames, gravity_gradients, orders, gain, calm=True)
-            count += more
-            if calm.score > best.score + ROUGH_GAIN:
-                best, settled = calm, calm_settled
+        calm = _learned(problem, frames, gravity_gradients, orders, calm=True)
+        if calm is not None:
+            count += calm.count
+            if calm.best.score > best.score + ROUGH_GAIN:
+                best, settled = calm.best, calm.settled
     if not short:
-        best = _passed(problem, _next(problem, best), middle_members(best.member, orders), everything)
+        whole = _passed(problem, _next(problem, best), middle_members(best.member, orders), everything)
+        if whole is None:
+            raise _astray()
 
         def members(last: Pass, count: int) -> list[Member]:
             noisy = last.member.path > 0 or last.member.turn > 0
             return last_members(last.member, gravity_gradients) if noisy or count == 1 else [last.member]
 
-        best, more, settled = _repeated(problem, best, everything, members, GAIN)
-        count += more
+        last = _repeated(problem, whole, everything, members)
+        best, count, settled = last.best, count + last.count, last.settled
     return (_smoothed(problem, best) if best.member.path else best), count, settled
+
+
+def _astray() -> ComputationError:
+    return ComputationError(
+        "the filter goes astray, whatever its process noise: the features do not move as one body", Reason.DIVERGED
+    )
 
 
 def _learned(
@@ -141,54 +159,48 @@ def _learned(
     frames: range,
     gravity_gradients: list[bool],
     orders: Sequence[int],
-    gain: float,
     calm: bool = False,
-) -> tuple[Pass, int, bool]:
-    """Passes from a first guess on, with path noise if need be, or calm: without any. Returns as `_repeated` does."""
+) -> Passes | None:
+    """Passes from a first guess on, with path noise if need be, or calm: without any. None where all go astray."""
 
     def some(members: list[Member]) -> list[Member]:
         return [member for member in members if not (calm and member.path)]
 
     first = _passed(problem, first_guess(problem), some(first_members(problem.degree)), frames)
-    return _repeated(
-        problem, first, frames, lambda last, _: some(next_members(last.member, gravity_gradients, orders)), gain
-    )
+    if first is None:
+        return None
+    return _repeated(problem, first, frames, lambda last, _: some(next_members(last.member, gravity_gradients, orders)))
 
 
-def _repeated(
-    problem: Problem, last: Pass, frames: range, members: Callable[[Pass, int], list[Member]], gain: float
-) -> tuple[Pass, int, bool]:
-    """Passes after a first one, each from where the last one led: the best, their number, and whether they settled."""
+def _repeated(problem: Problem, last: Pass, frames: range, members: Callable[[Pass, int], list[Member]]) -> Passes:
+    """Passes after a first one, each from where the last one led."""
+    gain = GAIN if frames.stop == len(problem.tracks.time) else ROUGH_GAIN
     best, count, settled = last, 1, False
     while not settled and count < PASSES:
-        try:
-            found = _passed(problem, _next(problem, last), members(last, count), frames)
-        except ComputationError:  # what was learnt leads astray; before, something was found
+        found = _passed(problem, _next(problem, last), members(last, count), frames)
+        if found is None:  # what was learnt leads astray; before, something was found
             break
         gained = found.score - last.score
         settled = (found.member == last.member or gain > GAIN) and -ROUGH_GAIN < gained < gain
         best = found if settled or found.score > best.score else best
         last, count = found, count + 1
-    return best, count, settled
+    return Passes(best, count, settled)
 
 
 def _next(problem: Problem, last: Pass) -> Guess:
     return next_guess(problem, last.guess, last.run, last.path, last.member.order)
 
 
-def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range) -> Pass:
-    """The bank over the frames, and its best member.
-
-    Raises:
-        ComputationError: all members go astray.
-    """
-    run, process, noise = _filtered(problem, guess, members, frames, keep=False)
+def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range) -> Pass | None:
+    """The bank over the frames, and its best member; None where all members go astray."""
+    try:
+        run, process, noise = _filtered(problem, guess, members, frames, keep=False)
+    except ComputationError:  # the guess is on an open orbit
+        return None
     score = run.log_likelihood - [member.penalty for member in members]
     best = int(np.argmax(score))
     if not np.isfinite(score[best]):
-        raise ComputationError(
-            "the filter goes astray, whatever its process noise: the features do not move as one body"
-        )
+        return None
     alone = run.only(best)
     path = smoothed_path(alone.state, process.until(frames.stop), noise.of_path(best), problem.start.frame, ())
     return Pass(guess, members[best], alone, path)

@@ -7,7 +7,7 @@ import numpy as np
 from baryscope.estimator.geometry.so3 import log_rotation
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
-from baryscope.models.errors import ComputationError
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
 
 FRAMES = 100  # with three features or more, that noise and first poses are taken from, at most
@@ -50,7 +50,8 @@ def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
     turn = log_rotation(body.attitude[0].T @ body.attitude)
     if len(frames) < LEAST:
         raise ComputationError(
-            f"the first attitudes are seen in {counted(len(frames), 'frame')}, {LEAST} are needed for a rate"
+            f"the first attitudes are seen in {counted(len(frames), 'frame')}, {LEAST} are needed for a rate",
+            Reason.TOO_FEW_FRAMES,
         )
     wide = np.linalg.norm(turn, axis=1) > SWEEP
     count = min(max(int(np.argmax(wide)) if wide.any() else len(wide), 2), RATE_FRAMES)

@@ -19,7 +19,7 @@ from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
-from baryscope.models.errors import ComputationError
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -87,7 +87,8 @@ def fit_tumble(
             break
     if best is None:
         raise ComputationError(
-            "no stretch of frames shows how fast the target turns: features are not followed for long enough"
+            "no stretch of frames shows how fast the target turns: features are not followed for long enough",
+            Reason.SHORT_INTERVALS,
         )
     fits = [best]
     for orbit in orbits[1:]:

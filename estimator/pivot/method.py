@@ -42,7 +42,7 @@ from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import DifferentPoints, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import ComputationError
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
@@ -132,7 +132,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     if 3 * frames <= path.size + 3 * count:
         raise ComputationError(
             f"{counted(frames, 'frame shows', 'frames show')} an attitude, too few for {path.name}: "
-            f"more than {path.size // 3 + count} needed"
+            f"more than {path.size // 3 + count} needed",
+            Reason.TOO_FEW_FRAMES,
         )
     bodies, x = linear_start(registered, observations, path, tracks.time)
     start = Start(path, path.at(tracks.time), bodies, x, measured, observations, inliers)

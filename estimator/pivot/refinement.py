@@ -16,7 +16,7 @@ from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.estimator.result import Finding
-from baryscope.models.errors import ComputationError
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
@@ -181,7 +181,8 @@ def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -
         frames = sum(len(body.frames) for body in bodies)
         raise ComputationError(
             f"{counted(frames, 'frame that shows', 'frames that show')} an attitude, with "
-            f"{counted(observations.count, 'observation')}: too few for a path of {path_size} unknowns"
+            f"{counted(observations.count, 'observation')}: too few for a path of {path_size} unknowns",
+            Reason.TOO_FEW_FRAMES,
         )
     return dof
 

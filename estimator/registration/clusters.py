@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.intervals import Interval, cut_intervals
+from baryscope.estimator.registration.intervals import (
+    Interval,
+    collinear_features,
+    cut_intervals,
+    too_few_features,
+)
 from baryscope.estimator.registration.procrustes import OFF_LINE, register
-from baryscope.models.errors import ComputationError
-from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -60,11 +63,7 @@ def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
     enough = np.nonzero(used.sum(axis=1) >= 3)[0]
     intervals = _tied_intervals(position[enough], used[enough], np.diff(enough) > FLICKER) if len(enough) else []
     if not intervals:
-        most = int(used.sum(axis=1).max(initial=0))
-        raise ComputationError(
-            f"at most {counted(most, 'feature is', 'features are')} seen together in a frame, "
-            "at least 3 are needed for an attitude"
-        )
+        raise too_few_features(used)
     shapes, squares, dof = [], 0.0, 0.0
     for interval in intervals:
         columns = np.array(interval.features)
@@ -87,12 +86,12 @@ def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
             )
         )
     if not shapes:
-        raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
+        raise collinear_features()
     noise = float(np.sqrt(squares / max(dof, 1)))
     posed = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
     found = [(body, origin) for body, origin in posed if len(body.frames)]
     if not found:
-        raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
+        raise collinear_features()
     bodies, origins = zip(*found, strict=True)
     return Registered(bodies, origins, noise)
 

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import ComputationError, Reason
+from baryscope.models.words import counted
 
 GAP = 1.5  # a step in time longer than this many usual steps is a gap
 
@@ -74,3 +76,20 @@ def _end_of_cluster(seen: NDArray[np.bool_], start: int, stop: int) -> int:
             return start + int(np.argmax(lost))
         start, window = end, 2 * window
     return stop
+
+
+def too_few_features(seen: NDArray[np.bool_]) -> ComputationError:
+    """The error where no frame of seen (n, m) has three features."""
+    most = int(seen.sum(axis=1).max(initial=0))
+    return ComputationError(
+        f"at most {counted(most, 'feature is', 'features are')} seen together in a frame, "
+        "at least 3 are needed for an attitude",
+        Reason.TOO_FEW_FEATURES,
+    )
+
+
+def collinear_features() -> ComputationError:
+    """The error where what is seen together gives no attitude."""
+    return ComputationError(
+        "the features seen together lie in a line, or too near one, to give an attitude", Reason.COLLINEAR_FEATURES
+    )

@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.options import Reference
-from baryscope.estimator.registration.intervals import Interval, find_intervals, usual_step
+from baryscope.estimator.registration.intervals import (
+    Interval,
+    collinear_features,
+    find_intervals,
+    too_few_features,
+    usual_step,
+)
 from baryscope.estimator.registration.procrustes import Registration, register
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import ComputationError
-from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -57,11 +61,7 @@ def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: 
     """
     intervals = find_intervals(tracks)
     if not intervals:
-        most = int(tracks.seen.sum(axis=1).max(initial=0))
-        raise ComputationError(
-            f"at most {counted(most, 'feature is', 'features are')} seen together in a frame, "
-            "at least 3 are needed for an attitude"
-        )
+        raise too_few_features(tracks.seen)
     position = tracks.position
     if R_W_C is not None:
         position = position @ np.swapaxes(R_W_C, 1, 2)
@@ -78,7 +78,7 @@ def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: 
         centre[frames] = np.where(fitted.valid[:, None], fitted.translation, np.nan)
     motion = RegisteredMotion(tracks.time, position, number, rotation, centre, intervals, tuple(registrations))
     if not motion.posed.any():
-        raise ComputationError("the features seen together lie in a line, or too near one, to give an attitude")
+        raise collinear_features()
     return motion
 
 

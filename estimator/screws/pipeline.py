@@ -17,7 +17,7 @@ from baryscope.estimator.screws.polynomial import PathFit, fit_path
 from baryscope.estimator.screws.screws import REASONS, TOO_LITTLE_ROTATION, Screws, screws_or_nan
 from baryscope.estimator.screws.tuning import Trial, choose_cutoff, choose_lag, try_lag
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
@@ -65,7 +65,8 @@ def estimate_by_screws(
     pairs = pairs_of(motion, trial.lag)
     if not len(pairs.first):
         raise ComputationError(
-            f"no two frames {counted(trial.lag, 'frame')} apart have an attitude each, in the same interval"
+            f"no two frames {counted(trial.lag, 'frame')} apart have an attitude each, in the same interval",
+            Reason.SHORT_INTERVALS,
         )
     screws = without_faint(pairs, screws_of(pairs))
     axes = smooth_axes(pairs, screws, cutoff)
@@ -140,7 +141,8 @@ def _given_lag(motion: RegisteredMotion, lag: float) -> Trial:
     if longest <= 2 * frames:
         raise ComputationError(
             f"the lag is {lag:g} s, but the longest interval in which the same features are followed lasts "
-            f"{(longest - 1) * step_of(motion):g} s, at least twice the lag is needed"
+            f"{(longest - 1) * step_of(motion):g} s, at least twice the lag is needed",
+            Reason.SHORT_INTERVALS,
         )
     return try_lag(motion, frames)
 
@@ -157,7 +159,8 @@ def without_faint(pairs: Pairs, screws: Screws) -> Screws:
         raise ComputationError(
             f"too little rotation: the body turns by {np.rad2deg(np.nanmedian(chord)):.2g}° "
             f"in {counted(pairs.lag, 'frame')}, "
-            f"and the noise of that is {np.rad2deg(np.median(noise)):.2g}°"
+            f"and the noise of that is {np.rad2deg(np.median(noise)):.2g}°",
+            Reason.TOO_LITTLE_ROTATION,
         )
     status = np.where(faint, TOO_LITTLE_ROTATION, screws.status)
     return screws_or_nan(screws.axis, screws.point, screws.angle, screws.translation, status)
@@ -167,7 +170,10 @@ def smooth_axes(pairs: Pairs, screws: Screws, cutoff: float) -> Axes:
     """Low-pass the axes in each run of sound screws at successive frames of one interval."""
     sound = np.nonzero(screws.valid)[0]
     if not sound.size:
-        raise ComputationError(f"no sound screw between poses {counted(pairs.lag, 'frame')} apart: {_why(screws)}")
+        raise ComputationError(
+            f"no sound screw between poses {counted(pairs.lag, 'frame')} apart: {_why(screws)}",
+            Reason.DEGENERATE_SCREWS,
+        )
     first, motion = pairs.first[sound], pairs.motion
     number = motion.interval[first]
     breaks = np.nonzero((np.diff(first) != 1) | (np.diff(number) != 0))[0] + 1
@@ -202,7 +208,8 @@ def _check_observable(axes: Axes, spread: tuple[FloatArray, FloatArray], crossin
     if not len(crossings.sine):
         raise ComputationError(
             "no two screws follow each other in one interval: the intervals in which the same features are "
-            "followed are shorter than twice the lag"
+            "followed are shorter than twice the lag",
+            Reason.SHORT_INTERVALS,
         )
     # Before the low-pass: near the ends of a run it passes more noise than its bandwidth says.
     noise = float(np.sqrt(2 * np.mean(axes.raw_deviation**2)))
@@ -210,7 +217,8 @@ def _check_observable(axes: Axes, spread: tuple[FloatArray, FloatArray], crossin
     if turned <= max(CLEAR * noise, 1e-6) or not crossings.valid.any():
         raise ComputationError(
             f"the axis of rotation does not turn visibly ({np.rad2deg(turned):.2g}° rms, noise "
-            f"{np.rad2deg(noise):.2g}°): in a pure spin the centre of mass cannot be found along the axis"
+            f"{np.rad2deg(noise):.2g}°): in a pure spin the centre of mass cannot be found along the axis",
+            Reason.PURE_SPIN,
         )
 
 

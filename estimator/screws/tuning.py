@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.screws.motion import Pairs, RegisteredMotion, pairs_of, step_of
 from baryscope.estimator.screws.screws import Screws, screws_of_poses
-from baryscope.models.errors import ComputationError
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +44,8 @@ def choose_lag(motion: RegisteredMotion) -> Trial:
     if longest < 3:
         raise ComputationError(
             "the longest interval in which the same features are followed has "
-            f"{counted(longest, 'frame')}, at least 3 are needed"
+            f"{counted(longest, 'frame')}, at least 3 are needed",
+            Reason.SHORT_INTERVALS,
         )
     trials: list[Trial] = []
     lag = 1
