@@ -7,6 +7,7 @@ from importlib.metadata import version
 import pytest
 from hypothesis import settings
 
+import baryscope.scripts.cli  # noqa: F401  first, since it says how many threads numpy may use
 from baryscope.fmu import build_fmu
 from baryscope.models.scenario import load_scenario
 

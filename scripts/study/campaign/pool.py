@@ -18,12 +18,11 @@ from types import FrameType
 from typing import Any, TypeVar, cast
 
 from baryscope.models.errors import ComputationError
+from baryscope.threads import THREADS
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-# Read by the linear algebra libraries when they are loaded: one thread in each worker, for speed and equal results.
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 PATIENCE = 3.0  # s until a worker that does not end is killed
 
 
