@@ -19,7 +19,12 @@ def text_of(document):
 
 def python_blocks(document):
     """The blocks of a document, in their order."""
-    return re.findall(r"```python\n(.*?)```", text_of(document), re.DOTALL)
+    return [block for block, _ in blocks_with_output(document)]
+
+
+def blocks_with_output(document):
+    """Each block and what the document says that it prints: the text block right below it, or nothing."""
+    return re.findall(r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", text_of(document), re.DOTALL)
 
 
 def commands(document):

@@ -5,24 +5,21 @@ import re
 import pytest
 
 from baryscope.scripts.cli import app
-from documents import FRONT, PAGES, ROOT, WITH_COMMANDS, WITH_PYTHON, commands, python_blocks, text_of
+from documents import FRONT, PAGES, ROOT, WITH_COMMANDS, WITH_PYTHON, blocks_with_output, commands, text_of
 
 
-@pytest.mark.parametrize("document", WITH_PYTHON)
-def test_python_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    names = {"__name__": "example"}
-    for block in python_blocks(document):
-        exec(compile(block, document, "exec"), names)  # noqa: S102  our own documents
-    assert capsys.readouterr().out
-
-
-@pytest.mark.parametrize("document", WITH_COMMANDS)
-def test_commands_run_one_after_the_other(document, tmp_path, monkeypatch):
-    """In one folder, as a reader would: what a command needs, one above it has left."""
+@pytest.mark.parametrize("document", sorted({*WITH_PYTHON, *WITH_COMMANDS}))
+def test_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
+    """In one folder, as a reader would: what an example needs, one above it has left."""
     monkeypatch.chdir(tmp_path)
     for command in commands(document):
         assert app.main(smaller(command)[1:]) == 0, command
+    names = {"__name__": "example"}
+    capsys.readouterr()
+    for block, output in blocks_with_output(document):
+        exec(compile(block, document, "exec"), names)  # noqa: S102  our own documents
+        printed = capsys.readouterr().out
+        assert not output or printed == output
 
 
 def smaller(command):
