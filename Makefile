@@ -29,7 +29,7 @@ site: check
 	$(BIN)/python -m zensical build --clean --strict --config-file mkdocs.yml
 
 benchmark: $(VENV)/.ready
-	$(BIN)/python scripts/benchmarks/benchmark.py
+	$(BIN)/python scripts/benchmarks/benchmark.py $(if $(PEERS),--peers $(PEERS))
 
 $(VENV)/.ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys, venv; v = sys.version_info; sys.exit(v < (3, 11) and f"baryscope needs Python 3.11 or newer; $(PYTHON) is {v[0]}.{v[1]}. Try: make PYTHON=python3.12")'

@@ -1,15 +1,12 @@
-"""Peers of the unit for benchmark.py: other ways to fly the same target for the same time.
+"""Peers of the unit for benchmark.py: general integrators of the same equations over the same time.
 
 Each gives the seconds it took, set-up and compilation left out, and the states (q, ω, θ, ρ, ρ̇) it ended with, for
 several tolerances and variants: the fastest that is no less accurate than the unit counts.
 """
 
-import tempfile
-import textwrap
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -144,103 +141,6 @@ def _heyoka_orbit(hy: Any, c: FloatArray) -> list[Any]:
         (vy, -2.0 * rate * vx - rate_dot * x + rate**2 * y - stiffness / s * y),
         (vz, -stiffness / s * z),
     ]
-
-
-def basilisk_step(scenario: Scenario, step: float, steps: int) -> float:
-    """Seconds a step of Basilisk with two spacecraft under point-mass gravity, its own RK4."""
-    from Basilisk.simulation import spacecraft
-    from Basilisk.utilities import SimulationBaseClass, macros, simIncludeGravBody
-
-    simulation = SimulationBaseClass.SimBaseClass()
-    process = simulation.CreateNewProcess("process")
-    process.addTask(simulation.CreateNewTask("task", macros.sec2nano(step)))
-    gravity = simIncludeGravBody.gravBodyFactory()
-    earth = gravity.createEarth()
-    earth.isCentralBody = True
-    speed = float(np.sqrt(scenario.orbit.gravitational_parameter / scenario.orbit.semi_major_axis))
-    bodies = []
-    for name, offset in (("target", 0.0), ("chaser", -20.0)):
-        body = spacecraft.Spacecraft()
-        body.ModelTag = name
-        body.hub.IHubPntBc_B = [list(row) for row in scenario.target.inertia]
-        body.hub.mHub = 7828.0
-        body.hub.r_CN_NInit = [[scenario.orbit.semi_major_axis], [offset], [0.0]]
-        body.hub.v_CN_NInit = [[0.0], [speed], [0.0]]
-        body.hub.omega_BN_BInit = [[float(rate)] for rate in np.deg2rad(scenario.target.angular_rate_deg)]
-        body.gravField.gravBodies = spacecraft.GravBodyVector(list(gravity.gravBodies.values()))
-        simulation.AddModelToTask("task", body)
-        bodies.append(body)
-    simulation.InitializeSimulation()
-    simulation.ConfigureStopTime(macros.sec2nano(step * steps))
-    begin = time.perf_counter()
-    simulation.ExecuteSimulation()
-    return (time.perf_counter() - begin) / steps
-
-
-_PYTHON_UNIT = """
-    import numpy as np
-    from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
-    from baryscope.models.scenario import load_scenario
-    from baryscope.models.target import tumbling_target
-
-    class Peer(Fmi2Slave):
-        def __init__(self, **kwargs):
-            super().__init__(**kwargs)
-            scenario = load_scenario("envisat")
-            self.system, self.p = tumbling_target(len(scenario.features.points)), scenario.flat_parameters()
-            self.x, self.u = np.array(self.system.initial(self.p)).ravel(), np.zeros(6)
-            self.y = np.array(self.system.outputs(self.x, self.p)).ravel()
-            for k in range(self.y.size):
-                getter = lambda k=k: float(self.y[k])
-                self.register_variable(Real(f"y{k}", causality=Fmi2Causality.output, getter=getter))
-
-        def rates(self, x):
-            return np.array(self.system.rhs(x, self.u, self.p)).ravel()
-
-        def do_step(self, time, step):
-            x, h = self.x, step
-            a = self.rates(x)
-            b = self.rates(x + h / 2 * a)
-            c = self.rates(x + h / 2 * b)
-            d = self.rates(x + h * c)
-            self.x = x + h / 6 * (a + 2 * b + 2 * c + d)
-            self.y = np.array(self.system.outputs(self.x, self.p)).ravel()
-            return True
-"""
-
-
-def pythonfmu_step(step: float, steps: int) -> float:
-    """Seconds a step of a pythonfmu unit of the same model (one RK4 step each), all outputs read."""
-    import shutil
-
-    import fmpy
-    from fmpy.fmi2 import FMU2Slave
-    from pythonfmu.builder import FmuBuilder
-
-    with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
-        folder = Path(name)
-        (folder / "peer.py").write_text(textwrap.dedent(_PYTHON_UNIT), encoding="utf-8")
-        FmuBuilder.build_FMU(folder / "peer.py", dest=folder)
-        unit = next(folder.glob("*.fmu"))
-        description = fmpy.read_model_description(str(unit))
-        unzipped = fmpy.extract(str(unit))
-        slave = FMU2Slave(
-            guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier, unzipDirectory=unzipped
-        )
-        slave.instantiate()
-        slave.setupExperiment()
-        slave.enterInitializationMode()
-        slave.exitInitializationMode()
-        references = [v.valueReference for v in description.modelVariables if v.causality == "output"]
-        begin = time.perf_counter()
-        for index in range(steps):
-            slave.doStep(index * step, step)
-            slave.getReal(references)
-        seconds = (time.perf_counter() - begin) / steps
-        slave.terminate()
-        slave.freeInstance()
-        shutil.rmtree(unzipped, ignore_errors=True)
-    return seconds
 
 
 def _problem(scenario: Scenario) -> tuple[Any, FloatArray, FloatArray, FloatArray]:

@@ -1,7 +1,8 @@
 /* Time of one fmi2DoStep as an importer written in C sees it; run by benchmark.py.
 
-   step_benchmark LIBRARY GUID STEPS STEP_SIZE: prints nanoseconds a step, without and with reading every output.
-   The variables' count and the outputs' first reference come as the fifth and sixth argument. */
+   step_benchmark LIBRARY GUID STEPS STEP_SIZE VARIABLES FIRST: prints nanoseconds a step, without and with reading every
+   output, and then the outputs at the end. VARIABLES is the number of variables up to the last output, FIRST the outputs'
+   first reference. */
 
 #define _POSIX_C_SOURCE 199309L
 #include "fmi2FunctionTypes.h"
@@ -61,5 +62,6 @@ int main(int argc, char **argv)
         }
         printf("%.1f\n", (now() - begin) / (double)steps);
     }
+    for (unsigned i = 0; i < count; i++) printf("%.17g\n", outputs[i]);
     return 0;
 }

@@ -15,7 +15,7 @@ from baryscope.estimator.methods import METHODS
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import simulate
 from baryscope.models.scenario import load_scenario, write_orbit
-from baryscope.scripts.benchmarks import benchmark, gpa_study
+from baryscope.scripts.benchmarks import gpa_study
 from baryscope.scripts.cli import app
 from baryscope.study import pictures
 
@@ -227,13 +227,6 @@ def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 10
     assert " 30.00 m from the centre of mass" in lines[-1]
-
-
-def test_the_benchmark_measures_the_unit_from_c(envisat, envisat_fmu, tmp_path, monkeypatch):
-    monkeypatch.setattr(benchmark, "STEPS", 100)
-    plain, reading = benchmark.c_steps(envisat_fmu, envisat, tmp_path)
-    assert 0 < plain < 1
-    assert 0 < reading < 1
 
 
 @pytest.fixture(scope="module")
