@@ -8,6 +8,7 @@ import pytest
 from matplotlib.image import imread
 
 from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.scripts.cli import app
@@ -43,7 +44,7 @@ def test_the_scenario_itself_in_a_few_lines(scenario_file, capsys):
     assert f"path of the centre of mass   ±{1000 * found.position_deviation:.3g} mm" in text
     assert f"attitude                     ±{np.rad2deg(found.attitude_deviation):.3g}°" in text
     assert f"angular rate                 ±{np.rad2deg(found.rate_deviation):.3g} °/s" in text
-    assert found.verdict in text
+    assert verdict(found.observability) in text
     assert len(text.splitlines()) < 10
 
 
@@ -89,7 +90,7 @@ def test_the_table_holds_the_bound_of_each_variant(stereo_file, tmp_path, capsys
         found = cramer_rao_bound(variant.of(base))
         assert float(row["path"]) == pytest.approx(found.position_deviation, rel=1e-12)
         assert float(row["attitude_deg"]) == pytest.approx(np.rad2deg(found.attitude_deviation), rel=1e-12)
-        assert row["verdict"] == found.verdict
+        assert row["verdict"] == verdict(found.observability)
     assert {path.name for path in folder.iterdir()} == {
         "bound.csv", "bound.md", "bound-3-features-baseline-1-m.png", "bound-4-features-baseline-1-m.png",
     }  # fmt: skip

@@ -113,9 +113,9 @@ def test_pivot_and_ml_come_near_the_bound_and_say_so(compared, scenario_file):
         error = np.sqrt(np.mean((path_of(rows(compared / f"{stem}.csv")) - truth) ** 2) * 3)
         facts = json.loads((compared / f"{stem}.json").read_text(encoding="utf-8"))
         assert error < 2.5 * worse * bound
-        assert 0.95 * bound < facts["position_deviation"] < 1.1 * worse * bound
+        assert 0.95 * bound < facts["predicted_rmse"] < 1.1 * worse * bound
         assert facts["converged"]
-        assert facts["verdict"].startswith("observable")
+        assert facts["observability"]["verdict"].startswith("observable")
 
 
 def test_pictures_show_something(compared):
@@ -151,9 +151,10 @@ def test_options_of_estimate_reach_the_method(compared, tmp_path):
     output = tmp_path / "e.csv"
     chosen = ["--lag", "12", "--cutoff", "0.05", "--degree", "3", "--reference", "first"]
     assert app.main(["estimate", str(compared / "tracks.csv"), *chosen, "-o", str(output)]) == 0
-    options = json.loads(output.with_suffix(".json").read_text(encoding="utf-8"))["options"]
+    facts = json.loads(output.with_suffix(".json").read_text(encoding="utf-8"))
+    options = facts["options"]
     assert (options["lag"], options["cutoff"], options["degree"], options["reference"]) == (12, 0.05, 3, "first")
-    assert options["chosen_from_data"] == []
+    assert facts["details"]["chosen_from_data"] == []
 
 
 def test_estimate_takes_tracks_of_somebody_else(tmp_path, monkeypatch):
@@ -281,7 +282,7 @@ def test_a_stereo_rig_with_outliers_from_simulate_to_estimate(tmp_path, capsys):
         error = np.sqrt(np.mean((path_of(rows(output)) - truth) ** 2) * 3)
         facts = json.loads(output.with_suffix(".json").read_text(encoding="utf-8"))
         assert error < 4 * bound  # one draw of six numbers; pivot has three and four features to find attitudes from
-        assert facts["variance_factor"] == pytest.approx(1, abs=0.15)
+        assert facts["noise"] == {"a_priori": None, "a_posteriori": pytest.approx(1, abs=0.075), "unit": "1"}
         # Of 1,311 sightings 131 ± 11 are off by 3 m rms; of these some are too near to tell from the rig's 0.15 m.
-        assert facts["rejected_share"] == pytest.approx(0.095, abs=0.03)
+        assert facts["rejected"]["share"] == pytest.approx(0.095, abs=0.03)
     assert "of what the tracks say" in capsys.readouterr().out
