@@ -7,6 +7,8 @@ import pytest
 from baryscope.scripts.cli import app
 from documents import FRONT, PAGES, ROOT, WITH_COMMANDS, WITH_PYTHON, blocks_with_output, commands, text_of
 
+ROOMS = ["models", "fmu", "estimator", "scripts", "tests"]
+
 
 @pytest.mark.parametrize("document", sorted({*WITH_PYTHON, *WITH_COMMANDS}))
 def test_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
@@ -41,6 +43,16 @@ def test_links_lead_somewhere(document):
         target = (path.parent / link).resolve()
         assert target.exists(), link
         assert document in FRONT or ROOT / "docs" in target.parents, link
+
+
+@pytest.mark.parametrize("document", PAGES + FRONT)
+def test_source_files_that_are_cited_exist(document):
+    """With a folder, seen from the repository's root; a name alone is that of a file anywhere in the rooms."""
+    for name, function in re.findall(r"`([\w./-]+\.(?:py|c|h|mjs))(?:::(\w+))?`", text_of(document)):
+        found = [ROOT / name] if "/" in name else [path for room in ROOMS for path in (ROOT / room).rglob(name)]
+        assert found, name
+        assert all(path.is_file() for path in found), name
+        assert not function or f"def {function}(" in found[0].read_text(encoding="utf-8"), function
 
 
 def test_the_site_has_all_pages():

@@ -1,12 +1,13 @@
 import csv
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from baryscope.estimator import METHODS, estimate, write_estimate
-from baryscope.estimator.document import EstimateDocument, rejected_intervals, schema_text
+from baryscope.estimator.document import EstimateDocument, rejected_intervals, schema, schema_text
 from baryscope.estimator.result import DifferentPoints, LackOfFit
 from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
@@ -102,6 +103,14 @@ def test_every_method_writes_what_the_schema_says(method, case_of, at_rest, tmp_
 def test_the_documented_schema_is_the_one_in_use():
     """python -c "from baryscope.estimator.document import schema_text as s; print(s(), end='')" prints it."""
     assert SCHEMA.read_text(encoding="utf-8") == schema_text()
+
+
+def test_every_field_stands_in_the_page():
+    page, found = SCHEMA.with_name("estimate.md").read_text(encoding="utf-8"), schema()
+    for part in [found, *found["$defs"].values()]:
+        assert set(part.get("properties", {})) <= set(re.findall(r"`(\w+)`", page)), part["title"]
+    for kind in [*found["$defs"]["Status"]["enum"], *found["$defs"]["FindingPart"]["properties"]["kind"]["enum"]]:
+        assert f"`{kind}`" in page
 
 
 def test_the_json_is_not_written_over_the_path(tmp_path):
