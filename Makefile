@@ -24,9 +24,11 @@ check: $(VENV)/.ready
 	$(BIN)/python tests/documents.py build/typed/examples
 	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml -p baryscope -p examples
 
-# The pages of docs/ and the reference, from the docstrings of the plain install; a dead link or name is an error.
+# The pages of docs/ and the reference, from the docstrings of the plain install. A dead link or name is an error, and so is
+# what griffe, which reads the docstrings, remarks: --strict does not count it.
 site: check
-	$(BIN)/python -m zensical build --clean --strict --config-file mkdocs.yml
+	$(BIN)/python -m zensical build --clean --strict --config-file mkdocs.yml >build/site.log 2>&1; \
+	    code=$$?; cat build/site.log; test $$code = 0 && ! grep -q '^griffe:' build/site.log
 
 benchmark: $(VENV)/.ready
 	$(BIN)/python scripts/benchmarks/benchmark.py $(if $(PEERS),--peers $(PEERS))

@@ -56,6 +56,7 @@ METHODS: dict[str, Method] = {
         Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, estimate_by_score),
     )
 }
+"""All methods by their names on the command line, in the order of its tables."""
 
 
 @dataclass(frozen=True)
