@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import UNOBSERVABLE, Cluster, Observability, PrincipalAxes
 
@@ -60,9 +61,12 @@ def residuals_of(position: FloatArray, bodies: Sequence[Body], origin: FloatArra
     """
     residual = np.full_like(position, np.nan)
     for body in bodies:
-        block = np.ix_(body.frames, body.features)
-        image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
-        residual[block] = position[block] - image
+        image = body.points @ np.swapaxes(body.attitude, 1, 2)
+        image += origin[body.frames][:, None]
+        frames, features = as_slice(body.frames), as_slice(body.features)
+        block = (frames, features) if isinstance(features, slice) else np.ix_(body.frames, body.features)
+        np.subtract(position[block], image, out=image)
+        residual[block] = image
     return residual
 
 
