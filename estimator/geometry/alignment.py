@@ -1,10 +1,10 @@
 """Rigid alignment of many point sets at once: the rotation over SO(3) and the centroids.
 
-The rotation is the eigenvector of Davenport's 4×4 matrix K to its greatest eigenvalue (Horn, J. Opt. Soc.
+The rotation is the eigenvector of Davenport's 4×4 matrix K for its greatest eigenvalue (Horn, J. Opt. Soc.
 Am. A 4, 1987), found by Newton's method on K's characteristic polynomial (Theobald, Acta Cryst. A61, 2005). It is a
-rotation by construction, never a reflection, also for three points and for coplanar ones, where the plain
-U Vᵀ of a singular value decomposition reflects. Where two eigenvalues nearly meet (points nearly in a line) the
-polynomial loses digits: those few sets are solved by the singular value decomposition with det = +1.
+rotation by construction, never a reflection, also for three points and for coplanar ones, for which the plain
+U Vᵀ of a singular value decomposition can be a reflection. If two eigenvalues nearly coincide (points nearly
+collinear), the polynomial is ill-conditioned; these sets are solved by the singular value decomposition with det = +1.
 """
 
 from dataclasses import dataclass
@@ -14,16 +14,17 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-ILL_CONDITIONED = 1e-2  # of the polynomial's slope at its root, K scaled to ‖H‖ = 1
-UNDETERMINED = 1e-12  # points in a line, up to rounding
+ILL_CONDITIONED = 1e-2  # slope of the polynomial at its root below which the SVD is used, K scaled to ‖H‖ = 1
+COLLINEAR = 1e-12  # s₂ ± s₃ at ‖H‖ = 1 below which the points count as collinear
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """How p_A = R_A_B p_B + translation fits best, for n point sets.
+    """Least-squares fit of p_A = R_A_B p_B + translation for n point sets.
 
-    rotation (n, 3, 3) R_A_B; quaternion (n, 4), scalar first; centroid_a, centroid_b (n, 3), in A and in B;
-    spread (n,), m²: how far, squared, the points lie off a line (a lower bound, within a factor of two).
+    rotation (n, 3, 3) R_A_B; quaternion (n, 4), scalar first; centroid_a, centroid_b (n, 3) in m, in A and in B;
+    spread (n,), m²: mean squared distance of the points from a line, a lower bound (at least 4/9 of it, unless noise
+    outweighs the third singular value).
     """
 
     rotation: FloatArray
@@ -34,15 +35,15 @@ class Alignment:
 
     @property
     def translation(self) -> FloatArray:
-        """The image of B's origin, (n, 3)."""
+        """B's origin in A, (n, 3) in m."""
         return np.asarray(self.centroid_a - np.einsum("nij,nj->ni", self.rotation, self.centroid_b))
 
 
 def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Alignment:
-    """Weighted least-squares alignment of points_B (n, m, 3) or (m, 3) on points_A (n, m, 3).
+    """Weighted least-squares alignment of points_B (n, m, 3) or (m, 3) with points_A (n, m, 3), in m.
 
-    weights (n, m) are >= 0; points of weight zero may be NaN. Each set needs a positive weight, and three points that
-    are not in a line for a unique answer: `spread` tells.
+    weights (n, m) are >= 0; points of weight zero may be NaN. Each set needs a positive weight. The rotation is unique
+    if three points are not collinear; then `spread` is positive.
     """
     shared = points_B.ndim == 2
     a = np.where(weights[..., None] > 0, points_A, 0.0)
@@ -51,7 +52,7 @@ def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Al
     centroid_a = np.einsum("nm,nmi->ni", weights, a) / total[:, None]
     centroid_b = (weights[:, None] @ b)[:, 0] / total[:, None]
     a = weights[..., None] * (a - centroid_a[:, None])
-    # Σ w (a − ā) is zero: b may have any origin, best one at hand.
+    # Σ w (a − ā) is zero, so b may have any origin; one near the points keeps rounding small.
     b = b - (centroid_b.mean(axis=0) if shared else centroid_b[:, None])
     quaternion, spread = rotation_from_moments(np.swapaxes(a, 1, 2) @ b)
     rotation = matrix_from_quaternion(quaternion)
@@ -61,8 +62,8 @@ def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Al
 def rotation_from_moments(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The rotation R_A_B that maximises tr(R_A_Bᵀ H), for H = Σ w a bᵀ (n, 3, 3), a and b centred.
 
-    Returns its quaternions (n, 4), scalar first, and (n,) a lower bound of s₂ ± s₃, the singular values
-    that hold the rotation; zero means undetermined, and there the identity is returned.
+    Returns the quaternions (n, 4), scalar first, and a lower bound (n,) of s₂ ± s₃, the sum of singular values that
+    determines the rotation. Zero means undetermined; the rotation is then the identity.
     """
     norm = np.sqrt(np.einsum("nij,nij->n", moments, moments))
     ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)) = np.moveaxis(
@@ -74,7 +75,7 @@ def rotation_from_moments(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
     # λ⁴ − 2λ² − 8 det(H) λ + c₀: all coefficients are invariants of H, which is scaled to ‖H‖ = 1.
     c1 = -8 * determinant
     c0 = 2 * (aa * aa + bb * bb + cc * cc + 2 * (ab * ab + ac * ac + bc * bc)) - (aa + bb + cc) ** 2
-    root = np.full(len(norm), np.sqrt(3.0))  # not below s₁ + s₂ + s₃: from here Newton falls onto the greatest root
+    root = np.full(len(norm), np.sqrt(3.0))  # ≥ s₁ + s₂ + s₃: from above, Newton's method converges to the largest root
     for _ in range(30):
         slope = 4 * root * (root * root - 1) + c1
         value = ((root * root - 2) * root + c1) * root + c0
@@ -88,16 +89,16 @@ def rotation_from_moments(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
         (xy + yx, xz + zx, -xx + yy - zz - root, yz + zy, -xx - yy + zz - root),
     )
     spread = np.maximum(slope, 0) / (8 * root * root)
-    poor = np.nonzero(~(slope > ILL_CONDITIONED))[0]
-    if poor.size:
-        quaternion[poor], spread[poor] = _by_singular_values(
-            moments[poor] / np.where(norm > 0, norm, 1)[poor, None, None]
+    ill_conditioned = np.nonzero(~(slope > ILL_CONDITIONED))[0]
+    if ill_conditioned.size:
+        quaternion[ill_conditioned], spread[ill_conditioned] = _by_singular_values(
+            moments[ill_conditioned] / np.where(norm > 0, norm, 1)[ill_conditioned, None, None]
         )
     return quaternion, spread * norm
 
 
 def _null_vector(upper: tuple[FloatArray, ...], lower: tuple[FloatArray, ...]) -> FloatArray:
-    """Unit null vectors (n, 4) of symmetric singular matrices, from the best column of their adjugates."""
+    """Unit null vectors (n, 4) of symmetric singular matrices: the largest column of their adjugates."""
     m00, m01, m02, m03, m11 = upper
     m12, m13, m22, m23, m33 = lower
     # 2×2 minors of the last two and of the first two rows
@@ -124,11 +125,11 @@ def _null_vector(upper: tuple[FloatArray, ...], lower: tuple[FloatArray, ...]) -
 
 
 def _by_singular_values(moments: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same by U diag(1, 1, det(U Vᵀ)) Vᵀ, for the few sets where Newton's method loses digits."""
+    """`rotation_from_moments` by U diag(1, 1, det(U Vᵀ)) Vᵀ, for sets whose polynomial is ill-conditioned."""
     u, s, vt = np.linalg.svd(moments)
     sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
     spread = s[:, 1] + sign * s[:, 2]
-    determined = spread > UNDETERMINED
+    determined = spread > COLLINEAR
     u[:, :, 2] *= sign[:, None]
     quaternion = quaternion_from_matrix(u @ vt)
     quaternion[~determined] = [1.0, 0, 0, 0]
@@ -151,7 +152,7 @@ def matrix_from_quaternion(quaternion: FloatArray) -> FloatArray:
 
 
 def quaternion_from_matrix(matrix: FloatArray) -> FloatArray:
-    """Unit quaternions (n, 4), scalar first, of rotation matrices (n, 3, 3): the greatest column of 4 q qᵀ."""
+    """Unit quaternions (n, 4), scalar first, of rotation matrices (n, 3, 3): the largest column of 4 q qᵀ."""
     ((xx, xy, xz), (yx, yy, yz), (zx, zy, zz)) = np.moveaxis(matrix, 0, -1)
     outer = np.array(
         [

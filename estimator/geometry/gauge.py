@@ -1,6 +1,7 @@
-"""Axes that points hold themselves: how these turn, and how the centroid moves in them, when the points change.
+"""Gauge freedom of body axes: derivatives of axes that are attached to the body's points.
 
-The axes of a rigid cluster can be turned at will. That gauge freedom is fixed by the points: their axes turn with them.
+The axes of a rigid cluster are arbitrary up to a rotation. This gauge freedom is fixed by attaching the axes to the
+points: if the points are changed, the axes turn with them.
 """
 
 import numpy as np
@@ -12,9 +13,9 @@ FloatArray = NDArray[np.float64]
 
 
 def offset_by_points(points: FloatArray) -> FloatArray:
-    """How the centroid of points (m, 3) changes with them in axes that they hold themselves, (3, 3 m).
+    """Jacobian (3, 3 m) of the centroid of points (m, 3) by the points, in axes attached to the points.
 
-    A turn of all points about their centroid is a turn of the axes, in which the centroid is then seen turned.
+    A rotation of all points about their centroid rotates the axes, so the centroid rotates in them.
     """
     centroid = points.mean(axis=0)
     mean = np.tile(np.eye(3), len(points)) / len(points)
@@ -22,7 +23,10 @@ def offset_by_points(points: FloatArray) -> FloatArray:
 
 
 def turn_by_points(points: FloatArray) -> FloatArray:
-    """How the axes that points (m, 3) hold turn with them, (3, 3 m): as the points do about their centroid, at best."""
+    """Jacobian (3, 3 m), rad/m, of the rotation of axes attached to points (m, 3).
+
+    The rotation is the least-squares rotation of the points about their centroid.
+    """
     arms = cross_matrices(points - points.mean(axis=0))
     inertia = np.einsum("mij,mkj->ik", arms, arms)
     return np.asarray(np.linalg.pinv(inertia, hermitian=True) @ arms.transpose(1, 0, 2).reshape(3, -1))

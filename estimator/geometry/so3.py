@@ -9,7 +9,7 @@ FloatArray = NDArray[np.float64]
 
 
 def exp_rotation(vector: FloatArray) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3)."""
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3) in rad."""
     flat = np.atleast_2d(vector).reshape(-1, 3)
     half = 0.5 * np.linalg.norm(flat, axis=1)
     # sin(a)/a without a division by zero

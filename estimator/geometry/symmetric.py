@@ -1,7 +1,7 @@
-"""Symmetric systems that may be singular: what is seen is solved for, and what is not is named.
+"""Symmetric matrices that may be singular: pseudo-inverse, null space, 3 × 3 inverses, and a test of covariances.
 
-Where unknowns have been eliminated, what is left of the diagonal may be rounding alone. So `sizes` is the diagonal that
-the matrix had before; without it, the matrix's own.
+Eigenvalues are compared with a threshold after scaling by `sizes`, a diagonal. After unknowns have been eliminated, the
+diagonal itself may be rounding error alone; `sizes` is then the diagonal before. By default it is the matrix's own.
 """
 
 import numpy as np
@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-SEEN = 1e-13  # an eigenvalue below which a direction is not seen, the matrix scaled by its sizes
+RANK_TOLERANCE = 1e-13  # eigenvalue of the scaled matrix up to which a direction belongs to the null space
 
 
 def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
-    """The inverse of a symmetric positive semidefinite matrix (p, p), zero in directions that are not seen."""
+    """Pseudo-inverse (p, p) of a symmetric positive semidefinite matrix (p, p): zero in its null space."""
     scale, values, vectors = _scaled(matrix, sizes)
-    inverse = np.where(values > SEEN, 1 / np.where(values > SEEN, values, 1.0), 0.0)
+    inverse = np.where(values > RANK_TOLERANCE, 1 / np.where(values > RANK_TOLERANCE, values, 1.0), 0.0)
     return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))
 
 
 def null_space_of(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
-    """The directions (p, k) that are not seen: those in which `symmetric_pseudo_inverse` is zero, of any length."""
+    """A basis (p, k) of the null space in which `symmetric_pseudo_inverse` is zero; its columns are not normalised."""
     scale, values, vectors = _scaled(matrix, sizes)
-    return np.asarray(scale[:, None] * vectors[:, values <= SEEN])
+    return np.asarray(scale[:, None] * vectors[:, values <= RANK_TOLERANCE])
 
 
 def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """1/√sizes, and eigenvalues, rising, and eigenvectors of the matrix scaled by it."""
+    """The scale 1/√sizes (p,), and the eigenvalues, ascending, and eigenvectors of the matrix scaled by it."""
     diagonal = np.diag(matrix) if sizes is None else sizes
     scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
@@ -40,8 +40,8 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
     yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     determinant = xx * a + xy * b + xz * c
-    sound = determinant > 1e-12 * (xx + yy + zz) ** 3 / 27
-    scale = np.where(sound, 1 / np.where(sound, determinant, 1.0), 0.0)
+    regular = determinant > 1e-12 * (xx + yy + zz) ** 3 / 27
+    scale = np.where(regular, 1 / np.where(regular, determinant, 1.0), 0.0)
     inverse = np.empty_like(matrix)
     inverse[:, 0, 0], inverse[:, 1, 1], inverse[:, 2, 2] = a, xx * zz - xz * xz, xx * yy - xy * xy
     inverse[:, 0, 1] = inverse[:, 1, 0] = b
@@ -53,12 +53,12 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
 def is_covariance(matrix: FloatArray) -> BoolArray:
     """Whether matrices (..., 3, 3) are symmetric and positive semidefinite, up to rounding; NaN is not.
 
-    By the signs of the principal minors, which for half a million small matrices is much faster than eigenvalues.
+    Tests the signs of the principal minors, which is much faster than eigenvalues for many small matrices.
     """
     c = matrix
     xx, yy, zz = c[..., 0, 0], c[..., 1, 1], c[..., 2, 2]
     xy, xz, yz = c[..., 0, 1], c[..., 0, 2], c[..., 1, 2]
-    room = 1 + 1e-9
+    tolerance = 1 + 1e-9
     determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
     small = 1e-9 * (xx + yy + zz)
     return np.asarray(
@@ -68,8 +68,8 @@ def is_covariance(matrix: FloatArray) -> BoolArray:
         & (xx >= 0)
         & (yy >= 0)
         & (zz >= 0)
-        & (xy * xy <= xx * yy * room)
-        & (xz * xz <= xx * zz * room)
-        & (yz * yz <= yy * zz * room)
+        & (xy * xy <= xx * yy * tolerance)
+        & (xz * xz <= xx * zz * tolerance)
+        & (yz * yz <= yy * zz * tolerance)
         & (determinant >= -1e-9 * xx * yy * zz)
     )
