@@ -1,5 +1,31 @@
-"""From tracks to rigid clusters with an attitude in every frame.
+"""From tracks to rigid bodies with an attitude in every frame.
 
-Intervals in which features are followed, Procrustes registration, screening of wrong observations, clusters.
-Uses geometry.
+Intervals of continuous tracking, generalised Procrustes registration, screening of outliers, clusters of features.
+Uses geometry, options and tracks.
 """
+
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import Registered, find_bodies
+from baryscope.estimator.registration.intervals import (
+    Interval,
+    collinear_features,
+    find_intervals,
+    sampling_interval,
+    too_few_features,
+)
+from baryscope.estimator.registration.procrustes import Registration, register
+from baryscope.estimator.registration.screening import screen
+
+__all__ = [
+    "Body",
+    "Interval",
+    "Registered",
+    "Registration",
+    "collinear_features",
+    "find_bodies",
+    "find_intervals",
+    "register",
+    "sampling_interval",
+    "screen",
+    "too_few_features",
+]

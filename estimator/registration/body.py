@@ -1,4 +1,4 @@
-"""A rigid body: features that are seen together, their points in axes of their own, and its attitude in every frame."""
+"""A rigid body: features that are seen together, their points in body axes, and the attitude in every frame."""
 
 from dataclasses import dataclass, replace
 
@@ -14,10 +14,10 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Features that are seen together: one rigid body in axes S of its own.
+    """Features that are seen together: one rigid body with its own axes S.
 
-    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S; intervals
-    in which it was seen.
+    features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S;
+    intervals: those in which the body is seen.
     """
 
     features: IntArray
@@ -27,6 +27,6 @@ class Body:
     intervals: tuple[Interval, ...] = ()
 
     def moved(self, change: FloatArray) -> "Body":
-        """With other points: a long step (3 m,) may turn the axes that they hold, and is turned back."""
+        """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points."""
         moves = change.reshape(-1, 3)
         return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))

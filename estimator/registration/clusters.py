@@ -1,7 +1,7 @@
 """From observations to rigid bodies: which features belong together, their shape, and their attitude in each frame.
 
-The frames are cut into intervals; intervals that share three features off a line are one body, also across gaps, so
-that features which return tie them together. Features that change do not.
+The frames are cut into intervals. Intervals that share three features that are not collinear belong to one body, also
+across gaps, if the shapes agree. Features that return thus connect intervals; replaced features do not.
 """
 
 from collections.abc import Sequence
@@ -23,19 +23,20 @@ from baryscope.estimator.registration.procrustes import OFF_LINE, register
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-RESTING = 1e-4  # of the size of a first shape, which is refined later
-IN_LINE = 0.03  # of their length, how far points may lie off a line to count as in it
-FLICKER = 4  # frames from one that sees enough to the next, up to which an interval goes on
-SAMPLE = 400  # frames of an interval that its first shape is made from
-AGREEMENT = 6.0  # deviations by which shapes of one body may differ where they share features
+SHAPE_TOLERANCE = 1e-4  # convergence of an initial shape, relative to its size; it is refined later
+COLLINEARITY = 0.03  # second over first singular value of points up to which they count as collinear
+MAX_FRAME_STEP = 4  # frames between two with three features, up to which an interval continues
+MAX_SHAPE_FRAMES = 400  # frames of an interval that its initial shape is computed from, at most
+AGREEMENT = 6.0  # standard deviations by which two shapes of one body may differ at shared features
 CHUNK = 8192  # frames aligned at once
 
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """Rigid bodies as registration finds them, points from their centroid.
+    """Rigid bodies from registration; each body's points have their origin in their centroid.
 
-    origins: for each body where its centroid is in each of its frames, (n, 3) in C, m; noise: of a coordinate, m.
+    origins: for each body its centroid in each of its frames, (n, 3) in C, m; noise: standard deviation of a
+    coordinate, m.
     """
 
     bodies: tuple[Body, ...]
@@ -45,7 +46,7 @@ class Registered:
 
 @dataclass(eq=False)
 class _Shape:
-    """A shape in the making: its features' points in axes of its own, and how often each was seen."""
+    """A shape being assembled: its features' points in its own axes, m, and how often each feature is seen."""
 
     points: dict[int, FloatArray]
     counts: dict[int, int]
@@ -53,15 +54,17 @@ class _Shape:
 
 
 def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
-    """The bodies in position (n, m, 3), and the noise of a coordinate that registration leaves over.
+    """The rigid bodies in position (n, m, 3) in C, m, and the noise of a coordinate from the residuals of registration.
 
-    used (n, m) says which observations to believe.
+    used (n, m) selects the observations.
 
     Raises:
-        ComputationError: in no frame three features are seen, or they always lie in a line.
+        ComputationError: no frame sees three features, or they are collinear in all frames.
     """
     enough = np.nonzero(used.sum(axis=1) >= 3)[0]
-    intervals = _tied_intervals(position[enough], used[enough], np.diff(enough) > FLICKER) if len(enough) else []
+    intervals = (
+        _connected_intervals(position[enough], used[enough], np.diff(enough) > MAX_FRAME_STEP) if len(enough) else []
+    )
     if not intervals:
         raise too_few_features(used)
     shapes, squares, dof = [], 0.0, 0.0
@@ -69,9 +72,9 @@ def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
         columns = np.array(interval.features)
         rows = enough[interval.start : interval.stop]
         interval = Interval(int(rows[0]), int(rows[-1]) + 1, interval.features)
-        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), SAMPLE)).astype(int))]
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_SHAPE_FRAMES)).astype(int))]
         block = np.where(used[np.ix_(rows, columns)][..., None], position[np.ix_(rows, columns)], np.nan)
-        fitted = register(block, tolerance=RESTING)
+        fitted = register(block, tolerance=SHAPE_TOLERANCE)
         if not fitted.valid.any():
             continue
         values = max(3 * int(np.isfinite(block[..., 0]).sum()) - 6 * len(rows) - 3 * len(columns) + 6, 0)
@@ -88,19 +91,19 @@ def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
     if not shapes:
         raise collinear_features()
     noise = float(np.sqrt(squares / max(dof, 1)))
-    posed = [_posed(shape, position, used, noise) for shape in _merged(shapes, noise)]
-    found = [(body, origin) for body, origin in posed if len(body.frames)]
+    with_attitudes = [_with_attitudes(shape, position, used, noise) for shape in _merged(shapes, noise)]
+    found = [(body, origin) for body, origin in with_attitudes if len(body.frames)]
     if not found:
         raise collinear_features()
     bodies, origins = zip(*found, strict=True)
     return Registered(bodies, origins, noise)
 
 
-def _tied_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> list[Interval]:
-    """The intervals, cut where what a frame shares with the first lies in a line, which does not tie them."""
-    waiting, done = list(reversed(cut_intervals(used, gaps))), []
-    while waiting:
-        interval = waiting.pop()
+def _connected_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> list[Interval]:
+    """The intervals, cut where the features that a frame shares with the first frame are collinear."""
+    pending, done = list(reversed(cut_intervals(used, gaps))), []
+    while pending:
+        interval = pending.pop()
         first, seen = position[interval.start], used[interval.frames]
         shared = seen & seen[0]
         if (shared == shared[0]).all():
@@ -108,44 +111,47 @@ def _tied_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> l
             continue
         patterns, which = np.unique(np.packbits(shared, axis=1), axis=0, return_inverse=True)
         members = np.unpackbits(patterns, axis=1, count=shared.shape[1]).astype(bool)
-        loose = np.array([_in_line(first[pattern]) for pattern in members])[which.ravel()]
-        if not loose.any() or loose[0]:
+        collinear = np.array([_are_collinear(first[pattern]) for pattern in members])[which.ravel()]
+        if not collinear.any() or collinear[0]:
             done.append(interval)
             continue
-        stop = int(np.argmax(loose))
+        stop = int(np.argmax(collinear))
         features = np.nonzero(seen[:stop].any(axis=0))[0]
         done.append(Interval(interval.start, interval.start + stop, tuple(features.tolist())))
         rest = cut_intervals(seen[stop:], gaps[interval.start + stop : interval.stop - 1])
         shift = interval.start + stop
-        waiting += [Interval(one.start + shift, one.stop + shift, one.features) for one in reversed(rest)]
+        pending += [Interval(one.start + shift, one.stop + shift, one.features) for one in reversed(rest)]
     return done
 
 
-def _in_line(points: FloatArray) -> bool:
-    """Whether points (m, 3) lie so near a line that a turn about it hardly moves them."""
+def _are_collinear(points: FloatArray) -> bool:
+    """Whether points (m, 3) lie so near a line that the rotation about it is poorly determined."""
     lengths = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(lengths[1] <= IN_LINE * lengths[0])
+    return bool(lengths[1] <= COLLINEARITY * lengths[0])
 
 
 def _merged(shapes: Sequence[_Shape], noise: float) -> list[_Shape]:
-    """Shapes joined wherever two share three features off a line, the most often seen first."""
-    waiting = sorted(shapes, key=lambda shape: -sum(shape.counts.values()))
+    """Shapes, merged if two share three features that are not collinear; starts with the most often seen one."""
+    pending = sorted(shapes, key=lambda shape: -sum(shape.counts.values()))
     done: list[_Shape] = []
-    while waiting:
-        whole = waiting.pop(0)
+    while pending:
+        whole = pending.pop(0)
         joined = True
         while joined:
             joined = False
-            for other in list(waiting):
-                if _join(whole, other, noise):
-                    waiting.remove(other)
+            for other in list(pending):
+                if _merge(whole, other, noise):
+                    pending.remove(other)
                     joined = True
         done.append(whole)
     return done
 
 
-def _join(whole: _Shape, other: _Shape, noise: float) -> bool:
-    """Put the points of `other` into `whole` if the features they share say how."""
+def _merge(whole: _Shape, other: _Shape, noise: float) -> bool:
+    """Merge `other` into `whole` if their shared features determine the rigid motion between them and agree.
+
+    Returns whether they were merged.
+    """
     shared = sorted(whole.points.keys() & other.points.keys())
     if len(shared) < 3:
         return False
@@ -157,9 +163,9 @@ def _join(whole: _Shape, other: _Shape, noise: float) -> bool:
     if fitted.spread[0] < (AGREEMENT * deviation.max()) ** 2 + 1e-18 * float(np.sum(a**2)):
         return False
     R, t = fitted.rotation[0], fitted.translation[0]
-    missed = np.linalg.norm(b @ R.T + t - a, axis=1)
-    # Shapes of few frames are less sure than their noise says: they turn their points, too.
-    if np.any(missed > AGREEMENT * 3 * deviation + 1e-9 * np.abs(a).max()):
+    residual = np.linalg.norm(b @ R.T + t - a, axis=1)
+    # The factor 3: a shape from few frames is less accurate than its noise says, as its attitudes have errors, too.
+    if np.any(residual > AGREEMENT * 3 * deviation + 1e-9 * np.abs(a).max()):
         return False
     for index, point in other.points.items():
         moved = R @ point + t
@@ -172,10 +178,10 @@ def _join(whole: _Shape, other: _Shape, noise: float) -> bool:
     return True
 
 
-def _posed(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -> tuple[Body, FloatArray]:
-    """A shape with its attitude in all frames of its intervals, and its centroid there, (n, 3) in C.
+def _with_attitudes(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -> tuple[Body, FloatArray]:
+    """The shape as a body with its attitude in all frames of its intervals, and its centroid there, (n, 3) in C, m.
 
-    Frames are left out whose features lie too near a line.
+    Frames whose features are nearly collinear are left out.
     """
     features = np.array(sorted(shape.points), dtype=np.intp)
     points = np.array([shape.points[index] for index in features])
@@ -188,9 +194,9 @@ def _posed(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -
         rows = frames[first : first + CHUNK]
         weight = used[np.ix_(rows, features)].astype(np.float64)
         fitted = align(position[np.ix_(rows, features)], points, weight)
-        good = fitted.spread > max((OFF_LINE * noise) ** 2, 1e-18 * float(np.sum(points**2)))
-        attitudes.append(fitted.rotation[good])
-        translations.append(fitted.translation[good])
-        kept.append(rows[good])
+        determined = fitted.spread > max((OFF_LINE * noise) ** 2, 1e-18 * float(np.sum(points**2)))
+        attitudes.append(fitted.rotation[determined])
+        translations.append(fitted.translation[determined])
+        kept.append(rows[determined])
     body = Body(features, np.concatenate(kept), points, np.concatenate(attitudes), tuple(shape.intervals))
     return body, np.concatenate(translations)

@@ -1,4 +1,4 @@
-"""Intervals: stretches of time in which one cluster of features is followed without a gap."""
+"""Intervals: periods in which one cluster of features is tracked without a gap."""
 
 from dataclasses import dataclass
 
@@ -9,20 +9,23 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
 
-GAP = 1.5  # a step in time longer than this many usual steps is a gap
+GAP = 1.5  # sampling intervals: a longer step in time is a gap
 
 
 @dataclass(frozen=True)
 class Interval:
-    """Frames start, …, stop - 1 of the tracks, in all of which the cluster of the first is followed."""
+    """Frames start, …, stop - 1 of the tracks, which all see the cluster of the first frame.
+
+    features: indices of all features that are seen in some frame of it, ascending.
+    """
 
     start: int
     stop: int
-    features: tuple[int, ...]  # all that are seen in it at some time, in the order of the tracks
+    features: tuple[int, ...]
 
     @property
     def frames(self) -> slice:
-        """The interval's frames, to index with."""
+        """The interval's frames as a slice."""
         return slice(self.start, self.stop)
 
     @property
@@ -31,21 +34,21 @@ class Interval:
         return self.stop - self.start
 
 
-def usual_step(time: NDArray[np.float64]) -> float:
+def sampling_interval(time: NDArray[np.float64]) -> float:
     """Sampling interval in s: the median step of time (n,); 1 where there is only one frame."""
     return float(np.median(np.diff(time))) if len(time) > 1 else 1.0
 
 
 def find_intervals(tracks: FeatureTracks) -> tuple[Interval, ...]:
-    """Cut the tracks where time has a gap, fewer than three features are seen, or the cluster has changed.
+    """Cut the tracks at gaps in time, at frames with fewer than three features, and where the cluster changes.
 
-    An interval goes on while at least three, and at least half, of the features of its first frame are seen.
+    An interval continues while at least three, and at least half, of the features of its first frame are seen.
     """
-    return cut_intervals(tracks.seen, np.diff(tracks.time) > GAP * usual_step(tracks.time))
+    return cut_intervals(tracks.seen, np.diff(tracks.time) > GAP * sampling_interval(tracks.time))
 
 
 def cut_intervals(seen: NDArray[np.bool_], gaps: NDArray[np.bool_]) -> tuple[Interval, ...]:
-    """The intervals of seen (n, m), with gaps (n - 1,) between some of the frames."""
+    """The intervals of seen (n, m); gaps (n - 1,) is True where a gap follows the frame."""
     enough = seen.sum(axis=1) >= 3
     cut = np.concatenate([[True], gaps | (enough[1:] != enough[:-1]), [True]])
     borders = np.nonzero(cut)[0]
@@ -62,24 +65,24 @@ def cut_intervals(seen: NDArray[np.bool_], gaps: NDArray[np.bool_]) -> tuple[Int
 
 
 def _end_of_cluster(seen: NDArray[np.bool_], start: int, stop: int) -> int:
-    """The first frame that no longer follows the cluster of frame `start`.
+    """The first frame that no longer sees the cluster of frame `start`.
 
-    Looked for in windows of growing length, so that many short intervals cost no more than a few long ones.
+    The search uses windows of growing length, so that many short intervals cost no more than a few long ones.
     """
     cluster = seen[start]
-    wanted = max(3.0, cluster.sum() / 2)
+    required = max(3.0, cluster.sum() / 2)
     window = 64
     while start < stop:
         end = min(start + window, stop)
-        lost = (seen[start:end] & cluster).sum(axis=1) < wanted
-        if lost.any():
-            return start + int(np.argmax(lost))
+        changed = (seen[start:end] & cluster).sum(axis=1) < required
+        if changed.any():
+            return start + int(np.argmax(changed))
         start, window = end, 2 * window
     return stop
 
 
 def too_few_features(seen: NDArray[np.bool_]) -> ComputationError:
-    """The error where no frame of seen (n, m) has three features."""
+    """The error to raise if no frame of seen (n, m) has three features."""
     most = int(seen.sum(axis=1).max(initial=0))
     return ComputationError(
         f"at most {counted(most, 'feature is', 'features are')} seen together in a frame, "
@@ -89,7 +92,7 @@ def too_few_features(seen: NDArray[np.bool_]) -> ComputationError:
 
 
 def collinear_features() -> ComputationError:
-    """The error where what is seen together gives no attitude."""
+    """The error to raise if the features seen together are collinear and give no attitude."""
     return ComputationError(
         "the features seen together lie in a line, or too near one, to give an attitude", Reason.COLLINEAR_FEATURES
     )

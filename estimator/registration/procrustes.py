@@ -1,10 +1,10 @@
 """Generalised Procrustes: one shape for all frames of an interval, and its pose in each of them.
 
-Equations (9)–(12) of Biondi, Mauro, Pastorelli (2017) with their errors put right: both clouds are centred, the
-rotation is kept in SO(3), and the rigid points are R_C_S X̄ + c. Two ways to the shape:
+Equations (9)–(12) of Biondi, Mauro, Pastorelli (2017), with their errors corrected: both point clouds are centred, the
+rotation is kept in SO(3), and the rigid points are R_C_S X̄ + c. Two references for the poses:
 
-- "mean" (Gower, Psychometrika 40, 1975): poses against the running mean shape, repeated until it rests;
-- "first" (the paper): poses against the first frame's own points, once; the shape is the mean of what comes out.
+- "mean" (Gower, Psychometrika 40, 1975): the current mean shape; repeated until the shape converges;
+- "first" (the paper): the first frame's points, once; the shape is the mean of the registered frames.
 
 S are the shape's axes: parallel to the tracks' axes in the interval's first frame, origin at the shape's centroid.
 """
@@ -20,18 +20,19 @@ from baryscope.estimator.options import Reference
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-TOLERANCE = 1e-11  # of the shape's change in one round, relative to its size
-ROUNDS = 100
-OFF_LINE = 3.0  # visible points must lie this many residuals off a line, or the pose is not used
+TOLERANCE = 1e-11  # greatest change of a converged shape in one iteration, relative to its size
+MAX_ROUNDS = 100
+OFF_LINE = 3.0  # standard deviations that the visible points must lie off a line for a valid pose
 
 
 @dataclass(frozen=True)
 class Registration:
     """The rigid motion of one cluster over n frames: p_C = R_C_S p_S + translation.
 
-    shape (m, 3) p_S in m, NaN for features that could not be placed; rotation (n, 3, 3) R_C_S;
-    translation (n, 3) in m, the shape's centroid in C; valid (n,), False where too few points or a line of points
-    leave the pose open; rms in m, the residual's standard deviation per coordinate; radius in m, the shape's, rms.
+    shape (m, 3) p_S in m, NaN for features that are never seen; rotation (n, 3, 3) R_C_S; translation (n, 3) in m, the
+    shape's centroid in C; valid (n,), False where fewer than three or collinear points leave the pose undetermined;
+    rms in m, the residual's standard deviation per coordinate; radius in m, the shape's rms radius; rounds, the number
+    of iterations; converged.
     """
 
     shape: FloatArray
@@ -45,14 +46,14 @@ class Registration:
 
     @property
     def rigid_points(self) -> FloatArray:
-        """The shape carried to each frame's pose, (n, m, 3): equation (12), put right."""
+        """The shape at each frame's pose, (n, m, 3) in m: equation (12), corrected."""
         return np.asarray(self.shape @ np.swapaxes(self.rotation, 1, 2) + self.translation[:, None])
 
     @property
     def angle_deviation(self) -> float:
         """Standard deviation of a pose's rotation about an axis in rad: σ √(1.5/(nρ²)).
 
-        Two poses, both of them noisy, differ by √2 of this, which is the σ √(3/(nρ²)) of equations.md.
+        The difference of two independent poses has √2 of this, which is the σ √(3/(nρ²)) of equations.md.
         """
         count = np.isfinite(self.shape[:, 0]).sum()
         return float(self.rms * np.sqrt(1.5 / count) / self.radius)
@@ -61,20 +62,20 @@ class Registration:
 def register(points: FloatArray, reference: Reference = "mean", tolerance: float = TOLERANCE) -> Registration:
     """Register the frames of one interval; points (n, m, 3) in m with NaN where a feature is not seen.
 
-    The first frame must see at least three features, and the other frames three of these, which is what
-    `find_intervals` gives; features that come later are merged into the shape. The mean shape rests when it changes by
-    no more than the tolerance in a round, relative to its size.
+    The first frame must see at least three features, and every other frame three of these, as in the intervals of
+    `find_intervals`. Features that first appear later are merged into the shape. The mean shape has converged when an
+    iteration changes it by no more than `tolerance`, relative to its size.
     """
     seen = ~np.isnan(points[..., 0])
     weights = seen.astype(np.float64)
-    # Everything below is sums over features or over frames; coordinates next to features makes them matrix products.
+    # Everything below is sums over features or frames; with coordinates before features they are matrix products.
     cloud = np.ascontiguousarray(np.swapaxes(np.where(seen[..., None], points, 0.0), 1, 2))  # (n, 3, m)
     in_shape = seen[0].copy()
     shape = np.where(in_shape[:, None], cloud[0].T, 0.0)
     shape -= in_shape[:, None] * shape[in_shape].mean(axis=0)
     size = _radius(shape[in_shape])
     converged, rounds = False, 0
-    while not converged and rounds < ROUNDS:
+    while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         rotation, translation, _ = _poses(cloud, weights, shape, in_shape)
         update, placed = _mean_shape(cloud, weights, rotation, translation)
@@ -87,7 +88,7 @@ def register(points: FloatArray, reference: Reference = "mean", tolerance: float
         # The paper keeps the rotations to the first frame; only the centroids follow the mean shape.
         _, _, spread = _poses(cloud, weights, shape, in_shape)
         translation = _translations(cloud, weights, shape, rotation)
-    # Turn the shape's axes so that they are the tracks' axes in the first frame, and put its origin into its centroid.
+    # Make the shape's axes parallel to the tracks' axes in the first frame, and move its origin to its centroid.
     R_S_old = rotation[0]
     shape = np.where(in_shape[:, None], shape @ R_S_old.T, np.nan)
     rotation = rotation @ R_S_old.T
@@ -103,7 +104,7 @@ def register(points: FloatArray, reference: Reference = "mean", tolerance: float
 def _poses(
     cloud: FloatArray, weights: FloatArray, shape: FloatArray, in_shape: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotations R_C_S (n, 3, 3), translations (n, 3), and spread (n,) in m² of each frame against the shape."""
+    """Rotations R_C_S (n, 3, 3), translations (n, 3) in m, and spread (n,) in m², of the frames against the shape."""
     n, _, m = cloud.shape
     used = weights * in_shape
     total = np.maximum(used.sum(axis=1), 1.0)
@@ -126,7 +127,7 @@ def _translations(cloud: FloatArray, weights: FloatArray, shape: FloatArray, rot
 def _mean_shape(
     cloud: FloatArray, weights: FloatArray, rotation: FloatArray, translation: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    """The mean over frames of R_S_C (p − translation) for each feature, (m, 3), and which features it has."""
+    """The mean over frames of R_S_C (p − translation) for each feature, (m, 3), and which features are seen, (m,)."""
     n, _, m = cloud.shape
     moved = (cloud - translation[:, :, None]) * weights[:, None, :]
     total = weights.sum(axis=0)
@@ -138,7 +139,7 @@ def _mean_shape(
 def _residual(
     cloud: FloatArray, weights: FloatArray, shape: FloatArray, rotation: FloatArray, translation: FloatArray
 ) -> float:
-    """Standard deviation per coordinate of what the rigid motion leaves over, unknowns counted."""
+    """Standard deviation per coordinate of the residuals, with the degrees of freedom counted."""
     residual = (cloud - rotation @ shape.T - translation[:, :, None]) * weights[:, None, :]
     dof = 3 * weights.sum() - 6 * len(cloud) - 3 * (weights.sum(axis=0) > 0).sum() + 6
     return float(np.sqrt(np.vdot(residual, residual) / max(dof, 1.0)))

@@ -1,7 +1,7 @@
-"""Wrong observations, found before there is any pose: by distances between features that do not stay as they are.
+"""Screening of outliers before there is any pose: by distances between features.
 
-On a rigid body all distances are constant. Where a feature's distances to most others are not their usual ones, it is
-not that feature.
+On a rigid body all distances are constant. An observation is an outlier if its distances to most other features differ
+from the typical ones of their pairs.
 """
 
 import numpy as np
@@ -9,44 +9,47 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-LIMIT = 5.0  # deviations of a distance that still fits
-PARTNERS = 12  # distances looked at for each feature, at most
-SAMPLE = 1500  # frames that tell whether there is anything to look for
-SUSPECT = 0.01  # share of distances that do not fit from which on all frames are searched
+LIMIT = 5.0  # standard deviations of a distance that still fits
+PARTNERS = 12  # distances examined for each feature, at most
+SAMPLE = 1500  # frames of the sample that decides whether all frames are screened, and of a chunk
+OUTLIER_SHARE = 0.01  # share of distances in the sample that do not fit, from which all frames are screened
+DENSEST_SHARE = 0.25  # share of a pair's distances that its typical distance is computed from
+DENSEST_WIDTH = 2 * 0.3186  # standard deviations that the central quarter of a Gaussian spans
 
 
 def screen(position: FloatArray, seen: BoolArray) -> BoolArray:
-    """Which observations (n, m) of positions (n, m, 3) to believe at first: those whose distances fit.
+    """The inliers (n, m) among positions (n, m, 3) in m: observations whose distances to the others fit.
 
-    All of them, if in a sample of frames hardly any distance is unusual.
+    seen (n, m). If hardly any distance in a sample of frames is an outlier, all observations are inliers, except those
+    of features that do not belong to the body at all.
     """
     n, m = seen.shape
     pairs = _pairs(m)
     rows = np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
-    usual, spread = _usual(position[rows], seen[rows], pairs)
-    known = np.isfinite(usual)
-    seen = seen & ~_erratic(usual, spread, pairs, m)
-    fits, both = _fits(position[rows], seen[rows], pairs, usual, spread)
-    if not both[:, known].any() or 1 - fits[:, known].sum() / max(both[:, known].sum(), 1) < SUSPECT:
+    typical, spread = _typical_distances(position[rows], seen[rows], pairs)
+    known = np.isfinite(typical)
+    seen = seen & ~_not_of_body(typical, spread, pairs, m)
+    fits, both = _fits(position[rows], seen[rows], pairs, typical, spread)
+    if not both[:, known].any() or 1 - fits[:, known].sum() / max(both[:, known].sum(), 1) < OUTLIER_SHARE:
         return seen.copy()
     inliers = np.zeros_like(seen)
     for first in range(0, n, SAMPLE):
         part = slice(first, first + SAMPLE)
-        fits, both = _fits(position[part], seen[part], pairs, usual, spread)
+        fits, both = _fits(position[part], seen[part], pairs, typical, spread)
         inliers[part] = seen[part] & _agreeing(fits, both, pairs, m)
     return inliers
 
 
-def _erratic(usual: FloatArray, spread: FloatArray, pairs: NDArray[np.intp], m: int) -> BoolArray:
-    """Features (m,) that keep no usual distance to any other, while others do: they are not of this body at all."""
+def _not_of_body(typical: FloatArray, spread: FloatArray, pairs: NDArray[np.intp], m: int) -> BoolArray:
+    """Features (m,) without a constant distance to any other, while others have some: they are not on this body."""
     tried, kept = np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
     tried[pairs[np.isfinite(spread)].ravel()] = True
-    kept[pairs[np.isfinite(usual)].ravel()] = True
+    kept[pairs[np.isfinite(typical)].ravel()] = True
     return tried & ~kept if kept.sum() >= 3 else np.zeros(m, dtype=bool)
 
 
 def _pairs(m: int) -> NDArray[np.intp]:
-    """Pairs of features (k, 2): all of them, or a ring of the next few for each where there are many."""
+    """Pairs of features (k, 2): all pairs, or each feature with the next PARTNERS ones if there are many."""
     if m <= 2 * PARTNERS:
         return np.array([(i, j) for i in range(m) for j in range(i + 1, m)], dtype=np.intp).reshape(-1, 2)
     i = np.repeat(np.arange(m), PARTNERS)
@@ -58,46 +61,48 @@ def _distances(position: FloatArray, pairs: NDArray[np.intp]) -> FloatArray:
     return np.asarray(np.linalg.norm(position[:, pairs[:, 0]] - position[:, pairs[:, 1]], axis=2))
 
 
-def _usual(position: FloatArray, seen: BoolArray, pairs: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """The usual distance of each pair and its spread (k,): those of the densest quarter of its values; NaN if never."""
+def _typical_distances(position: FloatArray, seen: BoolArray, pairs: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    """Typical distance of each pair and its standard deviation (k,), in m, from the densest quarter of its values.
+
+    NaN for pairs that are seen together in fewer than eight frames, and for distances that are not constant.
+    """
     distance = _distances(position, pairs)
     both = seen[:, pairs[:, 0]] & seen[:, pairs[:, 1]]
     count = both.sum(axis=0)
     ordered = np.sort(np.where(both, distance, np.inf), axis=0)
-    usual, spread = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
+    typical, spread = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
     for k in np.nonzero(count >= 8)[0]:
         values = ordered[: count[k], k]
-        size = max(int(np.ceil(0.25 * count[k])), 4)
+        size = max(int(np.ceil(DENSEST_SHARE * count[k])), 4)
         width = values[size - 1 :] - values[: count[k] - size + 1]
         start = int(np.argmin(width))
-        usual[k] = values[start : start + size].mean()
-        # A quarter of a Gaussian's values lies within ±0.319 of its deviations.
-        spread[k] = width[start] / (2 * 0.3186)
-    # One noise for all: a pair that is wrong more often than right has a spread of its own, and no vote.
-    typical = np.nanmedian(spread) if np.isfinite(spread).any() else np.nan
-    return np.where(spread < 4 * typical + 1e-12, usual, np.nan), np.maximum(spread, typical)
+        typical[k] = values[start : start + size].mean()
+        spread[k] = width[start] / DENSEST_WIDTH
+    # All pairs have about the same noise: a pair that is wrong more often than right has a larger spread; not used.
+    median = np.nanmedian(spread) if np.isfinite(spread).any() else np.nan
+    return np.where(spread < 4 * median + 1e-12, typical, np.nan), np.maximum(spread, median)
 
 
 def _fits(
-    position: FloatArray, seen: BoolArray, pairs: NDArray[np.intp], usual: FloatArray, spread: FloatArray
+    position: FloatArray, seen: BoolArray, pairs: NDArray[np.intp], typical: FloatArray, spread: FloatArray
 ) -> tuple[BoolArray, BoolArray]:
-    both = seen[:, pairs[:, 0]] & seen[:, pairs[:, 1]] & np.isfinite(usual)
+    both = seen[:, pairs[:, 0]] & seen[:, pairs[:, 1]] & np.isfinite(typical)
     distance = np.where(both, _distances(np.where(seen[..., None], position, 0.0), pairs), 0.0)
-    near = np.abs(distance - np.nan_to_num(usual)) <= LIMIT * np.nan_to_num(spread) + 1e-9 * np.nan_to_num(usual)
+    near = np.abs(distance - np.nan_to_num(typical)) <= LIMIT * np.nan_to_num(spread) + 1e-9 * np.nan_to_num(typical)
     return np.asarray(both & near), np.asarray(both)
 
 
 def _agreeing(fits: BoolArray, both: BoolArray, pairs: NDArray[np.intp], m: int) -> BoolArray:
-    """Features (n, m) left when, frame by frame, the one that fits the fewest others goes, until all fit."""
+    """Features (n, m) that remain in each frame when the one with most misfits is removed repeatedly until all fit."""
     n = len(fits)
     left = np.ones((n, m), dtype=bool)
-    first = np.zeros((len(pairs), m))
-    first[np.arange(len(pairs)), pairs[:, 0]] = 1
-    first[np.arange(len(pairs)), pairs[:, 1]] = 1
+    incidence = np.zeros((len(pairs), m))
+    incidence[np.arange(len(pairs)), pairs[:, 0]] = 1
+    incidence[np.arange(len(pairs)), pairs[:, 1]] = 1
     for _ in range(m):
         alive = left[:, pairs[:, 0]] & left[:, pairs[:, 1]]
-        misfits = (alive & both & ~fits).astype(np.float64) @ first
-        share = misfits / np.maximum((alive & both).astype(np.float64) @ first, 1)
+        misfits = (alive & both & ~fits).astype(np.float64) @ incidence
+        share = misfits / np.maximum((alive & both).astype(np.float64) @ incidence, 1)
         worst = np.argmax(share, axis=1)
         wrong = share[np.arange(n), worst] > 0
         if not wrong.any():

@@ -10,8 +10,8 @@ from baryscope.estimator.registration.intervals import (
     Interval,
     collinear_features,
     find_intervals,
+    sampling_interval,
     too_few_features,
-    usual_step,
 )
 from baryscope.estimator.registration.procrustes import Registration, register
 from baryscope.estimator.tracks import FeatureTracks
@@ -115,4 +115,4 @@ def pairs_of(motion: RegisteredMotion, lag: int) -> Pairs:
 
 def step_of(motion: RegisteredMotion) -> float:
     """Sampling interval in s."""
-    return usual_step(motion.time)
+    return sampling_interval(motion.time)

@@ -15,8 +15,8 @@ def spans(tracks):
     return [(interval.start, interval.stop) for interval in find_intervals(tracks)]
 
 
-def by_hand(tracks):
-    """The rule as it is said, frame by frame."""
+def frame_by_frame(tracks):
+    """The rule of `find_intervals`, applied frame by frame."""
     seen, found, start = tracks.seen, [], None
     step = np.median(np.diff(tracks.time))
     for k in range(len(seen)):
@@ -53,16 +53,16 @@ def test_flicker_of_few_features_does_not_end_an_interval():
     assert spans(tracks_of(seen)) == [(0, 3), (3, 6)]
 
 
-def test_same_as_the_rule_by_hand():
+def test_intervals_agree_with_the_frame_by_frame_rule():
     rng = np.random.default_rng(5)
     for _ in range(100):
         n = int(rng.integers(2, 400))
         seen = rng.random((n, 6)) < rng.uniform(0.4, 1)
         time = np.cumsum(rng.choice([1.0, 1.2, 2.0], n, p=[0.9, 0.08, 0.02]))
         tracks = tracks_of(seen, time)
-        assert spans(tracks) == by_hand(tracks)
+        assert spans(tracks) == frame_by_frame(tracks)
 
 
-def test_one_frame_and_nothing():
+def test_a_single_frame_and_no_observations():
     assert spans(tracks_of(np.ones((1, 3)))) == [(0, 1)]
     assert spans(tracks_of(np.zeros((3, 3)))) == []

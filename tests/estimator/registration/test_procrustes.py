@@ -31,13 +31,13 @@ def test_exact_motion_is_registered_exactly(reference, m, flat):
 @pytest.mark.parametrize("reference", ["mean", "first"])
 def test_missing_points_and_late_features_are_merged(reference):
     points, R_C_B, _ = motion(300, 6, noise=0.0, seed=7)
-    whole = points.copy()
+    complete = points.copy()
     rng = np.random.default_rng(3)
     points[rng.random((300, 6)) < 0.2] = np.nan
-    points[:, :3] = whole[:, :3]
+    points[:, :3] = complete[:, :3]
     points[:100, 4] = points[200:, 5] = np.nan
     found = register(points, reference)
-    np.testing.assert_allclose(found.rigid_points, whole, atol=1e-8)
+    np.testing.assert_allclose(found.rigid_points, complete, atol=1e-8)
     np.testing.assert_allclose(found.rotation, R_C_B @ R_C_B[0].T, atol=1e-8)
 
 
@@ -48,22 +48,22 @@ def test_rms_is_the_noise_and_the_mean_shape_is_better_than_the_first_frame():
     assert found["mean"].rms == pytest.approx(0.02, rel=0.03)
     deviation = {}
     for name, registration in found.items():
-        off = Rotation.from_matrix(np.swapaxes(R_C_B, 1, 2) @ registration.rotation)
-        deviation[name] = (off * off.mean().inv()).magnitude()
-    # All three directions together: √3 σ_φ; the shape is not isotropic, hence the wide margin.
+        attitude_error = Rotation.from_matrix(np.swapaxes(R_C_B, 1, 2) @ registration.rotation)
+        deviation[name] = (attitude_error * attitude_error.mean().inv()).magnitude()
+    # All three directions together: √3 σ_φ; the wide margin is for the anisotropic shape.
     assert np.sqrt(np.mean(deviation["mean"] ** 2)) == pytest.approx(
         np.sqrt(3) * found["mean"].angle_deviation, rel=0.25
     )
     assert found["first"].rms > found["mean"].rms
 
 
-def test_rounds_are_few_and_reported():
+def test_iterations_converge_and_are_counted():
     points, _, _ = motion(500, 8, noise=0.05, seed=2)
     assert register(points, "first").rounds == 1
     assert 2 <= register(points, "mean").rounds <= 20
 
 
-def test_points_in_a_line_give_no_pose():
+def test_collinear_points_give_no_pose():
     points, _, _ = motion(50, 4, noise=0.0, seed=5)
     line = np.linspace(0, 1, 4)[None, :, None] * points[:, :1] + 1.0
     assert not register(line).valid.any()
