@@ -1,5 +1,51 @@
-"""Least squares of point observations: normal equations, stereo covariance, robust weights, diagnostics.
+"""Least-squares adjustment of point observations, shared by the methods that have a covariance.
 
-Shared by all methods that have a covariance.
-Uses geometry, registration and dynamics.
+Normal equations, stereo covariances, robust weights, removal of spurious information, diagnostics of a result.
+Uses geometry, registration, tracks and result.
 """
+
+from baryscope.estimator.adjustment.diagnostics import (
+    attitude_series,
+    cluster_of,
+    covered_by,
+    main_cluster,
+    observability_of,
+    rejected_by,
+    residuals_of,
+)
+from baryscope.estimator.adjustment.normal_equations import (
+    CHUNK_SIZE,
+    Pieces,
+    attitude_information,
+    best_attitudes,
+    pieces,
+    turn_information,
+)
+from baryscope.estimator.adjustment.observations import Observations, as_slice
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.stereo import moved_to, observations_of
+
+__all__ = [
+    "CHUNK_SIZE",
+    "NEGLIGIBLE",
+    "Observations",
+    "Pieces",
+    "as_slice",
+    "attitude_information",
+    "attitude_series",
+    "best_attitudes",
+    "cluster_of",
+    "covered_by",
+    "main_cluster",
+    "moved_to",
+    "observability_of",
+    "observations_of",
+    "pieces",
+    "rejected_by",
+    "residuals_of",
+    "reweighted",
+    "spurious_information_columns",
+    "three_sigma_factor",
+    "turn_information",
+]

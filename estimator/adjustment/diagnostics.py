@@ -1,4 +1,4 @@
-"""From the numbers of an adjustment to the values of a result: clusters, observability, residuals, what is rejected."""
+"""From an adjustment to the values of a result: clusters, observability, residuals, rejected observations."""
 
 from collections.abc import Sequence
 
@@ -16,19 +16,27 @@ REJECTED = 0.5  # weight below which an observation counts as rejected
 
 
 def cluster_of(body: Body, points: FloatArray, covariance: FloatArray, labels: Sequence[str]) -> Cluster:
-    """The cluster that a body is, with points (m, 3) seen from the centre of mass and their centroid's covariance."""
+    """The body as a cluster of a result.
+
+    points (m, 3) in m from the centre of mass, in the body's axes; covariance (3, 3) of their centroid, m²; labels of
+    all features of the tracks.
+    """
     centroid = points.mean(axis=0)
     own = tuple(labels[index] for index in body.features)
     return Cluster(own, body.features, body.frames, body.intervals, points - centroid, -centroid, covariance)
 
 
 def main_cluster(clusters: Sequence[Cluster]) -> int:
-    """The number of the cluster that has an attitude in most frames."""
+    """The index of the cluster with an attitude in the most frames."""
     return max(range(len(clusters)), key=lambda index: len(clusters[index].frames))
 
 
 def observability_of(clusters: Sequence[Cluster], position_covariance: FloatArray) -> Observability:
-    """How well the centre of mass is seen, from clusters with covariances and the path's covariance (n, 3, 3)."""
+    """The observability of the centre of mass, from clusters with covariances and the path's covariance (n, 3, 3), m².
+
+    Raises:
+        ValueError: the main cluster has no covariance.
+    """
     main = main_cluster(clusters)
     covariance = clusters[main].covariance
     if covariance is None:
@@ -42,12 +50,12 @@ def observability_of(clusters: Sequence[Cluster], position_covariance: FloatArra
 
 
 def rejected_by(weight: FloatArray) -> BoolArray:
-    """Which observations count as wrong, from their weights (n, m), which are 0 where none is used."""
+    """The rejected observations (n, m), from the weights (n, m), which are 0 where no observation is used."""
     return np.asarray((weight > 0) & (weight < REJECTED))
 
 
 def covered_by(clusters: Sequence[Cluster], frames: int) -> BoolArray:
-    """At which of the frames some cluster has an attitude, (frames,)."""
+    """The frames in which some cluster has an attitude, (frames,)."""
     covered = np.zeros(frames, dtype=bool)
     for cluster in clusters:
         covered[cluster.frames] = True
@@ -55,9 +63,9 @@ def covered_by(clusters: Sequence[Cluster], frames: int) -> BoolArray:
 
 
 def residuals_of(position: FloatArray, bodies: Sequence[Body], origin: FloatArray) -> FloatArray:
-    """Observed positions (n, m, 3) in m less estimated ones, of bodies whose points are seen from origin (n, 3).
+    """Residuals (n, m, 3) in m: observed position less estimated, in C, of bodies with points from origin (n, 3) in C.
 
-    NaN where a feature is not seen, or no body that has it has an attitude.
+    NaN where a feature is not seen, or no body with this feature has an attitude.
     """
     residual = np.full_like(position, np.nan)
     for body in bodies:
@@ -71,7 +79,7 @@ def residuals_of(position: FloatArray, bodies: Sequence[Body], origin: FloatArra
 
 
 def attitude_series(body: Body, frames: int) -> FloatArray:
-    """A body's attitude R_C_S at all frames, (frames, 3, 3), NaN where it has none."""
+    """The body's attitude R_C_S in all frames, (frames, 3, 3), NaN where it has none."""
     attitude = np.full((frames, 3, 3), np.nan)
     attitude[body.frames] = body.attitude
     return attitude

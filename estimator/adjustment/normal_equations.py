@@ -1,10 +1,10 @@
-"""What observations of features say of a rigid body's poses and points: the parts of the normal equations.
+"""The blocks of the normal equations for the poses and points of a rigid body.
 
 The model is p = g + R b: a feature at b in the body's axes B, whose origin g, the centre of mass, and attitude R move.
-With small changes, φ the rotation vector in B and τ = Rᵀ δg, the residual in B changes by −(τ + δb − b × φ). So each
-observation of weight P (its inverse covariance, turned into B) adds to the frame's 6 × 6 matrix of (φ, τ), to the
-feature's 3 × 3 matrix, and couples the two. The paper has none of this; it is the standard Gauss–Newton step of bundle
-adjustment (Triggs et al. 2000), written for points in space.
+For small changes, φ the rotation vector in B and τ = Rᵀ δg, the residual in B changes by −(τ + δb − b × φ). So each
+observation of weight P (its inverse covariance, rotated into B) adds to the frame's 6 × 6 block of (φ, τ), to the
+feature's 3 × 3 block, and to the block that couples the two. This is not in the paper; it is the standard Gauss–Newton
+step of bundle adjustment (Triggs et al. 2000), for observed points in space instead of images.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 
 FloatArray = NDArray[np.float64]
-CHUNK_SIZE = 200_000  # numbers in a chunk's largest array, about: what the cache holds
+CHUNK_SIZE = 200_000  # numbers in the largest array of a chunk, so that it fits the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What n frames of m observations add to the normal equations of poses (φ, τ), in B, and of points b.
+    """The blocks of the normal equations of n frames with m observations, for poses (φ, τ) in B and points b.
 
     turn, shift (n, 3, 3): the frames' blocks of φ and of τ; turn_shift (n, 3, 3) couples them. point (m, 3, 3): the
     features' blocks, summed over the frames. Right-hand sides: turn_rhs, shift_rhs (n, 3), point_rhs (m, 3).
-    squares: the weighted squared residuals, (n, m).
+    squares (n, m): the weighted squared residuals.
     """
 
     turn: FloatArray
@@ -42,7 +42,7 @@ class Pieces:
     _precision: FloatArray | None
 
     def turn_points(self) -> FloatArray:
-        """How each frame's φ is coupled to the points, (n, 3, 3 m)."""
+        """The blocks (n, 3, 3 m) that couple each frame's φ with the points."""
         n, m = self._weight.shape
         if self._precision is None:
             arms = np.ascontiguousarray(np.swapaxes(self._arms, 0, 1)).reshape(3, 3 * m)
@@ -50,7 +50,10 @@ class Pieces:
         return np.ascontiguousarray((self._arms @ self._precision).transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
 
     def unknowns_points(self, turn: FloatArray | None, shift: FloatArray) -> FloatArray:
-        """How unknowns are coupled to the points, (p, 3 m), for poses that change by turn and shift (n, 3, p)."""
+        """The block (p, 3 m) that couples p unknowns with the points.
+
+        turn (None: zero) and shift (n, 3, p): Jacobians of φ and τ by these unknowns.
+        """
         n, m = self._weight.shape
         p = shift.shape[2]
         if self._precision is None:
@@ -66,7 +69,7 @@ class Pieces:
 
 
 def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
-    """The normal equations' pieces at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, points (m, 3) in B."""
+    """The blocks of the normal equations at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, m, points (m, 3) in B, m."""
     w = observations.weight
     n, m = w.shape
     arms = cross_matrices(points)  # (m, 3, 3)
@@ -103,8 +106,10 @@ def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray,
     )
 
 
-def best_turned(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> FloatArray:
-    """The attitudes (n, 3, 3) after one Newton step at given points and origin, arguments as those of `pieces`."""
+def best_attitudes(
+    observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray
+) -> FloatArray:
+    """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed; arguments as in `pieces`."""
     if observations.precision is None:
         turn = turn_information(observations.weight, cross_matrices(points))
         weighted = observations.weight[:, :, None] * (observations.position - origin[:, None])
@@ -116,8 +121,9 @@ def best_turned(observations: Observations, attitude: FloatArray, origin: FloatA
 
 
 def attitude_information(observations: Observations, attitude: FloatArray, points: FloatArray) -> FloatArray:
-    """What observations say of the attitude (n, 3, 3) R_C_B of points (m, 3) in B: information (n, 3, 3) in B, 1/rad²,
-    for observations whose weights are inverse variances, and known points and origin.
+    """The information (n, 3, 3) in B, 1/rad², on the attitude (n, 3, 3) R_C_B, with points (m, 3) and origin known.
+
+    The observations' weights are inverse variances; other weights scale the information.
     """
     arms = cross_matrices(points)
     if observations.precision is None:
@@ -128,7 +134,7 @@ def attitude_information(observations: Observations, attitude: FloatArray, point
 
 
 def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:
-    """Σ w [b]× [b]×ᵀ of each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
+    """Σ w [b]× [b]×ᵀ for each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
     squares = np.einsum("mij,mkj->mik", arms, arms)
     return np.asarray((weight @ squares.reshape(-1, 9)).reshape(-1, 3, 3))
 

@@ -12,11 +12,11 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """n frames of m features in C.
+    """Observations of m features in n frames.
 
-    position (n, m, 3) in m, 0 where not used; weight (n, m) >= 0, 0 where not used; precision (n, m, 3, 3) in 1/m², the
-    inverse covariance of an observation of weight 1, or None: then weight itself is the precision of each coordinate,
-    in any unit.
+    position (n, m, 3) in C, m, 0 where not used; weight (n, m) >= 0, 0 where not used; precision (n, m, 3, 3) in 1/m²,
+    the inverse covariance of an observation of weight 1, or None: then the weight is proportional to the inverse
+    variance of each coordinate.
     """
 
     position: FloatArray
@@ -29,30 +29,30 @@ class Observations:
         return int(np.count_nonzero(self.weight))
 
     def frames(self, index: slice | IntArray | BoolArray) -> "Observations":
-        """Those of some frames, without a copy where these follow each other."""
+        """The observations of some frames; a view if these are contiguous."""
         index = as_slice(index)
         precision = None if self.precision is None else self.precision[index]
         return Observations(self.position[index], self.weight[index], precision)
 
     def features(self, index: IntArray) -> "Observations":
-        """Those of some features, without a copy where these follow each other."""
+        """The observations of some features; a view if these are contiguous."""
         columns = as_slice(index)
         precision = None if self.precision is None else self.precision[:, columns]
         return Observations(self.position[:, columns], self.weight[:, columns], precision)
 
     def weighted(self, weight: FloatArray) -> "Observations":
-        """The same with another weight (n, m)."""
+        """The observations with other weights (n, m)."""
         return replace(self, weight=weight)
 
     def squares(self, residual: FloatArray) -> FloatArray:
-        """Squared length of residuals (n, m, 3) in C in units of an observation's deviation, for weight 1, (n, m)."""
+        """rᵀ P r (n, m) of residuals r (n, m, 3) in C, m, for weight 1; without precisions rᵀ r in m²."""
         if self.precision is None:
             return np.asarray(np.einsum("kmi,kmi->km", residual, residual))
         return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, self.precision, residual))
 
 
 def as_slice(index: slice | IntArray | BoolArray) -> slice | IntArray | BoolArray:
-    """An index of rows that follow each other as a slice, which copies nothing; others as they are."""
+    """An index of contiguous rows as a slice, so that indexing gives a view; any other index unchanged."""
     if isinstance(index, slice) or index.dtype == np.bool_ or not len(index):
         return index
     first, stop = int(index[0]), int(index[-1]) + 1

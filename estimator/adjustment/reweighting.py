@@ -1,7 +1,7 @@
-"""Robust weights: how likely each observation is to be right, given its residual.
+"""Robust weights: the probability that an observation is an inlier, given its residual.
 
-An observation's weight is the probability that it is right rather than anything at all: a Gaussian among a few that lie
-anywhere, which is Student's t with its tails cut.
+The model is a mixture: inliers with Gaussian errors, and a few outliers that are uniformly distributed. The weight is
+the posterior probability of the first; it falls from 1 to 0 around a gate, so gross outliers have no influence.
 """
 
 import numpy as np
@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-GATE = 20.0  # squared deviations at which right and wrong are equally likely: 1 right observation in 6,000 lies beyond
+GATE = 20.0  # squared normalised residual at which the weight is 1/2: 1 inlier in 6,000 lies beyond
 MEDIAN = 2.366  # of χ² with three degrees of freedom
-NEGLIGIBLE = 1e-9  # weight of an outlier, so that its residual is still seen
-WIDTH = 15.0  # squared deviations around the gate over which a weight falls from 1 to 0, to 3e-4
+NEGLIGIBLE = 1e-9  # weight of a rejected observation: not zero, so that its residual is still computed
+WIDTH = 15.0  # squared normalised residual below the gate at which the weight is 1 but for less than 1e-3
 
 
 def reweighted(squares: FloatArray, weight: FloatArray, dof: float, least: float = 0.0) -> FloatArray:
     """New weights (n, m) from weighted squared residuals and weights (n, m), 0 where there is no observation.
 
-    A weight is the probability that the observation is right, at a noise that the median of all shows, since a mean
-    would believe the outliers. dof: values less unknowns; least: variance below which residuals are rounding.
+    The noise variance is estimated from the median of the squared residuals, which outliers hardly influence.
+    dof: number of values less number of unknowns; least: lower bound of the variance, for residuals that are rounding.
     """
     used = weight > 0
     plain = squares / np.where(used, weight, 1.0)

@@ -1,10 +1,11 @@
-"""The noise of observations: what a given covariance says at the estimated point, and the range's second-order bias.
+"""Observations from tracks, and the noise of a stereo rig: its covariance at the estimated point, its range bias.
 
-A rig triangulates: its covariance is evaluated at the noisy point, so a point measured too near claims to be better
-than it is, and one measured aside has its long axis turned aside; a weighted fit believes both and comes out too near.
-Along the line of sight a variance grows with range⁴, across it with range², and its axes turn with the line of sight.
-And the mean of the measured range is too long by the factor 1 + σ_r²/r². All this is put right here, from the measured
-to the estimated point. For covariances that do not grow with range the change is of the order of σ/r.
+A stereo rig reports the covariance evaluated at the measured point. A point measured too near has too small a
+covariance, and a lateral error rotates the covariance's long axis; both bias a weighted fit towards the rig. The
+variance along the line of sight is proportional to range⁴, across it to range², and the axes rotate with the line of
+sight. The mean of the measured range is too long by the factor 1 + σ_r²/r². This module transfers the covariance from
+the measured to the estimated point and corrects the range. If the true covariance does not depend on the range, the
+change is of the order of σ/r.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 
 
 def observations_of(tracks: FeatureTracks, used: BoolArray) -> Observations:
-    """The tracks as they are, with their covariances if they have some.
+    """The observations used (n, m) of the tracks, with weight 1, and precisions if the tracks have covariances.
 
     Raises:
         InputError: a covariance is singular.
@@ -37,9 +38,9 @@ def observations_of(tracks: FeatureTracks, used: BoolArray) -> Observations:
 
 
 def moved_to(observations: Observations, measured: Observations, estimated: FloatArray) -> Observations:
-    """`measured` with precisions and positions as a stereo rig has them at the estimated points (n, m, 3) in C.
+    """`measured` with precisions transferred to the estimated points (n, m, 3) in C, m, and the range bias removed.
 
-    The weights are those of `observations`.
+    The weights are those of `observations`, which is returned unchanged if there are no precisions.
     """
     if measured.precision is None:
         return observations
@@ -48,19 +49,19 @@ def moved_to(observations: Observations, measured: Observations, estimated: Floa
     r, r_new = np.linalg.norm(near, axis=2), np.linalg.norm(far, axis=2)
     a, a_new = near / r[..., None], far / np.maximum(r_new, 1e-300)[..., None]
     ratio = np.clip(r_new / r, 0.5, 2.0)
-    turn = _turning(a, a_new)
-    # With D = s (1 + (s − 1) a aᵀ) the covariance at the new range is D Σ D; then it is turned.
+    turn = _rotation_between(a, a_new)
+    # With D = s (1 + (s − 1) a aᵀ), s the ratio of ranges, the covariance at the new range is D Σ D; then rotate it.
     D = np.eye(3) + (1 / ratio - 1)[..., None, None] * a[..., :, None] * a[..., None, :]
     D = turn @ D / ratio[..., None, None]
     precision = D @ measured.precision @ np.swapaxes(D, 2, 3)
     covariance_along = np.linalg.solve(precision, a_new[..., None])[..., 0]
     variance = np.einsum("kmi,kmi->km", a_new, covariance_along)
-    shrink = np.where(used, 1 - variance / (r * ratio) ** 2, 1.0)
-    return Observations(measured.position * shrink[..., None], observations.weight, precision)
+    range_correction = np.where(used, 1 - variance / (r * ratio) ** 2, 1.0)
+    return Observations(measured.position * range_correction[..., None], observations.weight, precision)
 
 
-def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Rotations (n, m, 3, 3) that turn unit vectors a (n, m, 3) into b by the shortest way; none for opposite ones."""
+def _rotation_between(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The smallest rotations (n, m, 3, 3) from unit vectors a (n, m, 3) to b; the identity for angles from 90° on."""
     cosine = np.einsum("kmi,kmi->km", a, b)
     cross = cross_matrices(np.cross(a, b).reshape(-1, 3)).reshape(*a.shape, 3)
     turn = np.eye(3) + cross + cross @ cross / np.maximum(1 + cosine, 1e-12)[..., None, None]

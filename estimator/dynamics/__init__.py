@@ -1,5 +1,28 @@
 """Motion models: the path of the centre of mass and the free tumble of the body, each with its Jacobian.
 
-Numeric evaluation of the CasADi expressions in `baryscope.models`.
-Uses geometry.
+Evaluates the CasADi expressions of `baryscope.models` and their derivatives numerically.
+Uses geometry and options.
 """
+
+from baryscope.estimator.dynamics.paths import (
+    Path,
+    Polynomial,
+    RelativeOrbit,
+    SampledPath,
+    Trajectory,
+    trajectory_of,
+)
+from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
+
+__all__ = [
+    "INERTIA_BASIS",
+    "RATE_AND_INERTIA",
+    "Attitudes",
+    "Path",
+    "Polynomial",
+    "RelativeOrbit",
+    "Rotation",
+    "SampledPath",
+    "Trajectory",
+    "trajectory_of",
+]

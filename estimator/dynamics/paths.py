@@ -1,8 +1,8 @@
-"""Paths that the centre of mass may take in C: a fixed point, a polynomial in time, or relative orbital motion.
+"""Models of the path of the centre of mass in C: a fixed point, a polynomial in time, or relative orbital motion.
 
-Each has a few unknowns x. A path sampled at the times of some frames has a position for every x, and a Jacobian, which
-for the first two is all there is to it. Relative motion is exact in its position (the difference of two Kepler
-orbits); its Jacobian is Yamanaka's and Ankersen's, which is that of the motion with the chaser close by.
+Each has a few unknowns x. A path sampled at given times is a function of x with a Jacobian. Fixed points and
+polynomials are linear in x. Relative motion is exact in its position (the difference of two Kepler orbits); its
+Jacobian is the linearisation by Yamanaka and Ankersen about a chaser at the target.
 """
 
 from collections.abc import Callable
@@ -23,16 +23,16 @@ from baryscope.models.relative_orbit import relative_path, relative_transition
 
 FloatArray = NDArray[np.float64]
 
-ARC = 0.01  # rad of true anomaly between nodes: leaves 5/384 ARC⁴ of the distance, 3 nm at 20 m, to the spline
+ARC = 0.01  # rad of true anomaly between nodes: the spline's error is 5/384 ARC⁴ of the distance, 3 nm at 20 m
 TRAJECTORIES = "fixed, polynomial, polynomial:N or relative-orbit"
 
 
 class Path(Protocol):
-    """A kind of path."""
+    """A model of the path over a given time span."""
 
     @property
     def name(self) -> str:
-        """As on the command line."""
+        """The model's name, as on the command line."""
         ...
 
     @property
@@ -45,23 +45,23 @@ class Path(Protocol):
         ...
 
     def rate_at(self, time: FloatArray) -> "SampledPath":
-        """The path's rate of change at times (n,) in s: velocities for positions, per s."""
+        """The velocity at times (n,) in s: a sampled path in m/s instead of m."""
         ...
 
 
 @dataclass(frozen=True)
 class SampledPath:
-    """A path at n times: jacobian (n, 3, p) of the position in C by the unknowns, and position x (p,) → (n, 3) in m."""
+    """A path at n times: the function position, x (p,) → (n, 3) in m in C, and its jacobian (n, 3, p) by x."""
 
     jacobian: FloatArray
     position: Callable[[FloatArray], FloatArray]
 
     def covariance(self, of_x: FloatArray) -> FloatArray:
-        """Of the positions, (n, 3, 3), from that of x, (p, p)."""
+        """The covariance (n, 3, 3) of the positions, m², for the covariance (p, p) of x."""
         return np.asarray(self.jacobian @ of_x @ np.swapaxes(self.jacobian, 1, 2))
 
     def lengths(self, directions: FloatArray) -> FloatArray:
-        """How far the path moves, rms, along directions of x (p, k), (k,) in m."""
+        """The rms displacement (k,) of the path, m, for changes (p, k) of x."""
         return np.asarray(np.sqrt(np.mean(np.sum((self.jacobian @ directions) ** 2, axis=1), axis=0)))
 
 
@@ -75,7 +75,7 @@ class Polynomial:
 
     @property
     def name(self) -> str:
-        """As on the command line."""
+        """The model's name, as on the command line."""
         return f"polynomial:{self.degree}" if self.degree else "fixed"
 
     @property
@@ -100,16 +100,16 @@ class Polynomial:
         return np.asarray((time - (self.begin + self.end) / 2) / self._half)
 
     def _sampled(self, terms: NDArray[Any]) -> SampledPath:
-        """From the polynomials' values (n, degree + 1)."""
+        """The sampled path for the values (n, degree + 1) of the Chebyshev polynomials or of their derivatives."""
         jacobian = np.einsum("nd,ij->nidj", terms, np.eye(3)).reshape(len(terms), 3, self.size)
         return SampledPath(jacobian, lambda x: np.asarray(terms @ x.reshape(-1, 3)))
 
 
 @dataclass(frozen=True)
 class RelativeOrbit:
-    """Free relative motion on a known orbit: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch, all in m.
+    """Free relative motion on a known orbit: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch in s, (6,), all in m.
 
-    n is the orbit's mean motion; the CoM is seen at −R_I_L ρ.
+    n is the orbit's mean motion; the CoM's position in C is −R_I_L ρ.
     """
 
     orbit: Orbit
@@ -120,63 +120,65 @@ class RelativeOrbit:
 
     @property
     def scale(self) -> FloatArray:
-        """(ρ, ρ̇) is this times x, (6,)."""
+        """The factors (6,) from x to (ρ, ρ̇) in m and m/s."""
         return np.repeat([1.0, self.orbit.mean_motion], 3)
 
     def at(self, time: FloatArray) -> SampledPath:
-        """The path at times (n,) in s; between nodes ARC apart, where there are more times, by a cubic spline."""
+        """The path at times (n,) in s; many times are interpolated by a cubic spline between nodes ARC apart."""
         nodes = self._nodes(time)
         R_I_L = lvlh_attitude(self.orbit, nodes)
         return self._sampled(time, nodes, np.concatenate([-R_I_L, np.zeros_like(R_I_L)], axis=2))
 
     def rate_at(self, time: FloatArray) -> SampledPath:
-        """The CoM's velocity in C, −R_I_L (ρ̇ + θ̇ e_z × ρ), at times (n,) in s, likewise."""
+        """The CoM's velocity in C, −R_I_L (ρ̇ + θ̇ e_z × ρ), at times (n,) in s, interpolated as in `at`."""
         nodes = self._nodes(time)
         R_I_L = lvlh_attitude(self.orbit, nodes)
         turn = lvlh_rate(self.orbit, nodes)[:, None, None] * cross_matrices(np.eye(3)[2:])
         return self._sampled(time, nodes, -np.concatenate([R_I_L @ turn, R_I_L], axis=2))
 
     def _sampled(self, time: FloatArray, nodes: FloatArray, by_state: FloatArray) -> SampledPath:
-        """What follows (ρ, ρ̇) by matrices (k, 3, 6) at the nodes."""
+        """The sampled path by_state (k, 3, 6) times (ρ, ρ̇) at the nodes (k,), interpolated to the times (n,)."""
         transition = relative_transition(self.orbit, nodes, self.epoch)
         jacobian = (by_state @ transition) * self.scale
 
         def position(x: FloatArray) -> FloatArray:
             state = relative_path(self.orbit, self.scale * x, nodes, self.epoch)
-            return _between(nodes, (by_state @ state[:, :, None])[:, :, 0], time)
+            return _interpolated(nodes, (by_state @ state[:, :, None])[:, :, 0], time)
 
-        return SampledPath(_between(nodes, jacobian, time), position)
+        return SampledPath(_interpolated(nodes, jacobian, time), position)
 
     def _nodes(self, time: FloatArray) -> FloatArray:
-        """Evenly spaced times around the given ones, or these themselves where they are few."""
+        """Evenly spaced times that span the given ones, or the given ones themselves if they are few."""
         begin, end = float(time.min()), float(time.max())
         count = int(np.ceil((end - begin) * self.orbit.periapsis_rate / ARC)) + 1
         return time if len(time) < 4 * count or count < 4 else np.linspace(begin, end, count)
 
 
-def _between(nodes: FloatArray, values: FloatArray, time: FloatArray) -> FloatArray:
+def _interpolated(nodes: FloatArray, values: FloatArray, time: FloatArray) -> FloatArray:
     return values if nodes is time else np.asarray(CubicSpline(nodes, values)(time))
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """What is known of the path before it is estimated: its kind, and a polynomial's degree, None to be chosen."""
+    """The chosen model of the path: its kind, and the degree of a polynomial, None if the data choose it."""
 
     kind: str
     degree: int | None = None
 
     def path(self, orbit: Orbit | None, begin: float, end: float, degree: int) -> Path:
-        """The path over begin … end in s; `degree` is that of a polynomial whose degree is open."""
+        """The path over begin … end in s; `degree` is used for a polynomial without a given degree."""
         if self.kind == "relative-orbit" and orbit is not None:
             return RelativeOrbit(orbit, (begin + end) / 2)
         return Polynomial(degree if self.degree is None else self.degree, begin, end)
 
 
 def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:
-    """Read `fixed`, `polynomial`, `polynomial:N` or `relative-orbit`; None is the last where there is an orbit.
+    """The trajectory named `fixed`, `polynomial`, `polynomial:N` or `relative-orbit`.
+
+    None means `relative-orbit` if there is an orbit, else `polynomial`.
 
     Raises:
-        InputError: another text, a degree that is none, or relative motion without an orbit.
+        InputError: an unknown name, a degree out of range, or relative motion without an orbit.
     """
     if text is None:
         return Trajectory("polynomial" if orbit is None else "relative-orbit")

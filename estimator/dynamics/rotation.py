@@ -1,12 +1,12 @@
-"""How the target turns by Euler's equation, and how that depends on its rate and inertia at an epoch.
+"""Rigid-body rotation by Euler's equation, and its sensitivity to the rate and the inertia at an epoch.
 
-The motion is integrated from an epoch to evenly spaced nodes by a step of order 8 (Dormand and Prince; the tableau is
-scipy's). Only the state goes from node to node; how the end of a step depends on its start is then evaluated for all
-steps at once, and chained. Between nodes the attitude is a quintic and its sensitivity a cubic Hermite polynomial, so
-that tracks of any sampling cost no integration of their own.
+The motion is integrated from the epoch to evenly spaced nodes by steps of order 8 (Dormand and Prince; the tableau is
+scipy's). Only the state is integrated sequentially; the sensitivities of the steps are evaluated for all steps at once
+and multiplied. Between nodes the attitude is a quintic and its sensitivity a cubic Hermite polynomial, so that the
+cost of the integration does not depend on the sampling.
 
-Only the ratios of the inertia's elements can be seen: J has the trace 1 here. Its five degrees of freedom are the
-coefficients of INERTIA_BASIS, the symmetric matrices without trace.
+Only the ratios of the inertia's elements are observable, so J has trace 1. Its five degrees of freedom are the
+coefficients of INERTIA_BASIS, a basis of the traceless symmetric matrices.
 """
 
 from collections.abc import Callable
@@ -28,10 +28,10 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-TURN = 0.5  # rad from node to node: leaves some 1e-8 rad to the interpolation, less to the steps
+NODE_ANGLE = 0.5  # rad from node to node: the interpolation's error is some 1e-8 rad, that of the steps is less
 CHUNK = 32  # steps in one call of the compiled function
-SLENDER = 1e-3  # least principal moment, over the trace, of an inertia that an estimate may have
-RATE_AND_INERTIA = 8  # the unknowns of a rotation: three of the rate at the epoch, five of the inertia
+MIN_PRINCIPAL_MOMENT = 1e-3  # over the trace: bound on the inertia of an estimate
+RATE_AND_INERTIA = 8  # unknowns of a rotation: three of the rate at the epoch, five of the inertia
 
 _HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
 INERTIA_BASIS = np.array(
@@ -49,7 +49,7 @@ INERTIA_BASIS = np.array(
 class Rotation:
     """The rotational state at an epoch: attitude R_C_B (3, 3), rate (3,) in rad/s in B, inertia (3, 3) of trace 1.
 
-    orbit: the target's, where its gravity gradient turns it; None for a body without torque.
+    epoch in s; orbit: the target's, if a gravity-gradient torque acts on it; None for torque-free motion.
     """
 
     epoch: float
@@ -62,21 +62,25 @@ class Rotation:
         object.__setattr__(self, "inertia", self.inertia / np.trace(self.inertia))
 
     def changed(self, turn: FloatArray, change: FloatArray) -> "Rotation":
-        """With the attitude turned by the small rotation vector `turn` (3,) in B, rate and inertia changed by (8,)."""
+        """The rotation with a changed state.
+
+        turn (3,): rotation vector in B, rad, applied to the attitude; change (8,): of the rate in rad/s, and of the
+        coefficients of INERTIA_BASIS.
+        """
         inertia = self.inertia + np.tensordot(change[3:], INERTIA_BASIS, 1)
         return Rotation(self.epoch, self.attitude @ exp_rotation(turn), self.rate + change[:3], inertia, self.orbit)
 
     @property
     def possible(self) -> bool:
-        """Whether the inertia is positive definite, and no less so than that of a rod 27 times as long as thick."""
-        return bool(np.linalg.eigvalsh(self.inertia)[0] > SLENDER)
+        """Whether the inertia is positive definite, with least moment not below a rod's 27 times as long as thick."""
+        return bool(np.linalg.eigvalsh(self.inertia)[0] > MIN_PRINCIPAL_MOMENT)
 
     def at(self, time: FloatArray) -> "Attitudes":
         """Attitude, rate and sensitivities at times (n,) in s, in any order."""
         return self._nodes_around(time).between(time)
 
     def rate_sensitivity_at(self, time: FloatArray) -> FloatArray:
-        """How the angular rate in B at times (n,) changes with rate and inertia at the epoch, (n, 3, 8)."""
+        """Jacobian (n, 3, 8) of the angular rate in B at times (n,) in s by rate and inertia at the epoch."""
         return self._nodes_around(time).rate_sensitivity(time)
 
     def _nodes_around(self, time: FloatArray) -> "_Nodes":
@@ -87,8 +91,8 @@ class Rotation:
 class Attitudes:
     """The rotation at n times: attitude (n, 3, 3) R_C_B, rate (n, 3) rad/s in B.
 
-    turn (n, 3, 8): the rotation vector in B that a change of rate and inertia at the epoch brings about.
-    The attitude at the epoch is not among these; a turn by φ there turns all later ones by R(t)ᵀ R(epoch) φ.
+    turn (n, 3, 8): Jacobian of the attitude, as a rotation vector in B, by rate and inertia at the epoch. The attitude
+    at the epoch is not among the unknowns; a rotation by φ there rotates the attitude at t by R(t)ᵀ R(epoch) φ.
     """
 
     attitude: FloatArray
@@ -98,7 +102,7 @@ class Attitudes:
 
 @dataclass(frozen=True, eq=False)
 class _Nodes:
-    time: FloatArray  # (k,) evenly spaced, rising
+    time: FloatArray  # (k,) in s, evenly spaced, ascending
     quaternion: FloatArray  # (k, 4) R_C_B, scalar first, without jumps of sign
     rate: FloatArray  # (k, 3)
     acceleration: FloatArray  # (k, 3)
@@ -107,7 +111,7 @@ class _Nodes:
 
     def between(self, time: FloatArray) -> Attitudes:
         h = self.time[1] - self.time[0]
-        left, s = self._places(time)
+        left, s = self._locate(time)
         q, q1, q2 = _quaternion_derivatives(self.quaternion, self.rate, self.acceleration)
         quaternion = _quintic(s, left, q, h * q1, h * h * q2)
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
@@ -119,15 +123,15 @@ class _Nodes:
         return Attitudes(attitude, rate, turn)
 
     def rate_sensitivity(self, time: FloatArray) -> FloatArray:
-        """A turn φ in B that grows at φ̇ adds to the rate φ̇ + ω × φ, which is Rᵀ d(R φ)/dt: here of the cubic."""
+        """Jacobian (n, 3, 8) of the rate in B: φ changes ω by φ̇ + ω × φ = Rᵀ d(R φ)/dt, here of the cubic R φ."""
         h, k = self.time[1] - self.time[0], len(self.time)
-        left, s = self._places(time)
+        left, s = self._locate(time)
         slope = _cubic_slope(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1)) / h
         R_B_C = np.swapaxes(self.between(time).attitude, 1, 2)
         return np.asarray(R_B_C @ slope.reshape(len(time), 3, RATE_AND_INERTIA))
 
-    def _places(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-        """The node before each time, and how far from there to the next it is, 0 to 1."""
+    def _locate(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """The index of the node before each time, and the fraction of the interval from there, 0 to 1."""
         h = self.time[1] - self.time[0]
         left = np.clip(((time - self.time[0]) / h).astype(np.intp), 0, len(self.time) - 2)
         return left, (time - self.time[left]) / h
@@ -149,7 +153,7 @@ def quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def _cubic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArray) -> FloatArray:
-    """Hermite's cubic from values and derivatives (per interval) at nodes left and left + 1, s from 0 to 1 between."""
+    """Cubic Hermite polynomial from values and derivatives (per interval) at nodes left and left + 1; s is 0 to 1."""
     s = s[:, None]
     s2, s3 = s * s, s * s * s
     h01 = 3 * s2 - 2 * s3
@@ -167,7 +171,7 @@ def _cubic_slope(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: Float
 
 
 def _quintic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArray, ddf: FloatArray) -> FloatArray:
-    """Hermite's quintic from values, first and second derivatives."""
+    """Quintic Hermite polynomial from values, first and second derivatives, arguments as in `_cubic`."""
     s = s[:, None]
     s2, s3 = s * s, s * s * s
     s4, s5 = s2 * s2, s2 * s3
@@ -179,14 +183,14 @@ def _quintic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArra
 
 
 def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
-    """Integrate from the epoch to nodes that cover begin … end."""
-    fastest = _highest_rate(start)
-    h = TURN / fastest if fastest > 0 else np.inf
+    """The motion and its sensitivities at nodes that span begin … end in s, integrated from the epoch."""
+    highest_rate = _highest_rate(start)
+    h = NODE_ANGLE / highest_rate if highest_rate > 0 else np.inf
     before = max(int(np.ceil((start.epoch - begin) / h)), 0)
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
     h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
     constants, gravity_gradient = _constants(start), start.orbit is not None
-    back, forth = _march(start, constants, -h, before), _march(start, constants, h, after)
+    back, forth = _integrate(start, constants, -h, before), _integrate(start, constants, h, after)
     sizes = np.repeat([-h, h], [before, after])[None]
     steps = _sensitivity_step(gravity_gradient)(np.hstack([back[:, :-1], forth[:, :-1]]), sizes, constants)
     states = np.hstack([back[:, :0:-1], forth])
@@ -203,15 +207,15 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
 
 
 def _highest_rate(start: Rotation) -> float:
-    """A bound in rad/s of how fast anything turns: of ‖ω‖ from the kinetic energy, and of the orbit."""
+    """An upper bound in rad/s of ‖ω‖ from the kinetic energy, plus that of the orbit if there is a torque."""
     J, w = start.inertia, start.rate
     lowest = max(float(np.linalg.eigvalsh(J)[0]), 1e-6)
     rate = float(np.sqrt(max(float(w @ J @ w), 0.0) / lowest))
     return rate if start.orbit is None else rate + 2 * start.orbit.periapsis_rate
 
 
-def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:
-    """States (8, steps + 1), the epoch first."""
+def _integrate(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:
+    """The states (8, steps + 1) at the epoch and after each step of h in s."""
     advance = _advance(start.orbit is not None)
     states = np.empty((8, steps + 1))
     states[:, 0] = [*quaternion_from_matrix(start.attitude[None])[0], *start.rate, _true_anomaly(start)]
@@ -225,17 +229,17 @@ def _march(start: Rotation, constants: FloatArray, h: float, steps: int) -> Floa
 
 
 def _chained(steps: FloatArray) -> FloatArray:
-    """From the sensitivities of k steps, (k, 6, 11), those to rate and inertia at the epoch, (k + 1, 6, 8)."""
-    known = np.zeros((len(steps) + 1, 11, RATE_AND_INERTIA))
-    known[0, 3:6, :3] = np.eye(3)
-    known[:, 6:, 3:] = np.eye(5)
-    for before, step, after in zip(known, steps, known[1:, :6], strict=False):
+    """The sensitivities (k + 1, 6, 8) to rate and inertia at the epoch, from those of k steps, (k, 6, 11)."""
+    chain = np.zeros((len(steps) + 1, 11, RATE_AND_INERTIA))
+    chain[0, 3:6, :3] = np.eye(3)
+    chain[:, 6:, 3:] = np.eye(5)
+    for before, step, after in zip(chain, steps, chain[1:, :6], strict=False):
         np.matmul(step, before, out=after)
-    return known[:, :6]
+    return chain[:, :6]
 
 
 def _constants(start: Rotation) -> FloatArray:
-    """The inertia's columns, then what the orbit needs."""
+    """The parameters of the equations: the inertia by columns (9,), and the orbit's elements if there is a torque."""
     if start.orbit is None:
         return start.inertia.T.ravel()
     return np.concatenate([start.inertia.T.ravel(), start.orbit.elements])
@@ -253,14 +257,14 @@ def _anomaly_function() -> ca.Function:
 
 @cache
 def _rate_columns(gravity_gradient: bool) -> ColumnFunction:
-    """(x, constants) → ẋ."""
+    """The function (x, constants) → ẋ."""
     x, _, c = _symbols(gravity_gradient)
     return ColumnFunction("rates", [x, c], _rates(x, c, gravity_gradient))
 
 
 @cache
 def _advance(gravity_gradient: bool) -> ca.Function:
-    """CHUNK steps of the state, (x, sizes, constants) → states."""
+    """The function (x, sizes, constants) → states (8, CHUNK) after each of CHUNK steps."""
     x, h, c = _symbols(gravity_gradient)
     after = _step(lambda state: _rates(state, c, gravity_gradient), x, h)
     return ca.Function("advance", [x, h, c], [after], {"cse": True}).mapaccum(CHUNK)
@@ -268,9 +272,10 @@ def _advance(gravity_gradient: bool) -> ca.Function:
 
 @cache
 def _sensitivity_step(gravity_gradient: bool) -> ColumnFunction:
-    """(x, size, constants) → how turn and rate after a step depend on turn, rate and inertia before it, (6, 11).
+    """The function (x, size, constants) → Jacobian (6, 11) of a step.
 
-    A turn is a small rotation vector in C.
+    It maps changes of attitude (a rotation vector in C), rate and inertia before the step to those of attitude and
+    rate after it.
     """
     x, h, c = _symbols(gravity_gradient)
     linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, gravity_gradient)])
@@ -285,12 +290,12 @@ def _sensitivity_step(gravity_gradient: bool) -> ColumnFunction:
 
 
 def _symbols(gravity_gradient: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """State, size of a step, constants."""
+    """Symbols of the state (q, ω, true anomaly), the step's size in s, and the constants."""
     return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if gravity_gradient else 9)
 
 
 def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
-    """How the rates of turn and angular rate depend on turn, angular rate and inertia, (6, 11)."""
+    """Jacobian (6, 11) of the rates of rotation vector and angular rate by rotation vector, angular rate, inertia."""
     q, w = x[:4], x[4:7]
     turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
     turned = ca.vertcat(_product(ca.vertcat(1, turn / 2), q), x[4:])
@@ -323,7 +328,7 @@ def _step(rates: Callable[[ca.SX], ca.SX], x: ca.SX, h: ca.SX) -> ca.SX:
 
 
 def _moved(x: ca.SX, h: ca.SX, weights: FloatArray, slopes: list[ca.SX]) -> ca.SX:
-    """x + h Σ weight · slope; products of h and a weight are the same at all points."""
+    """x + h Σ weight · slope; h times a weight is a common subexpression of all points."""
     return sum((h * weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight), x)
 
 

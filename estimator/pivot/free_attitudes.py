@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, best_turned, pieces
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, best_attitudes, pieces
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
@@ -75,7 +75,7 @@ def gauss_newton_step(
         attitude = np.empty_like(body.attitude)
         for part in _chunks(body):
             frames = as_slice(body.frames[part])
-            attitude[part] = best_turned(own.frames(frames), body.attitude[part], origin[frames], body.points)
+            attitude[part] = best_attitudes(own.frames(frames), body.attitude[part], origin[frames], body.points)
         turned.append(replace(body, attitude=attitude))
         sums.append(_sum(turned[-1], own, path, origin, squares))
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))

@@ -1,4 +1,4 @@
-"""Motions that show too little: `pivot` and `ml` say so rather than return a confident wrong number."""
+"""Motions with too little information: `pivot` and `ml` report it, or their covariance covers the error."""
 
 import numpy as np
 import pytest
@@ -30,8 +30,8 @@ def pure_spin(noise, seed, path="fixed"):
 
 @pytest.mark.parametrize("path", ["fixed", "polynomial:2"])
 @BOTH
-def test_a_pure_spin_hides_the_place_along_its_axis(method, path):
-    """No motion tells a point on the axis from another: that is said, without noise and with it."""
+def test_position_along_a_pure_spins_axis_is_not_observable(method, path):
+    """The position along the spin axis does not change the motion: it is reported as not observable, noise or not."""
     draws = [(0.0, 0), (NOISE, 1), *([(NOISE, seed) for seed in range(2, 20)] if method == "pivot" else [])]
     for noise, seed in draws:
         case = pure_spin(noise, seed, path)
@@ -46,8 +46,8 @@ def test_a_pure_spin_hides_the_place_along_its_axis(method, path):
 
 @pytest.mark.parametrize("path", PATHS)
 @BOTH
-def test_a_pure_spin_seen_by_turns_hides_it_too(method, path):
-    """Clusters that share one feature or two: what each seems to see must not pass for knowledge of the others."""
+def test_position_along_a_pure_spins_axis_is_not_observable_from_successive_clusters(method, path):
+    """Clusters that share one feature or two: the spurious information of one must not add to the others'."""
     time = np.arange(120.0)
     R = Rotation.from_rotvec(np.outer(np.deg2rad(5.0) * time, [0.3, 0.5, 0.8]) / np.sqrt(0.98)).as_matrix()
     for groups in ([[0, 1, 2, 3], [3, 4, 5, 6], [6, 7, 8, 9]], [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7]]):
@@ -62,14 +62,14 @@ def test_a_pure_spin_seen_by_turns_hides_it_too(method, path):
 
 
 @BOTH
-def test_the_hidden_place_is_told_in_the_clusters_axes_too(method):
-    """The axis along which nothing is known is that of the spin, also where the last step along it was a long one."""
+def test_cluster_covariance_covers_the_error_along_a_pure_spins_axis(method):
+    """The unobservable direction is the spin axis in each cluster's axes, also after a long last step along it."""
     for seed in range(6 if method == "pivot" else 2):
         case = pure_spin(NOISE, seed)
         assert squared_error_of_cluster(found_by(method, case.tracks), case) < 4.5**2
 
 
-# Frames, pace and path of what is too short or too slow; pace 1 is 7 °/s.
+# Frames, relative angular rate (1 is 7 °/s) and path of motions that are too short or too slow.
 NEGLIGIBLE = {
     "20 frames, 14° in all": (20, 0.1, "fixed"),
     "20 frames, 1.4° in all": (20, 0.01, "fixed"),
@@ -82,10 +82,10 @@ NEGLIGIBLE = {
 
 @pytest.mark.parametrize("name", NEGLIGIBLE)
 @BOTH
-def test_too_little_turning_is_said_or_the_error_is_what_is_said(method, name):
-    """A computation that could not be done, or an error of at most 3.5 of its deviations in the worst direction."""
-    count, pace, path = NEGLIGIBLE[name]
-    time, R = turning(count, 1.0, pace)
+def test_too_little_rotation_is_refused_or_its_covariance_covers_the_error(method, name):
+    """A ComputationError, or an error of at most 3.5 standard deviations in the worst direction."""
+    count, relative_rate, path = NEGLIGIBLE[name]
+    time, R = turning(count, 1.0, relative_rate)
     for seed in range(6 if method == "pivot" else 2):
         case = make_case(time, R, PATHS[path][0](time), FEATURES, noise=NOISE, seed=seed)
         if method == "ml" and count == 20:
@@ -100,14 +100,14 @@ def test_too_little_turning_is_said_or_the_error_is_what_is_said(method, name):
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])
 @BOTH
-def test_what_cannot_be_computed_is_said_in_a_sentence(method, noise):
+def test_insufficient_tracks_are_refused_in_one_sentence(method, noise):
     line = np.outer(np.arange(5.0), [1.0, 2, 3])
-    unseen = fixed_case(noise=noise, features=FEATURES[:4])
-    nothing = with_positions(unseen, np.full_like(unseen.tracks.position, np.nan))
+    four = fixed_case(noise=noise, features=FEATURES[:4])
+    empty = with_positions(four, np.full_like(four.tracks.position, np.nan))
     for tracks, expected in (
         (fixed_case(noise=noise, features=line).tracks, "lie in a line"),
         (fixed_case(noise=noise, features=FEATURES[:2]).tracks, "at most 2 features are seen together"),
-        (nothing, "at most 0 features are seen together"),
+        (empty, "at most 0 features are seen together"),
     ):
         with pytest.raises(ComputationError) as caught:
             found_by(method, tracks)

@@ -1,10 +1,10 @@
-"""The pieces of the normal equations, against brute-force differences of the whitened residuals."""
+"""The blocks of the normal equations, against central differences of the whitened residuals."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.normal_equations import best_turned, pieces
+from baryscope.estimator.adjustment.normal_equations import best_attitudes, pieces
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
@@ -14,7 +14,7 @@ N, M = 4, 5
 
 
 def scene(full, seed=0):
-    """Random poses and points, observations that miss them by 0.1, some weights zero, and some precisions."""
+    """Random poses and points, observations with errors of 0.1, some weights zero, and precisions if `full`."""
     rng = np.random.default_rng(seed)
     attitude = Rotation.random(N, random_state=seed).as_matrix()
     origin, points = rng.normal(size=(N, 3)) * 5, rng.normal(size=(M, 3)) * 2
@@ -63,7 +63,7 @@ def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
     np.testing.assert_allclose(found.shift_rhs.ravel(), rhs[shifts], **exact)
     np.testing.assert_allclose(found.point_rhs.ravel(), rhs[rest], **exact)
     np.testing.assert_allclose(found.squares, (residual.reshape(N, M, 3) ** 2).sum(axis=2), rtol=1e-12, atol=1e-15)
-    # Unknowns that turn and shift all poses at once.
+    # Unknowns that change all poses.
     rng = np.random.default_rng(1)
     turn, shift = rng.normal(size=(N, 3, 7)), rng.normal(size=(N, 3, 7))
     by_turn, by_shift = turn.reshape(-1, 7).T @ matrix[np.ix_(turns, rest)], shift.reshape(-1, 7).T
@@ -73,7 +73,7 @@ def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
     np.testing.assert_allclose(found.unknowns_points(None, shift), by_shift, **exact)
 
 
-def test_isotropic_weights_are_precisions_that_are_multiples_of_one():
+def test_isotropic_weights_agree_with_precisions_that_are_multiples_of_the_identity():
     observations, attitude, origin, points = scene(full=False)
     same = Observations(observations.position, observations.weight, np.broadcast_to(np.eye(3), (N, M, 3, 3)))
     one, two = (pieces(s, attitude, origin, points) for s in (observations, same))
@@ -82,7 +82,7 @@ def test_isotropic_weights_are_precisions_that_are_multiples_of_one():
     np.testing.assert_allclose(one.turn_points(), two.turn_points(), atol=1e-12)
 
 
-def test_parts_of_observations():
+def test_subsets_and_weights_of_observations():
     observations, *_ = scene(full=True)
     part = observations.frames(slice(1, 3)).features(np.array([4, 0]))
     np.testing.assert_array_equal(part.position, observations.position[1:3][:, [4, 0]])
@@ -98,30 +98,30 @@ def test_parts_of_observations():
     np.testing.assert_allclose(plain.squares(residual), np.linalg.norm(residual, axis=2) ** 2, rtol=1e-12)
 
 
-def test_cross_matrices_are_numpys_cross_product():
+def test_cross_matrices_agree_with_numpy():
     a, b = np.random.default_rng(0).normal(size=(2, 6, 3))
     np.testing.assert_allclose(np.einsum("nij,nj->ni", cross_matrices(a), b), np.cross(a, b), atol=1e-15)
 
 
-def test_inverses_by_cofactors_are_numpys_and_zero_where_there_is_none():
+def test_inverses_by_cofactors_and_zero_for_singular_matrices():
     rng = np.random.default_rng(0)
     factor = rng.normal(size=(200, 3, 3)) * 10 ** rng.uniform(-6, 6, (200, 1, 1))
     matrix = factor @ np.swapaxes(factor, 1, 2)
-    sound = np.linalg.cond(matrix) < 1e6
-    assert sound.sum() > 150
-    product = symmetric_inverses(matrix)[sound] @ matrix[sound]
+    well_conditioned = np.linalg.cond(matrix) < 1e6
+    assert well_conditioned.sum() > 150
+    product = symmetric_inverses(matrix)[well_conditioned] @ matrix[well_conditioned]
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), atol=1e-8)
     a, b = rng.normal(size=(2, 3))
-    flat = np.stack([np.outer(a, a), np.outer(a, a) + np.outer(b, b), np.zeros((3, 3))])
-    np.testing.assert_array_equal(symmetric_inverses(flat), 0)
+    singular = np.stack([np.outer(a, a), np.outer(a, a) + np.outer(b, b), np.zeros((3, 3))])
+    np.testing.assert_array_equal(symmetric_inverses(singular), 0)
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_the_best_turn_is_scipys_alignment(full):
-    """Newton's steps end at Wahba's solution, or with precisions where no small turn is better."""
+def test_best_attitudes_agree_with_scipys_alignment(full):
+    """The steps converge to the solution of Wahba's problem; with precisions, to a stationary point."""
     observations, attitude, origin, points = scene(full)
     for _ in range(40):
-        attitude = best_turned(observations, attitude, origin, points)
+        attitude = best_attitudes(observations, attitude, origin, points)
     if not full:
         for k in range(N):
             expected, _ = Rotation.align_vectors(observations.position[k] - origin[k], points, observations.weight[k])

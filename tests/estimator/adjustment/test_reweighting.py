@@ -1,4 +1,4 @@
-"""Wrong observations, made on purpose: which are found, and that right ones are left alone."""
+"""Simulated outliers: screening and reweighting find them and keep the inliers."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ N, M, NOISE = 1000, 8, 0.02
 
 @pytest.fixture(scope="module")
 def clean():
-    """A clean run: positions (n, m, 3), seen (n, m) with 20 % missing, and the features' places."""
+    """A run without outliers: positions (n, m, 3), seen (n, m) with 20 % missing, and attitudes (n, 3, 3)."""
     time = np.arange(float(N))
     features = box_features(M, (10, 5, 5), seed=2)
     R = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
@@ -22,11 +22,11 @@ def clean():
 
 
 def shares(inliers, seen, wrong):
-    """Of wrong observations those inliers, and of right ones those not."""
+    """The share of the outliers that count as inliers, and the share of the inliers that do not."""
     return (inliers & wrong).sum() / max((seen & wrong).sum(), 1), (seen & ~wrong & ~inliers).sum() / seen.sum()
 
 
-def test_clean_tracks_are_left_alone(clean):
+def test_clean_tracks_are_not_changed(clean):
     position, seen, _ = clean
     np.testing.assert_array_equal(screen(position, seen), seen)
     np.testing.assert_array_equal(screen(position[:4], seen[:4]), seen[:4])
@@ -41,11 +41,11 @@ def test_blunders_are_found(clean, share):
     offset = 2.0 / np.sqrt(3) * rng.normal(size=position.shape)
     inliers = screen(position + np.where(wrong[..., None], offset, 0), seen)
     assert not (inliers & ~seen).any()
-    missed, lost = shares(inliers, seen, wrong)
-    # Distances see of a blunder what lies along them: less than 5 deviations of a distance, 0.14 m, are some 4 % of
-    # single distances, of which several are looked at; but where few features are right, nobody is left to disagree.
-    assert missed < (0.1 if share == 0.3 else 0.02)
-    assert lost < (0.1 if share == 0.3 else 0.01)
+    accepted_outliers, rejected_inliers = shares(inliers, seen, wrong)
+    # A distance shows the component of a blunder along it: below 5 standard deviations, 0.14 m, for some 4 % of single
+    # distances, of which several are examined. With 30 % of blunders a frame may have too few inliers to reveal them.
+    assert accepted_outliers < (0.1 if share == 0.3 else 0.02)
+    assert rejected_inliers < (0.1 if share == 0.3 else 0.01)
 
 
 def test_swapped_labels_are_found(clean):
@@ -55,23 +55,23 @@ def test_swapped_labels_are_found(clean):
         rows = slice(begin, begin + 80)
         position[rows, [one, two]] = position[rows, [two, one]]
         wrong[rows, one] = wrong[rows, two] = True
-    missed, lost = shares(screen(position, seen), seen, wrong)
-    assert missed < 0.02
-    assert lost < 0.02
+    accepted_outliers, rejected_inliers = shares(screen(position, seen), seen, wrong)
+    assert accepted_outliers < 0.02
+    assert rejected_inliers < 0.02
 
 
 @pytest.mark.parametrize("share", [0.1, 0.4])
-def test_a_feature_that_slides_is_found_once_it_has_gone_far(clean, share):
-    """Along the body for the last part of the time, at 2 cm/s."""
+def test_a_drifting_feature_is_found_once_its_error_is_large(clean, share):
+    """The feature moves along the body at 2 cm/s for the last part of the time."""
     position, seen, R = clean
     start = int((1 - share) * N)
     position = position.copy()
     position[:, 3] += 0.02 * np.maximum(np.arange(N) - start, 0)[:, None] * (R @ [0.0, 0.6, 0.8])
     inliers = screen(position, seen)
-    # While it is near its place, one of the others may look wrong to it, as in few frames as such a while is.
+    # While its error is small, one of the others may be rejected instead, in a few frames.
     assert (~inliers & seen)[:, np.arange(M) != 3].sum() < 0.001 * seen.sum()
     np.testing.assert_array_equal(inliers[:start, 3], seen[:start, 3])
-    # Five deviations of a distance are 5 × √2 × 0.02 = 0.14 m; 1 m away is too far for every partner but those across.
+    # 5 standard deviations of a distance are 5 × √2 × 0.02 = 0.14 m; 1 m shows in all distances but perpendicular ones.
     assert seen[start + 50 :, 3].sum() > 30
     assert inliers[start + 50 :, 3].sum() < 0.02 * seen[start + 50 :, 3].sum()
 
@@ -83,33 +83,36 @@ def test_many_features_are_compared_with_some_of_the_others():
     position = make_case(time, R, np.zeros((300, 3)), features, noise=NOISE).tracks.position.copy()
     wrong = np.random.default_rng(3).random((300, 60)) < 0.1
     position[wrong] += [1.0, -2.0, 1.5]
-    missed, lost = shares(screen(position, np.ones((300, 60), dtype=bool)), np.ones((300, 60), dtype=bool), wrong)
-    assert missed < 0.02
-    assert lost < 0.02
+    accepted_outliers, rejected_inliers = shares(
+        screen(position, np.ones((300, 60), dtype=bool)), np.ones((300, 60), dtype=bool), wrong
+    )
+    assert accepted_outliers < 0.02
+    assert rejected_inliers < 0.02
 
 
-def test_weights_are_the_probability_of_a_right_observation():
-    """e^(−d²/2) against e^(−GATE/2), at the noise that the median of χ²₃ shows, 2.366."""
+def test_weights_are_the_probability_of_an_inlier():
+    """The odds are e^(−d²/2) against e^(−GATE/2), with the noise from the median of χ²₃, 2.366."""
     rng = np.random.default_rng(0)
     squares = (0.5 * rng.normal(size=(4000, 5, 3)) ** 2).sum(axis=2)  # of variance 0.5
     squares[0, :4] = 0.5 * np.array([GATE - 3, GATE, GATE + 3, 100.0])
     weight = np.ones((4000, 5))
     weight[1, 1] = squares[1, 1] = 0.0
     found = reweighted(squares, weight, 3 * weight.sum())
-    np.testing.assert_allclose(found[0, :3], 1 / (1 + np.exp([-1.5, 0, 1.5])), atol=0.05)  # the noise's 1 %, times 20/2
+    # The noise has an error of 1 %, which the weight at the gate multiplies by 20/2/4.
+    np.testing.assert_allclose(found[0, :3], 1 / (1 + np.exp([-1.5, 0, 1.5])), atol=0.05)
     assert 0 < found[0, 3] < 1e-8
     assert found[1, 1] == 0
-    # Of right observations, χ²₃ lies beyond the gate with 1.7e-4; the slope before it takes some 1e-3 from the others.
+    # χ²₃ puts 1.7e-4 of the inliers beyond the gate; weights just below it reduce the mean by some 1e-3.
     assert found[2:].mean() > 0.998
-    # The noise is told by the residuals' median, and not by a third that is wrong.
+    # The median determines the noise, so that a fifth of outliers hardly changes it.
     squares[:, 0] = 1e4
-    spoiled = reweighted(squares, weight, 3 * weight.sum())
-    assert spoiled[:, 0].max() < 1e-8
-    assert spoiled[2:, 1:].mean() > 0.998
+    with_outliers = reweighted(squares, weight, 3 * weight.sum())
+    assert with_outliers[:, 0].max() < 1e-8
+    assert with_outliers[2:, 1:].mean() > 0.998
 
 
-def test_the_noise_is_that_of_observations_and_not_of_what_unknowns_left_of_it():
-    """Half of the values are unknowns, so that squares are half of the noise; one that is GATE is on the gate."""
+def test_the_noise_estimate_counts_the_unknowns():
+    """With half as many unknowns as values, squared residuals are half the noise; GATE variances give weight 1/2."""
     rng = np.random.default_rng(0)
     weight = np.ones((4000, 5))
     squares = 0.5 * (rng.normal(size=(4000, 5, 3)) ** 2).sum(axis=2)
@@ -120,7 +123,7 @@ def test_the_noise_is_that_of_observations_and_not_of_what_unknowns_left_of_it()
     np.testing.assert_allclose(scaled, found, rtol=1e-9)
 
 
-def test_old_weights_do_not_count_twice_and_no_residual_is_no_outlier():
+def test_reweighting_is_idempotent_and_zero_residuals_are_inliers():
     rng = np.random.default_rng(1)
     squares = (rng.normal(size=(400, 5, 3)) ** 2).sum(axis=2)
     squares[3, 3] = 1e3

@@ -3,8 +3,8 @@ import numpy as np
 from baryscope.estimator.adjustment.spurious import spurious_information_columns
 
 
-def test_spurious_information_is_taken_away():
-    """Against the joint covariance of offset and other unknowns, inverted, less the spurious part, inverted again."""
+def test_spurious_information_is_subtracted():
+    """Against the inverse of the joint information of offset and other unknowns less the spurious information."""
     rng = np.random.default_rng(0)
     factor = rng.normal(size=(7, 7))
     joint = factor @ factor.T

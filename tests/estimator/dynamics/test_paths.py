@@ -1,4 +1,4 @@
-"""Paths of the CoM: numpy's Chebyshev series, two Kepler orbits subtracted, and differences."""
+"""Paths of the CoM against numpy's Chebyshev series, the difference of two Kepler orbits, and central differences."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def differences(position, x, step):
 
 
 @pytest.mark.parametrize("degree", [0, 1, 5, 20])
-def test_polynomial_is_numpys(degree):
+def test_polynomial_agrees_with_numpy(degree):
     path = Polynomial(degree, 100.0, 700.0)
     time = np.linspace(50.0, 720.0, 30)
     x = np.random.default_rng(degree).normal(size=path.size)
@@ -31,14 +31,14 @@ def test_polynomial_is_numpys(degree):
     np.testing.assert_allclose(differences(sampled.position, x, 1.0), sampled.jacobian, atol=1e-9 * scale)
 
 
-def test_one_frame_alone_has_a_path():
+def test_a_single_frame_has_a_path():
     sampled = Polynomial(0, 5.0, 5.0).at(np.array([5.0]))
     np.testing.assert_array_equal(sampled.position(np.array([1.0, 2.0, 3.0])), [[1, 2, 3]])
 
 
 @pytest.mark.parametrize("eccentricity", [0.001, 0.4])
 def test_relative_orbit_is_the_difference_of_two_kepler_orbits(eccentricity):
-    """x at an epoch in the middle, from the states at time 0 by Lagrange's f and g, and the whole path from it."""
+    """x at an epoch inside the span from the states at time 0 by Lagrange's f and g, and the path from this x."""
     orbit = Orbit(eccentricity=eccentricity, semi_major_axis=7150e3 if eccentricity < 0.1 else 15000e3)
     target, chaser = inertial_states(orbit.model(), *START)
     epoch, time = 1000.0, np.linspace(-2000.0, 6000.0, 33)
@@ -54,14 +54,14 @@ def test_relative_orbit_is_the_difference_of_two_kepler_orbits(eccentricity):
     x = np.concatenate([R_I_L.T @ rho, R_I_L.T @ rho_rate / n]).astype(float)
     path = RelativeOrbit(orbit.model(), epoch)
     expected = np.array([near[0] - far[0] for near, far in map(states, time)], dtype=float)
-    # Of 10 km at most, 1e-13 of the orbit's radius: what the longdouble oracle and double elements have in common.
+    # Distances reach 10 km; 2e-6 m is some 1e-13 of the orbit's radius, the rounding of elements in double precision.
     np.testing.assert_allclose(path.at(time).position(x), expected, atol=2e-6)
     assert path.size == 6
     assert path.name == "relative-orbit"
 
 
 @pytest.mark.parametrize("eccentricity", [0.001, 0.4])
-def test_jacobian_of_the_relative_orbit_is_that_of_the_path_close_by(eccentricity):
+def test_jacobian_of_the_relative_orbit_is_that_of_a_path_near_the_target(eccentricity):
     orbit = Orbit(eccentricity=eccentricity, semi_major_axis=15000e3)
     sampled = RelativeOrbit(orbit.model(), 500.0).at(np.linspace(0.0, 3000.0, 13))
     found = differences(sampled.position, np.zeros(6), 1.0)
@@ -88,13 +88,13 @@ def test_trajectories_by_name():
 @pytest.mark.parametrize(
     "text", ["", "linear", "polynomial:", "polynomial:x", "polynomial:-1", "polynomial:1.5", "fixed:1", "orbit"]
 )
-def test_other_names_are_refused_with_what_is_known(text):
+def test_unknown_names_are_refused_with_the_known_ones(text):
     with pytest.raises(InputError) as caught:
         trajectory_of(text, None)
     assert str(caught.value) == f"trajectory is {text!r}, expected fixed, polynomial, polynomial:N or relative-orbit"
 
 
-def test_what_cannot_be_is_refused():
+def test_impossible_trajectories_are_refused():
     with pytest.raises(InputError, match="trajectory is 'polynomial:21', expected a degree of 0 to 20"):
         trajectory_of("polynomial:21", None)
     with pytest.raises(InputError, match="needs the target's orbit; expected an orbit"):

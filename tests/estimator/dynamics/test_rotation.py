@@ -1,4 +1,4 @@
-"""The free tumble: Jacobi's closed form, scipy's DOP853 on plain numpy equations, differences of the latter."""
+"""Rigid-body rotation against Jacobi's closed form, scipy's DOP853 on numpy equations, and differences of these."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from oracles import TorqueFree, inertial_states
 from synthetic import ENVISAT, MU, Orbit, attitude
 
-# rad: a quintic over 0.4 rad leaves 2 (0.4/2)⁶/46080 = 3e-9 of a pure spin, and up to some ten times that of a tumble.
+# rad: a quintic over 0.4 rad has the error 2 (0.4/2)⁶/46080 = 3e-9 for a pure spin, some ten times that for a tumble.
 INTERPOLATION = 5e-8
 RATE = np.deg2rad([1.2, 2.2, 2.4])
 
@@ -22,7 +22,7 @@ def angles(R, S):
 
 
 def integrated(inertia, attitude0, rate0, epoch, time, orbit=None):
-    """R_C_B and ω at time, rising, all on one side of the epoch, with the gravity gradient where there is an orbit."""
+    """R_C_B and ω at ascending times, all on one side of the epoch, with the gravity gradient if there is an orbit."""
     J = inertia / np.trace(inertia)
 
     def slope(_, state):
@@ -46,9 +46,9 @@ def integrated(inertia, attitude0, rate0, epoch, time, orbit=None):
 
 
 def attitudes(inertia, attitude0, rate0, epoch, time, orbit):
-    """R_C_B at time, rising, on both sides of the epoch or on one."""
-    sides = [rhs for rhs in (time[time < epoch], time[time >= epoch]) if len(rhs)]
-    return np.concatenate([integrated(inertia, attitude0, rate0, epoch, rhs, orbit)[0] for rhs in sides])
+    """R_C_B at ascending times on one or both sides of the epoch."""
+    sides = [side for side in (time[time < epoch], time[time >= epoch]) if len(side)]
+    return np.concatenate([integrated(inertia, attitude0, rate0, epoch, side, orbit)[0] for side in sides])
 
 
 def turned(vector):
@@ -56,18 +56,18 @@ def turned(vector):
 
 
 @pytest.mark.parametrize("rate", [RATE, np.deg2rad([3.0, 0.3, 0.2]), np.deg2rad([0.01, 0.5, 4.0])])
-def test_attitude_and_rate_are_jacobis(rate):
+def test_attitude_and_rate_agree_with_jacobi(rate):
     time = np.arange(0.0, 900.0)
     exact = TorqueFree(ENVISAT, rate)
     found = Rotation(0.0, np.eye(3), rate, ENVISAT).at(time)
     assert angles(found.attitude, exact.attitude(time).as_matrix()).max() < INTERPOLATION
-    # Between nodes the rate is a cubic only: its error is of one order more, (TURN)⁴/384 of the rate's swing at most.
+    # Between nodes the rate is only a cubic: its error is at most NODE_ANGLE⁴/384 of the rate's variation.
     np.testing.assert_allclose(found.rate, exact.rate(time), atol=1e-4 * np.linalg.norm(rate))
 
 
 @settings(max_examples=12)
 @given(st.integers(0, 2**32 - 1))
-def test_any_body_at_any_rate_from_an_epoch_in_the_middle(seed):
+def test_any_body_and_rate_from_an_epoch_inside_the_span(seed):
     rng = np.random.default_rng(seed)
     a, b = rng.uniform(0.1, 1, 2)
     moments = [a, b, rng.uniform(abs(a - b), a + b)]  # the triangle inequality
@@ -76,16 +76,16 @@ def test_any_body_at_any_rate_from_an_epoch_in_the_middle(seed):
     rate = rng.normal(size=3) * 10 ** rng.uniform(-3, 0)
     span = 15 / np.linalg.norm(rate)
     time = np.sort(rng.uniform(0, span, 60)) + 5.1
-    steady = attitude(inertia, rate, np.concatenate([[5.0], time]))
+    expected = attitude(inertia, rate, np.concatenate([[5.0], time]))
     k = 30
-    # A rate between nodes is good to 1e-4 of itself only, so that of the new epoch is integrated.
+    # A rate between nodes has a relative error of 1e-4, so the rate at the new epoch is integrated.
     exact, rates = integrated(inertia, np.eye(3), rate, 5.0, time[k : k + 1])
     back = Rotation(time[k], exact[0], rates[0], inertia)
-    assert angles(back.at(time).attitude, steady[1:]).max() < INTERPOLATION
+    assert angles(back.at(time).attitude, expected[1:]).max() < INTERPOLATION
 
 
 def test_gravity_gradient_over_half_an_orbit():
-    """Against an integration of attitude and orbit together; the torque turns the body by much more than a degree."""
+    """Against a joint integration of attitude and orbit; the torque changes the attitude by more than five degrees."""
     orbit = Orbit(eccentricity=0.05)
     target, _ = inertial_states(orbit.model(), np.zeros(3), np.zeros(3))
     time = np.linspace(0.0, orbit.period / 2, 200)
@@ -102,7 +102,7 @@ def test_gravity_gradient_over_half_an_orbit():
 
 @pytest.mark.parametrize("gravity_gradient", [False, True])
 @pytest.mark.parametrize("span", [(-120, -1), (1, 120), (-150, 250)])
-def test_sensitivities_are_differences_of_an_independent_integration(gravity_gradient, span):
+def test_sensitivities_agree_with_differences_of_an_independent_integration(gravity_gradient, span):
     orbit = Orbit(eccentricity=0.05)
     epoch = 0.0
     target = inertial_states(orbit.model(), np.zeros(3), np.zeros(3))[0] if gravity_gradient else None
@@ -111,7 +111,7 @@ def test_sensitivities_are_differences_of_an_independent_integration(gravity_gra
     found = Rotation(epoch, attitude0, RATE, inertia, orbit.model() if gravity_gradient else None).at(time)
     directions = [(axis, np.zeros((3, 3))) for axis in np.eye(3)] + [(np.zeros(3), basis) for basis in INERTIA_BASIS]
     for column, (of_rate, of_inertia) in enumerate(directions):
-        # Steps that turn the body by 1e-3 rad at most: their third order is far below 1e-5 of the sensitivity.
+        # The steps change the attitude by at most 1e-3 rad: the third order is far below 1e-5 of the sensitivity.
         step = 1e-6 if column < 3 else 1e-5
         plus, minus = (
             attitudes(inertia + h * of_inertia, attitude0, RATE + h * of_rate, epoch, time, target)
@@ -121,7 +121,7 @@ def test_sensitivities_are_differences_of_an_independent_integration(gravity_gra
         np.testing.assert_allclose(found.turn[:, :, column], vectors, atol=2e-5 * np.abs(vectors).max())
 
 
-def test_a_body_at_rest_stays_and_a_change_of_rate_turns_it_in_proportion_to_time():
+def test_a_body_at_rest_and_its_sensitivity_to_the_rate():
     attitude0 = turned([0.1, 2.0, 0.3])
     time = np.array([-50.0, 0.0, 12.5, 100.0])
     found = Rotation(10.0, attitude0, np.zeros(3), ENVISAT).at(time)
@@ -132,7 +132,7 @@ def test_a_body_at_rest_stays_and_a_change_of_rate_turns_it_in_proportion_to_tim
     np.testing.assert_allclose(found.turn, expected, atol=1e-10)
 
 
-def test_times_in_any_order_and_one_alone():
+def test_times_in_any_order_and_a_single_time():
     start = Rotation(100.0, np.eye(3), RATE, ENVISAT)
     time = np.array([130.0, 20.0, 100.0, 70.0])
     together = start.at(time)
@@ -143,7 +143,7 @@ def test_times_in_any_order_and_one_alone():
     np.testing.assert_allclose(together.turn[2], 0, atol=1e-12)
 
 
-def test_inertia_is_scaled_and_what_no_body_has_is_known():
+def test_inertia_has_trace_one_and_impossible_ones_are_recognised():
     start = Rotation(0.0, np.eye(3), RATE, ENVISAT)
     assert np.trace(start.inertia) == pytest.approx(1, abs=1e-15)
     assert start.possible
@@ -156,14 +156,14 @@ def test_inertia_is_scaled_and_what_no_body_has_is_known():
     assert np.trace(difference) == pytest.approx(0, abs=1e-15)
 
 
-def test_the_basis_is_orthonormal_symmetric_and_without_trace():
+def test_the_inertia_basis_is_orthonormal_symmetric_and_traceless():
     np.testing.assert_allclose(np.einsum("aij,bij->ab", INERTIA_BASIS, INERTIA_BASIS), np.eye(5), atol=1e-15)
     np.testing.assert_array_equal(INERTIA_BASIS, np.swapaxes(INERTIA_BASIS, 1, 2))
     np.testing.assert_allclose(np.trace(INERTIA_BASIS, axis1=1, axis2=2), 0, atol=1e-15)
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-12, 0.49))
-def test_exp_and_log_are_scipys_and_each_others_inverse(seed, exponent):
+def test_exp_agrees_with_scipy_and_log_is_its_inverse(seed, exponent):
     """Angles from 1e-12 to 3.1 rad."""
     vector = np.random.default_rng(seed).normal(size=(5, 3))
     vector *= 10**exponent / np.linalg.norm(vector, axis=1, keepdims=True)
@@ -173,7 +173,7 @@ def test_exp_and_log_are_scipys_and_each_others_inverse(seed, exponent):
     np.testing.assert_array_equal(exp_rotation(np.zeros((2, 4, 3))), np.broadcast_to(np.eye(3), (2, 4, 3, 3)))
 
 
-def test_log_of_half_a_turn():
+def test_log_of_a_rotation_by_pi():
     axes = np.random.default_rng(0).normal(size=(50, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     found = log_rotation(2 * axes[:, :, None] * axes[:, None, :] - np.eye(3))
