@@ -1,7 +1,7 @@
-"""The co-simulation unit: CasADi's C code with a C adapter as an FMU, and a session to step it from Python.
+"""The co-simulation unit: CasADi's C code with a C adapter as an FMU, and a session that steps it from Python.
 
-Rooms: layout (how a unit's file looks), generate (what makes one), runtime (what steps one), check (what doubts one),
-and csrc, the C code of the adapter. The last three rooms of Python import layout, and not each other.
+Rooms: layout (files and value references of a unit), generate (builds units), runtime (steps them), check (checks
+anybody's FMU), csrc (the C code of the adapter). generate, runtime and check import layout and not each other.
 """
 
 from baryscope.fmu.generate import build_fmu

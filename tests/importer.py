@@ -1,4 +1,4 @@
-"""An importer of FMI 2 units that remembers what the unit said."""
+"""An importer of FMI 2 units that records the unit's messages."""
 
 import fmpy
 import pytest
@@ -9,7 +9,7 @@ ERROR, DISCARD = 3, 2
 
 
 class Listener:
-    """Whoever keeps what the unit says, in `messages`."""
+    """Records the unit's messages in `messages`."""
 
     def refused(self, call, *words, status=ERROR):
         """Make the call, see it fail with one new message that contains `words`."""
@@ -24,7 +24,7 @@ class Listener:
 
 
 class Importer(Listener):
-    """An instance in the state Instantiated, with what it logged."""
+    """An instance in the state Instantiated, with its log."""
 
     kind = FMU2Slave
 

@@ -1,4 +1,4 @@
-"""An importer of FMI 3 units that remembers what the unit said, and asks by the names of the table of variables."""
+"""An importer of FMI 3 units that records the unit's messages and takes names of the table of variables."""
 
 import fmpy
 import numpy as np
@@ -9,7 +9,7 @@ from importer import Listener
 
 
 class Importer3(Listener):
-    """An instance in the state Instantiated, with what it logged, of a unit with 12 features, arrays or not."""
+    """An instance of a unit with 12 features, in the state Instantiated, with its log."""
 
     kind = FMU3Slave
 

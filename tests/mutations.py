@@ -1,4 +1,4 @@
-"""Units that are wrong in one place each: ways to change modelDescription.xml, and who notices."""
+"""Units with one error each: changes of modelDescription.xml, and the finding that each must give."""
 
 import xml.etree.ElementTree as ET
 import zipfile
@@ -92,7 +92,7 @@ def drop_dependency(element, of, on):
 
 
 def dependency_on_another(root):
-    """On the velocity where it is the position that counts."""
+    """A dependency on velocity in the place of one on position."""
     entry = unknown(root, "Outputs", "chaser.position[1]")
     assert entry.get("dependencies") == place(root, "state.position[1]")
     entry.set("dependencies", place(root, "state.velocity[1]"))
@@ -288,7 +288,7 @@ MUTATIONS_3 = [
     (removed3("InitialUnknown", "features"), "InitialUnknowns does not contain", True),
     (removed3("Output", "target.position"), "Outputs must have exactly one entry", True),
     (wrong_derivative3, "is one of 2 derivatives of state.velocity", True),
-    (shared_reference3, "refers to a variable that is not there", True),
+    (shared_reference3, "refers to a variable that does not exist", True),
     (swapped_references3, r"target.position\[1\]: found .* by the equations", False),
     (flag("CoSimulation", "maxOutputDerivativeOrder", "3"), "maxOutputDerivativeOrder: .*order 2, expected 1", False),
 ]

@@ -1,6 +1,6 @@
-"""What doubts a unit: checks of anybody's FMU, of its modelDescription.xml and of what its binary does.
+"""Checks FMUs, ours or anybody's: modelDescription.xml by itself, and against the behaviour of the binary.
 
-The binary runs in a process of its own, `python -m baryscope.fmu.check`; findings are errors or warnings.
+The binary runs in a separate process, `python -m baryscope.fmu.check`. Findings are errors or warnings.
 """
 
 from baryscope.fmu.check.checker import check_unit

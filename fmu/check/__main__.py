@@ -1,4 +1,4 @@
-"""`python -m baryscope.fmu.check FOLDER RESULTS`: the checks that run a binary, in a process of their own."""
+"""`python -m baryscope.fmu.check FOLDER RESULTS`: runs the checks of a binary in this process."""
 
 import sys
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""The checks that run a unit's binary; `python -m baryscope.fmu.check FOLDER RESULTS` is a process of its own.
+"""The checks that run a unit's binary; `python -m baryscope.fmu.check FOLDER RESULTS` runs them in its own process.
 
-Whatever the binary does, crash or hang, happens to this process alone. Results are lines of JSON: what is being done,
-and what was found.
+A crash or hang of the binary affects that process only. Results are lines of JSON: the check that is running, and
+findings.
 """
 
 import json
@@ -27,7 +27,7 @@ def binary_findings(folder: Path, begin: Callable[[str], None] = lambda what: No
 
     Args:
         folder: where it was unpacked.
-        begin: told what is being done.
+        begin: called with the name of each check before it runs.
     """
     description = read_description(folder)
     for name in interfaces(description):
@@ -44,7 +44,7 @@ def binary_findings(folder: Path, begin: Callable[[str], None] = lambda what: No
 
 
 def main(folder: Path, results: Path) -> None:
-    """Run the checks and write, line by line, what is being done and what was found."""
+    """Run the checks and write the results, line by line."""
     with results.open("w", encoding="utf-8") as stream:
 
         def tell(**what: object) -> None:

@@ -1,4 +1,4 @@
-"""Checks of what modelDescription.xml declares against what the binary does: token, starts, capabilities."""
+"""Checks of declarations in modelDescription.xml against the binary: token, start values, capabilities."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,17 +15,17 @@ Probe = Callable[[Path, Any, str], Iterator[Finding]]
 
 
 def token_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """The binary takes the token of the XML, and no other."""
+    """The binary accepts the token of the XML, and no other."""
     Instance(folder, description, name).close()
     try:
         Instance(folder, description, name, token="{no unit has this token}").close()  # noqa: S106 - no password
     except RefusedError:
         return
-    yield warning("token", f"the {name} binary takes any token, so that it may be of another build than the XML")
+    yield warning("token", f"the {name} binary accepts any token, so it may belong to another build than the XML")
 
 
 def start_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """Every variable can be read, and what has a start has exactly that value in the binary."""
+    """Every variable can be read, and start values in the XML are exactly those of the binary."""
     with Instance(folder, description, name) as instance:
         instance.initialise()
         for variable in description.modelVariables:
@@ -54,13 +54,13 @@ def _starts(variable: Any) -> FloatArray | None:
 
 
 def _text(values: FloatArray) -> str:
-    """Numbers with all their digits; of many, the first."""
+    """Numbers with all digits; the first four of many."""
     texts = [repr(value) for value in values.ravel()[:4].tolist()]
     return " ".join(texts) + (" …" if values.size > 4 else "")
 
 
 def setting_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """Parameters and inputs can be set where the standard says so, to the values they have."""
+    """Parameters and inputs can be set to their present values wherever the standard allows it."""
     with Instance(folder, description, name) as instance:
         instance.initialise()
         settable = [v for v in description.modelVariables if v.causality in ("input", "parameter") and _numeric(v)]
@@ -87,7 +87,7 @@ def _numeric(variable: Any) -> bool:
 
 
 def state_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """A saved state, also by way of bytes, continues as it did before."""
+    """A run continues bitwise equally from a restored state, also if the state was serialised."""
     flags = interfaces(description)[name]
     if not flags.canGetAndSetFMUstate:
         if flags.canSerializeFMUstate:
@@ -102,19 +102,19 @@ def state_findings(folder: Path, description: Any, name: str) -> Iterator[Findin
         instance.restore(state)
         instance.time -= 3 * duration(description) if instance.co_simulation else 0.0
         if not np.array_equal(_move(instance, 3), expected):
-            yield error(f"{name}/canGetAndSetFMUstate", "after a saved state was put back the run went another way")
+            yield error(f"{name}/canGetAndSetFMUstate", "after a saved state was restored the run differed")
         if flags.canSerializeFMUstate:
             copy = instance.deserialise(instance.serialise(state))
             instance.restore(copy)
             instance.time -= 3 * duration(description) if instance.co_simulation else 0.0
             if not np.array_equal(_move(instance, 3), expected):
-                yield error(f"{name}/canSerializeFMUstate", "after a serialised state was put back the run differed")
-            instance.forget(copy)
-        instance.forget(state)
+                yield error(f"{name}/canSerializeFMUstate", "after a serialised state was restored the run differed")
+            instance.free_state(copy)
+        instance.free_state(state)
 
 
 def _move(instance: Instance, steps: int) -> FloatArray:
-    """Some steps, or some change of the continuous states, and the outputs after it."""
+    """Take some steps, or change the continuous states; return the outputs."""
     for _ in range(steps):
         if instance.co_simulation:
             instance.step(duration(instance.description))
@@ -125,7 +125,7 @@ def _move(instance: Instance, steps: int) -> FloatArray:
 
 
 def duration(description: Any) -> float:
-    """The communication step to try: the default experiment's, else a thousandth of its length or 100 of the unit's."""
+    """The communication step: the default experiment's, else 1/1000 of its length or 100 internal steps of the unit."""
     experiment = description.defaultExperiment
     if experiment is None:
         return 0.01
@@ -137,7 +137,7 @@ def duration(description: Any) -> float:
 
 
 def step_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """Steps of unequal length, interpolated inputs and output derivatives, as far as they are declared."""
+    """Steps of unequal length, interpolated inputs and output derivatives, where they are declared."""
     if name != "CoSimulation":
         return
     flags, h = description.coSimulation, duration(description)
@@ -148,25 +148,25 @@ def step_findings(folder: Path, description: Any, name: str) -> Iterator[Finding
         instance.run()
         instance.step(h)
         if flags.canHandleVariableCommunicationStepSize:
-            yield from _told(f"{name}/canHandleVariableCommunicationStepSize", _unequal, instance, h)
+            yield from _callable(f"{name}/canHandleVariableCommunicationStepSize", _unequal_steps, instance, h)
         order = int(flags.maxOutputDerivativeOrder or 0)
         for each in range(1, order + 1):
-            yield from _told(f"{name}/maxOutputDerivativeOrder", instance.output_derivatives, outputs, each)
+            yield from _callable(f"{name}/maxOutputDerivativeOrder", instance.output_derivatives, outputs, each)
         if order and outputs:
             yield from _rate_findings(instance, outputs, h)
-        if flags.canInterpolateInputs and inputs and instance.second:
+        if flags.canInterpolateInputs and inputs and instance.fmi2:
             references = [variable.valueReference for variable in inputs]
             arguments = references, [1] * len(references), [0.0] * len(references)
-            yield from _told(f"{name}/canInterpolateInputs", instance.call, "setRealInputDerivatives", *arguments)
+            yield from _callable(f"{name}/canInterpolateInputs", instance.call, "setRealInputDerivatives", *arguments)
 
 
-def _unequal(instance: Instance, h: float) -> None:
+def _unequal_steps(instance: Instance, h: float) -> None:
     for factor in (0.5, 1.7, 0.01, 1.0):
         instance.step(factor * h)
 
 
-def _told(subject: str, call: Callable[..., Any], *arguments: Any) -> Iterator[Finding]:
-    """What is declared can be called."""
+def _callable(subject: str, call: Callable[..., Any], *arguments: Any) -> Iterator[Finding]:
+    """A declared function can be called."""
     try:
         call(*arguments)
     except RefusedError as refusal:
@@ -174,7 +174,7 @@ def _told(subject: str, call: Callable[..., Any], *arguments: Any) -> Iterator[F
 
 
 def _rate_findings(instance: Instance, outputs: list[Any], h: float) -> Iterator[Finding]:
-    """First output derivatives are those of the outputs: the mean of both ends against the change in between."""
+    """First output derivatives: the mean of both ends of a short step against the change of the outputs over it."""
     small = 1e-3 * h
     try:
         before, rates = instance.get(outputs), instance.output_derivatives(outputs, 1)
@@ -183,7 +183,7 @@ def _rate_findings(instance: Instance, outputs: list[Any], h: float) -> Iterator
     except RefusedError:
         return  # reported already
     if np.array_equal(after, before):
-        return  # the unit's own steps are longer than this one
+        return  # the unit's internal steps are longer than this one
     change, expected = (after - before) / small, (rates + later) / 2
     noise = 1e-4 * np.abs(expected) + 1e-10 * (np.abs(before) + np.abs(after)) / small + 1e-4 * np.abs(later - rates)
     names = [output.name for output in outputs for _ in range(size_of(output))]
@@ -194,14 +194,14 @@ def _rate_findings(instance: Instance, outputs: list[Any], h: float) -> Iterator
 
 
 def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """The vectors of states and derivatives hold the variables of ModelStructure/Derivatives in their order."""
+    """The vectors of states and derivatives are in the order of ModelStructure/Derivatives."""
     if name != "ModelExchange" or not states(description):
         return
     with Instance(folder, description, name) as instance:
         instance.initialise()
         instance.run()
         vector = instance.get_states()
-        instance.set_states(vector + 0.01 * np.arange(1.0, vector.size + 1.0))  # all unlike one another
+        instance.set_states(vector + 0.01 * np.arange(1.0, vector.size + 1.0))  # all different
         for rates, variables in ((False, states(description)), (True, [u.variable for u in description.derivatives])):
             vector, values = instance.get_states(rates), instance.get(variables)
             names = [variable.name for variable in variables for _ in range(size_of(variable))]
@@ -214,7 +214,7 @@ def vector_findings(folder: Path, description: Any, name: str) -> Iterator[Findi
 
 
 def state_rate_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """In Co-Simulation, states change as their derivatives say: the mean of both ends against the change in between."""
+    """State derivatives in Co-Simulation: the mean of both ends of a short step against the change of the states."""
     if name != "CoSimulation" or not states(description) or description.coSimulation.fixedInternalStepSize:
         return
     if not description.coSimulation.canHandleVariableCommunicationStepSize:
@@ -229,7 +229,7 @@ def state_rate_findings(folder: Path, description: Any, name: str) -> Iterator[F
         instance.step(h)
         after, second = instance.get(variables), instance.get(rates)
     if np.array_equal(after, before):
-        return  # the unit's own steps are longer than this one
+        return  # the unit's internal steps are longer than this one
     change, expected = (after - before) / h, (first + second) / 2
     noise = 1e-4 * (np.abs(expected) + np.abs(second - first)) + 1e-10 * np.abs(before) / h + 1e-9
     names = [rate.name for rate in rates for _ in range(size_of(rate))]
@@ -240,7 +240,7 @@ def state_rate_findings(folder: Path, description: Any, name: str) -> Iterator[F
 
 
 def instance_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """A second instance leaves the first alone, and memory functions are called only where that is declared."""
+    """A second instance does not change the first, and memory functions are called only where that is declared."""
     flags = interfaces(description)[name]
     outputs = [v for v in description.modelVariables if v.causality == "output" and is_float(v)]
     with Instance(folder, description, name) as first:
@@ -261,7 +261,7 @@ def instance_findings(folder: Path, description: Any, name: str) -> Iterator[Fin
         for category in description.logCategories:
             if category.name:
                 subject = f"LogCategories/{category.name}"
-                yield from _told(subject, first.call, "setDebugLogging", True, [category.name])
+                yield from _callable(subject, first.call, "setDebugLogging", True, [category.name])
         first.call("terminate")
         first.call("reset")
 

@@ -1,4 +1,4 @@
-"""Checking a whole FMU, ours or anyone's: its XML by itself, and what it declares against what its binary does."""
+"""Checks a whole FMU, ours or anybody's: the XML by itself, and its declarations against the binary."""
 
 import json
 import subprocess
@@ -16,22 +16,22 @@ from baryscope.fmu.layout.archive import unpack
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, temporary_folder
 
-TIME_LIMIT = 300.0  # seconds for all that is done with the binary
+TIME_LIMIT = 300.0  # seconds, for all checks of the binary
 
 
 def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
     """Check an FMU of FMI 2 or 3, for Co-Simulation and Model Exchange.
 
-    First fmpy's validation, then ours of the XML, then the binary in a process of its own: token, start values, every
-    declared capability, declared dependencies against those that are seen. Units of baryscope are compared with the
-    table of variables and the equations, too.
+    fmpy validates the XML first; then come our own checks of it, and those of the binary in a separate process: token,
+    start values, every declared capability, and declared dependencies against observed ones. Units of baryscope are
+    also compared with the table of variables and the equations.
 
     Args:
         path: the FMU.
-        isolated: whether the binary runs in a process of its own, where it may crash or hang; without, it is faster.
+        isolated: run the binary in a separate process, where it may crash or hang; False is faster.
 
     Returns:
-        What was found, errors first; nothing for a unit that is in order.
+        The findings, errors first; none for a correct unit.
 
     Raises:
         InputError: the file cannot be read, is no FMU, or holds unsafe paths.
@@ -46,7 +46,7 @@ def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
         try:
             description = read_description(folder)
         except LookupError as problem:
-            return [error("modelDescription.xml", f"refers to a variable that is not there ({problem})")]
+            return [error("modelDescription.xml", f"refers to a variable that does not exist ({problem})")]
         except Exception as problem:  # fmpy raises bare Exceptions
             return [error("modelDescription.xml", f"cannot be understood ({problem})")]
         findings = list(description_findings(folder, description))
@@ -54,7 +54,7 @@ def check_unit(path: AnyPath, *, isolated: bool = True) -> list[Finding]:
             findings += table_findings(description)
         if not any("could not be checked" in finding.message for finding in findings):
             findings += _isolated_findings(folder, top / "results") if isolated else binary_findings(folder)
-    unique = dict.fromkeys(findings)  # both interfaces say much the same
+    unique = dict.fromkeys(findings)  # both interfaces often have the same ones
     return sorted(unique, key=lambda finding: finding.severity != Severity.ERROR)
 
 
@@ -79,7 +79,7 @@ def _isolated_findings(folder: Path, results: Path) -> Iterator[Finding]:
         )
         ending = f"ended with code {process.returncode}: {(process.stderr.strip().splitlines() or ['no message'])[-1]}"
     except subprocess.TimeoutExpired:
-        ending = f"was not done after {TIME_LIMIT:.0f} s"
+        ending = f"had not ended after {TIME_LIMIT:.0f} s"
     lines = results.read_text(encoding="utf-8").splitlines() if results.is_file() else []
     doing, done = "loading", False
     for line in lines:

@@ -19,12 +19,12 @@ from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
 
 POINTS = 3
 DIFFERENCE = 1e-6  # of a variable's size
-NOISE = 1e-12  # of the largest influence on an unknown: less than this is rounding
+NOISE = 1e-12  # of the largest influence on an unknown; smaller ones are rounding
 
 
 @dataclass
 class Influences:
-    """The largest influence that was seen of each known on each unknown, in units of the known's size."""
+    """The largest observed influence of each known on each unknown, in units of the known's size."""
 
     element: str
     unknowns: list[Any]
@@ -34,12 +34,12 @@ class Influences:
     def __post_init__(self) -> None:
         self.largest = np.zeros((_total(self.unknowns), _total(self.knowns)))
 
-    def see(self, columns: FloatArray) -> None:
-        """Take account of the influences at one more point."""
+    def add(self, columns: FloatArray) -> None:
+        """Add the influences at one more point."""
         self.largest = np.maximum(self.largest, np.abs(np.nan_to_num(columns)))
 
     def findings(self, declared: dict[str, set[str] | None], exact: bool) -> Iterator[Finding]:
-        """Differences between what was seen and what is declared; None declares a dependency on everything."""
+        """Differences between observed and declared dependencies; None declares a dependency on everything."""
         strongest = self.largest.max(axis=1, initial=0.0)
         threshold = strongest * (NOISE if exact else 1e-6)
         seen = self.largest > np.maximum(threshold, 1e-300)[:, None]
@@ -61,8 +61,8 @@ class Influences:
             if missing:
                 yield error(unknown.name, f"depends on {listed(missing)}, expected {where} to say so")
             idle = [name for name in idle if name in known_names]
-            if idle and exact:  # differences do not see what is weak
-                yield warning(unknown.name, f"{where} depends on {listed(idle)}, but no influence was seen")
+            if idle and exact:  # finite differences miss weak influences
+                yield warning(unknown.name, f"{where} depends on {listed(idle)}, but no influence was observed")
 
 
 def start_dependency_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
@@ -81,16 +81,16 @@ def start_dependency_findings(folder: Path, description: Any, name: str) -> Iter
             if point:
                 instance.restart()
                 perturb(instance, knowns, unknowns, rng, point)
-            if _speaks_for_both(description, name):
-                influences.see(_influences(instance, unknowns, knowns, instance.set, exact))
+            if _checks_structure(description, name):
+                influences.add(_influences(instance, unknowns, knowns, instance.set, exact))
             floats = [known for known in knowns if is_float(known)]
             if exact and floats:
                 found = list(
                     _derivative_findings(instance, unknowns, floats, instance.set, rng, f"{name} at the start")
                 )
                 yield from found
-                exact = not found  # once is enough, and then they are not to be relied on
-    if _speaks_for_both(description, name):
+                exact = not found  # report once, then use differences
+    if _checks_structure(description, name):
         yield from influences.findings(_declared(description.initialUnknowns), exact)
 
 
@@ -117,17 +117,17 @@ def run_dependency_findings(folder: Path, description: Any, name: str) -> Iterat
             instance.run()
             _scatter(instance, inputs, rng)
             setter = _setter(instance, inputs, state)
-            if _speaks_for_both(description, name):
+            if _checks_structure(description, name):
                 columns = _influences(instance, unknowns, knowns, setter, exact)
                 for influence, part in zip(influences, np.split(columns, [len(influences[0].largest)]), strict=True):
-                    influence.see(part)
+                    influence.add(part)
             moved = knowns if name == "ModelExchange" else inputs
             if exact and moved:
                 found = list(_derivative_findings(instance, unknowns, moved, setter, rng, f"{name} in a run"))
                 yield from found
                 exact = not found
     for influence, (_, group) in zip(influences, groups, strict=True):
-        if _speaks_for_both(description, name):
+        if _checks_structure(description, name):
             yield from influence.findings(_declared(group), exact)
 
 
@@ -138,7 +138,7 @@ _PERTURBED = ("Real", "Float64", "Boolean")
 
 
 def perturb(instance: Instance, knowns: list[Any], unknowns: list[Any], rng: np.random.Generator, point: int) -> None:
-    """Move every known away from its value, as far as the unit takes it; Booleans are on at every other point."""
+    """Move every known away from its value, as far as the unit accepts it; Booleans are true at every other point."""
     for known in knowns:
         value = instance.get([known])
         if not is_float(known):
@@ -155,7 +155,7 @@ def perturb(instance: Instance, knowns: list[Any], unknowns: list[Any], rng: np.
 
 
 def _scatter(instance: Instance, inputs: list[Any], rng: np.random.Generator) -> None:
-    """Inputs and, where they can be set, states away from where nothing happens."""
+    """Move inputs and, where they can be set, states away from rest."""
     if inputs:
         instance.set(inputs, instance.get(inputs) + rng.uniform(0.1, 1.0, _total(inputs)))
     if not instance.co_simulation and states(instance.description):
@@ -164,7 +164,7 @@ def _scatter(instance: Instance, inputs: list[Any], rng: np.random.Generator) ->
 
 
 def _setter(instance: Instance, inputs: list[Any], state: list[Any]) -> Setter:
-    """Sets inputs and, in Model Exchange, states by their vector."""
+    """A function that sets inputs and, in Model Exchange, the vector of states."""
     count = _total(inputs)
 
     def set_all(variables: Sequence[Any], values: FloatArray) -> None:
@@ -176,7 +176,7 @@ def _setter(instance: Instance, inputs: list[Any], state: list[Any]) -> Setter:
 
 
 def _influences(instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, exact: bool) -> FloatArray:
-    """The change of all unknowns with every known, scalar by scalar, in units of the known's size."""
+    """The change of all unknowns with every scalar of the knowns, per size of the known."""
     values = instance.get(knowns)
     columns = np.zeros((_total(unknowns), values.size))
     size = np.maximum(np.abs(values), 1.0)
@@ -196,7 +196,7 @@ def _influences(instance: Instance, unknowns: list[Any], knowns: list[Any], sett
 def _change(
     instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, values: FloatArray, moved: FloatArray
 ) -> FloatArray:
-    """The unknowns elsewhere less those here; zero where the unit refuses to go."""
+    """The change of the unknowns from `values` to `moved`; zero where the unit refuses the latter."""
     here = instance.get(unknowns)
     try:
         setter(knowns, moved)
@@ -210,7 +210,7 @@ def _change(
 def _derivative_findings(
     instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, rng: np.random.Generator, where: str
 ) -> Iterator[Finding]:
-    """A directional derivative against central differences; in FMI 3 the adjoint one against it, where declared."""
+    """A directional derivative against central differences, and where declared the adjoint derivative against it."""
     unknowns = [unknown for unknown in unknowns if unknown not in knowns]
     values = instance.get(knowns)
     seed = rng.uniform(0.3, 1.0, values.size) * np.maximum(np.abs(values), 1.0)
@@ -227,7 +227,7 @@ def _derivative_findings(
             setter(knowns, values + sign * DIFFERENCE * seed)
             ends.append(instance.get(unknowns))
     except RefusedError:
-        return  # the edge of what the unit takes is too near
+        return  # too near to the edge of what the unit accepts
     finally:
         setter(knowns, values)
     differences = (ends[0] - ends[1]) / (2 * DIFFERENCE)
@@ -246,8 +246,8 @@ def _offers_derivatives(description: Any, name: str) -> bool:
     return bool(interfaces(description)[name].providesDirectionalDerivative)
 
 
-def _speaks_for_both(description: Any, name: str) -> bool:
-    """Both interfaces share one ModelStructure: it is held against Model Exchange, which sets states, if there."""
+def _checks_structure(description: Any, name: str) -> bool:
+    """Whether to check ModelStructure by this interface: by Model Exchange, which can set states, if there is one."""
     return name == list(interfaces(description))[-1]
 
 

@@ -1,4 +1,4 @@
-"""Checks of modelDescription.xml alone: fmpy's validation, then what it leaves out."""
+"""Checks of modelDescription.xml by itself: fmpy's validation, and what that leaves out."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -14,7 +14,7 @@ from fmpy.validation import validate_fmu
 from baryscope.fmu.check.finding import Finding, error, listed, warning
 from baryscope.fmu.check.units import unit_findings
 
-# Declared capabilities that only a special importer could exercise.
+# Declared capabilities that only a specialised importer can exercise.
 UNCHECKED = (
     "needsExecutionTool",
     "canRunAsynchronuously",
@@ -29,7 +29,7 @@ UNCHECKED = (
 
 
 def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
-    """All that can be said of an unpacked unit without its binary."""
+    """All checks of an unpacked unit that do not run its binary."""
     yield from (error("modelDescription.xml", str(problem)) for problem in validate_fmu(str(folder)))
     yield from unit_findings(description)
     yield from _reference_findings(description)
@@ -44,7 +44,7 @@ def read_description(folder: Path) -> Any:
     """fmpy's reading of an unpacked unit's modelDescription.xml.
 
     Raises:
-        Exception: fmpy cannot make sense of it.
+        Exception: fmpy cannot read it.
     """
     description = fmpy.read_model_description(str(folder), validate=False)
     root = ET.parse(folder / "modelDescription.xml").getroot()  # noqa: S314 - fmpy has read it already
@@ -63,7 +63,7 @@ def interfaces(description: Any) -> dict[str, Any]:
 
 
 def size_of(variable: Any) -> int:
-    """How many scalars a variable has, with the structural parameters at their starts."""
+    """The number of scalars of a variable, with structural parameters at their starts."""
     extents = (
         dimension.start if dimension.start is not None else dimension.variable.start
         for dimension in variable.dimensions or ()
@@ -72,12 +72,12 @@ def size_of(variable: Any) -> int:
 
 
 def is_float(variable: Any) -> bool:
-    """Whether derivatives can be taken by it."""
+    """Whether the variable is a float, so that it has derivatives."""
     return variable.type in ("Real", "Float64")
 
 
 def continuous_inputs(description: Any) -> list[Any]:
-    """The inputs that may be set at any time of a run; discrete ones may at events only."""
+    """The inputs that may be set at any time of a run; discrete ones may be set at events only."""
     return [v for v in description.modelVariables if v.causality == "input" and v.variability == "continuous"]
 
 
@@ -87,7 +87,7 @@ def states(description: Any) -> list[Any]:
 
 
 def _reference_findings(description: Any) -> Iterator[Finding]:
-    """fmpy looks at this in FMI 3 only; in FMI 2 shared references are aliases, of which one may be set at most."""
+    """Shared value references. fmpy checks FMI 3 only; in FMI 2 they are aliases, of which at most one may be set."""
     owners: dict[tuple[str, int], Any] = {}
     for variable in description.modelVariables:
         key = (variable.type, int(variable.valueReference))
@@ -102,7 +102,7 @@ def _reference_findings(description: Any) -> Iterator[Finding]:
 
 
 def _start_findings(description: Any) -> Iterator[Finding]:
-    """Array starts are whole, and numbers."""
+    """Arrays have as many start values as elements."""
     for variable in description.modelVariables:
         if variable.start is None or variable.type in ("String", "Binary"):
             continue
@@ -111,11 +111,13 @@ def _start_findings(description: Any) -> Iterator[Finding]:
         if len(texts) != size and not (len(texts) == 1 and size > 1):
             yield error(variable.name, f"found {len(texts)} start values, expected {size}")
         elif len(texts) != size:
-            yield warning(variable.name, f"found one start value for {size} elements, which not every importer repeats")
+            yield warning(
+                variable.name, f"found one start value for {size} elements, which some importers do not repeat"
+            )
 
 
 def _derivative_findings(description: Any) -> Iterator[Finding]:
-    """Every derivative is in the structure, is of a state of its own, and of the one in its name."""
+    """Every derivative is listed in ModelStructure, has a state of its own, and matches the state in its name."""
     variables = [variable for variable in description.modelVariables if variable.derivative is not None]
     listed_ones = {unknown.variable.name for unknown in description.derivatives}
     shared = Counter(variable.derivative.name for variable in variables)
@@ -131,7 +133,7 @@ def _derivative_findings(description: Any) -> Iterator[Finding]:
 
 
 def _dependency_findings(description: Any) -> Iterator[Finding]:
-    """What unknowns may depend on: in a run on inputs and states, at the start on what is set before it."""
+    """Unknowns depend on inputs and states in a run, and on inputs and exact starts at initialization."""
     running = {state.name for state in states(description)}
     for element, unknowns in (("Outputs", description.outputs), ("Derivatives", description.derivatives)):
         for unknown in unknowns:
@@ -177,10 +179,10 @@ def _binary_findings(folder: Path, description: Any) -> Iterator[Finding]:
             yield error(
                 f"{name}/modelIdentifier",
                 f"found {listed(there) or 'no binaries'}, expected {library.relative_to(folder).as_posix()}; "
-                "what a binary does could not be checked",
+                "the binary could not be checked",
             )
 
 
 def platform_folder(description: Any) -> str:
-    """Where the binaries for this machine lie."""
+    """The folder of the binaries for this machine."""
     return str(fmpy.platform if description.fmiVersion == "2.0" else fmpy.platform_tuple)

@@ -1,11 +1,11 @@
-"""What the checker of FMUs says: findings, and where their severities come from."""
+"""The findings of the checks, and their severities."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """An error breaks the FMI standard or what the unit declares; a warning may be meant."""
+    """An error violates the FMI standard or the unit's own declarations; a warning may be intended."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -13,7 +13,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is not as it should be.
+    """One violation or doubt.
 
     Attributes:
         severity: error or warning.
@@ -30,16 +30,16 @@ class Finding:
 
 
 def error(subject: str, message: str) -> Finding:
-    """A finding that breaks the standard or what is declared."""
+    """A finding that violates the standard or a declaration."""
     return Finding(Severity.ERROR, subject, message)
 
 
 def warning(subject: str, message: str) -> Finding:
-    """A finding that may be meant."""
+    """A finding that may be intended."""
     return Finding(Severity.WARNING, subject, message)
 
 
 def listed(names: list[str], most: int = 3) -> str:
-    """Some names, and how many more there are."""
+    """The first names, and the number of the others."""
     rest = len(names) - most
     return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -1,4 +1,4 @@
-"""An instance of any FMU, of FMI 2 or 3, Co-Simulation or Model Exchange, that is driven alike by the checks."""
+"""An instance of any FMU with one interface for FMI 2 and 3, Co-Simulation and Model Exchange."""
 
 import ctypes
 import os
@@ -16,11 +16,11 @@ FloatArray = NDArray[np.float64]
 
 
 class RefusedError(Exception):
-    """The FMU refused a call; the message holds the call and what the FMU said."""
+    """The FMU refused a call; the message holds the call and the FMU's log."""
 
 
 class Instance:
-    """One instance; the calls raise `RefusedError` with what the unit logged.
+    """One instance; calls raise `RefusedError` with the unit's log.
 
     Attributes:
         description: fmpy's reading of modelDescription.xml.
@@ -30,12 +30,12 @@ class Instance:
 
     def __init__(self, folder: Path, description: Any, interface: str, token: str | None = None):
         self.description, self.interface = description, interface
-        self.second = description.fmiVersion == "2.0"
+        self.fmi2 = description.fmiVersion == "2.0"
         self.co_simulation = interface == "CoSimulation"
         self.allocations = 0
-        self._said: list[str] = []
-        module = fmi2 if self.second else fmi3
-        kind = getattr(module, f"FMU{2 if self.second else 3}{'Slave' if self.co_simulation else 'Model'}")
+        self._log: list[str] = []
+        module = fmi2 if self.fmi2 else fmi3
+        kind = getattr(module, f"FMU{2 if self.fmi2 else 3}{'Slave' if self.co_simulation else 'Model'}")
         self.fmu: Any = None
         self._guarded("loading", lambda: self._load(kind, folder, token))
         try:
@@ -55,11 +55,11 @@ class Instance:
                 instanceName="baryscope check",
             )
         finally:
-            os.chdir(here)  # fmpy goes to the library's folder, and stays there if it cannot be loaded
+            os.chdir(here)  # fmpy changes to the library's folder, and stays there if loading fails
 
     def _instantiate(self) -> None:
-        if not self.second:
-            self.fmu.instantiate(logMessage=lambda *a: self._hear(a[3]))
+        if not self.fmi2:
+            self.fmu.instantiate(logMessage=lambda *a: self._append(a[3]))
             return
 
         def allocate(count: int, size: int) -> Any:
@@ -67,32 +67,32 @@ class Instance:
             return calloc(count, size)
 
         callbacks = fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *a: self._hear(a[4]))
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda *a: self._append(a[4]))
         callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(allocate)
         callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(free)
         self.fmu.instantiate(callbacks=callbacks)
 
-    def _hear(self, message: bytes | None) -> None:
-        self._said.append((message or b"").decode("utf-8", "replace"))
+    def _append(self, message: bytes | None) -> None:
+        self._log.append((message or b"").decode("utf-8", "replace"))
 
     def _guarded(self, what: str, call: Callable[[], Any]) -> Any:
-        self._said.clear()
+        self._log.clear()
         try:
             return call()
         except Exception as problem:  # fmpy raises bare Exceptions
-            raise RefusedError(f"{what} failed: {'; '.join(self._said) or problem}") from problem
+            raise RefusedError(f"{what} failed: {'; '.join(self._log) or problem}") from problem
 
     def call(self, name: str, *arguments: Any) -> Any:
         """One of fmpy's methods by name."""
         return self._guarded(name, lambda: getattr(self.fmu, name)(*arguments))
 
     def close(self) -> None:
-        """Free the instance and give the library back, which others may still use."""
+        """Free the instance and unload the library, which other instances may still use."""
         fmu, self.fmu = self.fmu, None
         if fmu is None:
             return
         if fmu.component:
-            (fmu.fmi2FreeInstance if self.second else fmu.fmi3FreeInstance)(fmu.component)
+            (fmu.fmi2FreeInstance if self.fmi2 else fmu.fmi3FreeInstance)(fmu.component)
         fmu.freeLibrary()
 
     def __enter__(self) -> "Instance":
@@ -107,7 +107,7 @@ class Instance:
         """Enter Initialization Mode at the default start time."""
         experiment = self.description.defaultExperiment
         self.time = float(experiment.startTime or 0.0) if experiment is not None else 0.0
-        if self.second:
+        if self.fmi2:
             self.call("setupExperiment", None, self.time)
             self.call("enterInitializationMode")
         else:
@@ -124,7 +124,7 @@ class Instance:
         self.call("enterContinuousTimeMode")
 
     def _discrete_states_needed(self) -> bool:
-        if not self.second:
+        if not self.fmi2:
             return bool(self.call("updateDiscreteStates")[0])
         info = fmi2.fmi2EventInfo()
         self._guarded(
@@ -138,7 +138,7 @@ class Instance:
         self.initialise()
 
     def step(self, duration: float) -> None:
-        """One communication step from the time reached."""
+        """One communication step from the current time."""
         self.call("doStep", self.time, duration)
         self.time += duration
 
@@ -157,22 +157,22 @@ class Instance:
 
     def _get(self, kind: str, variables: Sequence[Any], size: int) -> Any:
         references = [variable.valueReference for variable in variables]
-        name = f"get{_CALLED.get((self.second, kind), kind)}"
-        return self.call(name, references) if self.second else self.call(name, references, size)
+        name = f"get{_FUNCTION_TYPES.get((self.fmi2, kind), kind)}"
+        return self.call(name, references) if self.fmi2 else self.call(name, references, size)
 
     def set(self, variables: Sequence[Any], values: ArrayLike) -> None:
-        """Set numeric variables, each by its own call."""
+        """Set numeric variables, one call each."""
         flat = np.atleast_1d(np.asarray(values, dtype=float)).tolist()
         for variable in variables:
             part, flat = flat[: size_of(variable)], flat[size_of(variable) :]
-            kind = _CALLED.get((self.second, variable.type), variable.type)
+            kind = _FUNCTION_TYPES.get((self.fmi2, variable.type), variable.type)
             convert: Any = float if kind in ("Real", "Float64", "Float32") else (bool if kind == "Boolean" else int)
             self.call(f"set{kind}", [variable.valueReference], [convert(value) for value in part])
 
     def derivative(self, unknowns: Sequence[Any], knowns: Sequence[Any], seed: ArrayLike) -> FloatArray:
         """A directional derivative."""
         arguments = [_references(unknowns), _references(knowns), np.asarray(seed, dtype=float).tolist()]
-        if not self.second:
+        if not self.fmi2:
             arguments.append(sum(size_of(unknown) for unknown in unknowns))
         return np.asarray(self.call("getDirectionalDerivative", *arguments), dtype=float)
 
@@ -187,7 +187,7 @@ class Instance:
     def output_derivatives(self, outputs: Sequence[Any], order: int) -> FloatArray:
         """Derivatives of outputs by time."""
         references, orders = _references(outputs), [order] * len(outputs)
-        if self.second:
+        if self.fmi2:
             return np.asarray(self.call("getRealOutputDerivatives", references, orders), dtype=float)
         values = (ctypes.c_double * sum(size_of(output) for output in outputs))()
         arguments = (
@@ -208,7 +208,7 @@ class Instance:
     def get_states(self, rates: bool = False) -> FloatArray:
         """The vector of continuous states, or their derivatives (Model Exchange)."""
         values = np.zeros(self._state_count())
-        of_rates = "getDerivatives" if self.second else "getContinuousStateDerivatives"
+        of_rates = "getDerivatives" if self.fmi2 else "getContinuousStateDerivatives"
         self.call(of_rates if rates else "getContinuousStates", _pointer(values), values.size)
         return values
 
@@ -222,27 +222,27 @@ class Instance:
 
     def save(self) -> Any:
         """A saved state."""
-        return self.call("getFMUstate" if self.second else "getFMUState")
+        return self.call("getFMUstate" if self.fmi2 else "getFMUState")
 
     def restore(self, state: Any) -> None:
-        """Put a saved state back."""
-        self.call("setFMUstate" if self.second else "setFMUState", state)
+        """Restore a saved state."""
+        self.call("setFMUstate" if self.fmi2 else "setFMUState", state)
 
-    def forget(self, state: Any) -> None:
+    def free_state(self, state: Any) -> None:
         """Free a saved state."""
-        self.call("freeFMUstate" if self.second else "freeFMUState", state)
+        self.call("freeFMUstate" if self.fmi2 else "freeFMUState", state)
 
     def serialise(self, state: Any) -> bytes:
         """A saved state as bytes."""
-        return bytes(self.call("serializeFMUstate" if self.second else "serializeFMUState", state))
+        return bytes(self.call("serializeFMUstate" if self.fmi2 else "serializeFMUState", state))
 
     def deserialise(self, content: bytes) -> Any:
-        """The saved state of some bytes."""
-        return self.call("deSerializeFMUstate" if self.second else "deserializeFMUState", content)
+        """A saved state from its bytes."""
+        return self.call("deSerializeFMUstate" if self.fmi2 else "deserializeFMUState", content)
 
 
-# Types whose functions have another name, by whether it is FMI 2.
-_CALLED = {(True, "Enumeration"): "Integer", (False, "Enumeration"): "Int64"}
+# The type in the name of the functions where it differs from the variable's; the first key is True for FMI 2.
+_FUNCTION_TYPES = {(True, "Enumeration"): "Integer", (False, "Enumeration"): "Int64"}
 
 
 def _references(variables: Iterable[Any]) -> list[int]:

@@ -1,4 +1,4 @@
-"""Checks of our own units, TumblingTarget by baryscope, against the table of variables and the model's equations."""
+"""Checks of our own units, baryscope's TumblingTarget, against the table of variables and the equations."""
 
 import re
 from collections.abc import Iterator
@@ -53,7 +53,7 @@ def table_findings(description: Any) -> Iterator[Finding]:
 
 
 def model_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """What the binary computes from the XML's starts is what the equations give, variable by variable."""
+    """The binary computes from the start values in the XML what the equations give, variable by variable."""
     system = tumbling_target(_feature_count(description))
     with Instance(folder, description, name) as instance:
         instance.initialise()
@@ -62,7 +62,7 @@ def model_findings(folder: Path, description: Any, name: str) -> Iterator[Findin
         def read(variable: Variable) -> FloatArray | None:
             names = [entry for entry, _, _ in _entries(variable, description)]
             if any(entry not in there or is_float(there[entry]) == variable.boolean for entry in names):
-                return None  # reported by the table
+                return None  # table_findings reports it
             return instance.get([there[entry] for entry in names])
 
         found = {variable.name: read(variable) for variable in system.variables}
@@ -92,7 +92,7 @@ def model_findings(folder: Path, description: Any, name: str) -> Iterator[Findin
 
 
 def _feature_count(description: Any) -> int:
-    """From the normals, which come as three scalars a feature, or as one array."""
+    """The number of features, from the normals: three scalars each, or one array."""
     counts = [size_of(v) for v in description.modelVariables if re.match(r"normals(\[|$)", v.name)]
     return max(3, round(sum(counts) / 3))
 
@@ -102,7 +102,7 @@ def _table(description: Any) -> tuple[Variable, ...]:
 
 
 def _entries(variable: Variable, description: Any) -> list[tuple[str, Variable, int]]:
-    """What stands in the XML for a row of the table: scalars by name, or in FMI 3 the array."""
+    """The variables in the XML that belong to a row of the table: scalars by name, or in FMI 3 the array."""
     whole = any(v.dimensions for v in description.modelVariables)
     if whole:
         return [(variable.name, variable, variable.size)]

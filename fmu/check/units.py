@@ -1,4 +1,4 @@
-"""Checks of an FMU's units: definitions against their names, derivatives against their states, arrays within."""
+"""Checks of units: definitions against names, derivatives against states, and elements of one array."""
 
 import re
 from collections import Counter
@@ -11,7 +11,7 @@ from baryscope.fmu.check.finding import Finding, error, warning
 BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 Exponents = Mapping[str, int]
 
-# What a coherent SI symbol is in base units; symbols that are not here, prefixed ones among them, are not judged.
+# Coherent SI symbols in base units. Other symbols, such as prefixed ones, are not checked.
 _SYMBOLS: dict[str, dict[str, int]] = {
     "1": {},
     **{base: {base: 1} for base in BASES},
@@ -32,11 +32,11 @@ _FACTOR = re.compile(r"([A-Za-z]+|1)\^?([+-]?\d+)?")
 
 
 def exponents_of_name(name: str) -> Exponents | None:
-    """The exponents of the base units that a name such as `kg.m2/s` or `N.m/(rad.s)` says; None if it is not SI."""
+    """The exponents of the base units in a name such as `kg.m2/s` or `N.m/(rad.s)`; None if it is not SI."""
     total: Counter[str] = Counter()
     halves = name.replace("(", "").replace(")", "").split("/")
     if len(halves) > 2 or ("/" in name and "." in halves[1] and "(" not in name):
-        return None  # what a second slash, or a dot after a slash, means is not agreed upon
+        return None  # a second slash, or a dot after a slash, is ambiguous
     for sign, half in zip((1, -1), halves, strict=False):
         for factor in re.split(r"[.*]", half):
             match = _FACTOR.fullmatch(factor)
@@ -59,7 +59,7 @@ def unit_of(variable: Any) -> str | None:
 
 
 def unit_findings(description: Any) -> Iterator[Finding]:
-    """All that can be said about units from the XML."""
+    """All checks of units."""
     bases = {unit.name: unit.baseUnit for unit in description.unitDefinitions if unit.baseUnit is not None}
     for name, base in bases.items():
         expected = exponents_of_name(name)
@@ -77,7 +77,7 @@ def unit_findings(description: Any) -> Iterator[Finding]:
 
 
 def _derivative_findings(variable: Any, bases: Mapping[str, Any]) -> Iterator[Finding]:
-    """The derivative of what is in metres is in metres a second."""
+    """The unit of a derivative is that of its state per second."""
     state = variable.derivative
     own, of_state = unit_of(variable), unit_of(state)
     if own is None or of_state is None or own not in bases or of_state not in bases:
@@ -94,7 +94,7 @@ def _derivative_findings(variable: Any, bases: Mapping[str, Any]) -> Iterator[Fi
 
 
 def _array_findings(variables: Any) -> Iterator[Finding]:
-    """Elements of one array that are written as scalars, `x[1]`, `x[2]`, have one unit."""
+    """Elements of one array that are declared as scalars, `x[1]`, `x[2]`, have the same unit."""
 
     def stem(variable: Any) -> str:
         return re.sub(r"\[[\d,]+\](?=\)?$)", "[]", variable.name)

@@ -1,4 +1,4 @@
-/* One translation unit: everything but the functions of the FMI version stays private to the library. */
+/* One translation unit: only the functions of the FMI version are exported. */
 
 #define CASADI_SYMBOL_EXPORT static
 #include "model.c"

@@ -1,4 +1,4 @@
-/* FMI 2.0, Co-Simulation and Model Exchange: types and names; what the calls do stands in instance.h. */
+/* FMI 2.0 for Co-Simulation and Model Exchange: types and names. instance.h declares what the calls do. */
 
 #include "instance.h"
 
@@ -66,7 +66,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     return (fmi2Status)instance_set(c, "fmi2SetReal", REAL, (Selection){vr, nvr}, value, nvr);
 }
 
-/* FMI 2 has its Booleans in ints. Whether as many as are asked for can be handed on as the core's; if not, says so. */
+/* FMI 2 passes Booleans as ints. Whether the number asked for fits into an array of bool; if not, says so. */
 static bool booleans_fit(fmi2Component c, Call call, const char *function, size_t count)
 {
     Instance *instance = enter(c, call, function);
@@ -120,7 +120,7 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) { return (fmi2Status)instance_save(c, "fmi2GetFMUstate", state); }
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) { return (fmi2Status)instance_restore(c, "fmi2SetFMUstate", state); }
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) { return (fmi2Status)instance_forget(c, "fmi2FreeFMUstate", state); }
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) { return (fmi2Status)instance_free_state(c, "fmi2FreeFMUstate", state); }
 
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
 {
@@ -175,7 +175,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
     return nvr ? (fmi2Status)refuse(instance, "fmi2SetRealInputDerivatives: this unit holds its inputs over a step") : fmi2OK;
 }
 
-/* Steps are never pending: of all the statuses only the last time and "not terminated" exist. */
+/* Steps are never pending: the only statuses are the last time and "not terminated". */
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
 {
     Instance *instance = enter(c, GET_STATUS, "fmi2GetRealStatus");

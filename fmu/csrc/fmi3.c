@@ -1,5 +1,5 @@
-/* FMI 3.0, Co-Simulation and Model Exchange: types and names; what the calls do stands in instance.h. The functions for
-   what the unit does not have (other types, Clocks, Scheduled Execution, …) are in fmi3_absent.c. */
+/* FMI 3.0 for Co-Simulation and Model Exchange: types and names. instance.h declares what the calls do. Functions for
+   features that the unit does not have (other types, Clocks, Scheduled Execution, …) are in fmi3_absent.c. */
 
 #include "instance.h"
 
@@ -23,7 +23,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
     return instance_create(name, MODEL_EXCHANGE, token, log3_message, (void (*)(void))logger, environment, logging);
 }
 
-/* The unit returns early from no step and calls no intermediate update, so that it does not matter who could take them. */
+/* The unit never returns early and never calls the intermediate update; the importer's abilities there are ignored. */
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
                                          fmi3Boolean logging, fmi3Boolean event_mode, fmi3Boolean early_return,
                                          const fmi3ValueReference intermediate[], size_t n_intermediate,
@@ -92,7 +92,7 @@ fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference vr[], size_t 
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state) { return (fmi3Status)instance_save(c, "fmi3GetFMUState", state); }
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state) { return (fmi3Status)instance_restore(c, "fmi3SetFMUState", state); }
-fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state) { return (fmi3Status)instance_forget(c, "fmi3FreeFMUState", state); }
+fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state) { return (fmi3Status)instance_free_state(c, "fmi3FreeFMUState", state); }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
 {
@@ -127,7 +127,7 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance c, const fmi3ValueReference unk
 
 /* ---- Co-Simulation ---- */
 
-/* Steps are made whole or not at all, and nothing ever asks for an event or for the end. */
+/* A step is complete or fails. The unit never asks for an event or for termination. */
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 point, fmi3Float64 step, fmi3Boolean no_rollback, fmi3Boolean *event,
                       fmi3Boolean *terminate, fmi3Boolean *early_return, fmi3Float64 *last_time)
 {
@@ -214,7 +214,7 @@ fmi3Status fmi3GetEventIndicators(fmi3Instance c, fmi3Float64 indicators[], size
     return n ? (fmi3Status)refuse(instance, "fmi3GetEventIndicators: found room for %zu values, expected 0", n) : fmi3OK;
 }
 
-/* Tell a number that only Model Exchange has. */
+/* Return a number that exists in Model Exchange only. */
 static fmi3Status tell_number(fmi3Instance c, const char *function, size_t *place, size_t number)
 {
     Instance *instance = enter(c, ASK, function);

@@ -1,6 +1,6 @@
-/* The functions of FMI 3.0 for what the unit does not have, and does not declare: variables of other types, Clocks,
-   structural parameters, discrete states, Scheduled Execution, an Event Mode of Co-Simulation. They must be there all the
-   same; they are refused, or allowed where they ask for nothing. */
+/* The functions of FMI 3.0 for features that the unit neither has nor declares: variables of other types, Clocks,
+   structural parameters, discrete states, Scheduled Execution, Event Mode in Co-Simulation. The library must still export
+   them. They are refused, except for empty requests. */
 
 #include "instance.h"
 

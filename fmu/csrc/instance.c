@@ -9,7 +9,7 @@
 #define ANY (INSTANTIATED | INITIALIZATION | STEPPING | EVENT | CONTINUOUS | TERMINATED)
 #define RUNNING (STEPPING | EVENT | CONTINUOUS)
 #if FMI_VERSION == 3
-#define STARTS_READABLE INSTANTIATED /* FMI 2 lets nothing be read so early */
+#define STARTS_READABLE INSTANTIATED /* FMI 2 does not allow it */
 #else
 #define STARTS_READABLE 0
 #endif
@@ -53,7 +53,7 @@ static const char *state_name(unsigned state)
 
 /* ---- messages ---- */
 
-/* Not every importer expands a format: send none. */
+/* Some importers pass messages to printf: send no percent signs. */
 static void remove_formats(char *message)
 {
     for (char *c = message; *c; c++)
@@ -93,7 +93,7 @@ static Instance *enter(void *component, Call call, const char *function)
 
 /* ---- creation and destruction ---- */
 
-/* Why an instance cannot be made, or NULL. */
+/* Why an instance cannot be created, or NULL. */
 static const char *creation_fault(const char *name, const char *token)
 {
     if (!name || !*name) return "the instance name is empty, expected a name";

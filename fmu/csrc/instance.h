@@ -107,7 +107,7 @@ static Status instance_get_nominals(void *component, const char *function, doubl
 
 static Status instance_save(void *component, const char *function, void **saved);
 static Status instance_restore(void *component, const char *function, const void *saved);
-static Status instance_forget(void *component, const char *function, void **saved);
+static Status instance_free_state(void *component, const char *function, void **saved);
 static Status instance_saved_size(void *component, const char *function, const void *saved, size_t *size);
 static Status instance_serialise(void *component, const char *function, const void *saved, unsigned char *bytes, size_t size);
 static Status instance_deserialise(void *component, const char *function, const unsigned char *bytes, size_t size,

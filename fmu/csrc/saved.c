@@ -1,4 +1,4 @@
-/* Saved states: copies of the core, and the same as bytes for another process with the same library. */
+/* Saved states: copies of the core, also as bytes for another process with the same library. */
 
 #include "instance.h"
 
@@ -49,7 +49,7 @@ static Status instance_save(void *component, const char *function, void **state)
     if (!state) return refuse(instance, "%s: found a null pointer, expected a place for the state", function);
     if (*state && !usable(instance, function, *state)) return ERROR;
     Saved *saved = *state ? *state : calloc(1, sizeof *saved);
-    if (!saved) return refuse(instance, "%s: there is no memory left", function);
+    if (!saved) return refuse(instance, "%s: out of memory", function);
     memcpy(saved->magic, MAGIC, sizeof saved->magic);
     strncpy(saved->token, MODEL_TOKEN, sizeof saved->token - 1);
     saved->size = sizeof *saved;
@@ -70,7 +70,7 @@ static Status instance_restore(void *component, const char *function, const void
     return OK;
 }
 
-static Status instance_forget(void *component, const char *function, void **state)
+static Status instance_free_state(void *component, const char *function, void **state)
 {
     Instance *instance = enter(component, SAVE_STATE, function);
     if (!instance) return ERROR;
@@ -113,7 +113,7 @@ static Status instance_deserialise(void *component, const char *function, const 
     if (!instance || !bytes_fit(instance, function, bytes, size)) return ERROR;
     if (!state) return refuse(instance, "%s: found a null pointer, expected a place for the state", function);
     Saved *saved = malloc(sizeof *saved);
-    if (!saved) return refuse(instance, "%s: there is no memory left", function);
+    if (!saved) return refuse(instance, "%s: out of memory", function);
     memcpy(saved, bytes, sizeof *saved);
     if (!usable(instance, function, saved)) {
         free(saved);

@@ -28,7 +28,7 @@ static const Variable *variable(const Instance *instance, const char *function, 
     return &VARIABLES[reference];
 }
 
-/* Whether the references are of this type and their values number `n_values`; tells the kinds among them. */
+/* Whether the references are of this type and have `n_values` values; collects their kinds. */
 static bool request_fits(const Instance *instance, const char *function, Type type, Selection selection, const void *values,
                          size_t n_values, unsigned *kinds)
 {
@@ -91,7 +91,7 @@ static bool settable(const Instance *instance, const char *function, const Varia
     return false;
 }
 
-/* Refuse a value of a variable, or of an array's element, which is named as FMI 2 names it. */
+/* Refuse a value of a variable or of an array's element, which is named as in FMI 2. */
 static void refuse_value(const Instance *instance, const char *function, const Variable *one, int k, double value)
 {
     char element[32] = "";
@@ -111,7 +111,7 @@ static bool finite_values(const Instance *instance, const char *function, const 
     return true;
 }
 
-/* Take over tuned parameters, or put back all that was set in this call. */
+/* Take over tuned parameters, or restore all values that this call has set. */
 static Status tune(Instance *instance, const char *function, const Unit *former)
 {
     char message[MESSAGE_SIZE];
@@ -120,7 +120,7 @@ static Status tune(Instance *instance, const char *function, const Unit *former)
     return refuse(instance, "%s: %s", function, message);
 }
 
-/* All values are checked before the first is set. */
+/* All values are checked before the first one is set. */
 static Status instance_set(void *component, const char *function, Type type, Selection selection, const void *values,
                            size_t n_values)
 {

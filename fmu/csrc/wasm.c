@@ -1,5 +1,5 @@
-/* The unit as a WebAssembly module. Its host can hand over no function, so that the logger is here: it keeps the last
-   message until the host reads it. Everything else goes by the fmi2* functions. */
+/* The unit as a WebAssembly module. Its host cannot pass functions, so the logger is here: it keeps the last message until
+   the host reads it. All else goes through the fmi2* functions. */
 
 #include "all.c"
 
@@ -14,7 +14,7 @@ static void keep_message(fmi2ComponentEnvironment environment, fmi2String name, 
     snprintf(last_message, sizeof last_message, "%s", message); /* the unit sends no formats */
 }
 
-/* What the unit said last; empty if it has said nothing. */
+/* The last message of the unit; empty if there is none. */
 EXPORT const char *unit_message(void);
 const char *unit_message(void) { return last_message; }
 

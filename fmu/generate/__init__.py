@@ -1,6 +1,6 @@
-"""What makes a unit: C code from CasADi, modelDescription.xml, the compiler and its cache, and the packed FMU.
+"""Builds units: C code from CasADi, modelDescription.xml, the compiler and its cache, and the packed FMU.
 
-It writes what baryscope.fmu.layout describes, and the hand-written half of the C code lies in csrc/.
+The hand-written half of the C code is in csrc/; the layout of the result is in baryscope.fmu.layout.
 """
 
 from baryscope.fmu.generate.build import build_fmu

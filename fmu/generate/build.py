@@ -16,7 +16,7 @@ from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import tumbling_target
 
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # one date for all members, so that equal contents give equal files
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
 
 def build_fmu(
@@ -69,7 +69,7 @@ def build_fmu(
 def describe_unit(
     scenario: Scenario, fmi: FmiVersion, *, scalar: bool = False, main: str = MAIN
 ) -> tuple[bytes, dict[str, bytes]]:
-    """A unit's modelDescription.xml and, by name, the C sources that belong to it: `main` and what it includes."""
+    """A unit's modelDescription.xml, and its C sources by name: `main` and the files that it includes."""
     system = tumbling_target(len(scenario.features.points))
     parameters = scenario.flat_parameters()
     equations, integrator = model_source(system), integrator_header()
@@ -86,7 +86,7 @@ def describe_unit(
 
 
 def _token(sources: Mapping[str, bytes], description: bytes) -> str:
-    """A GUID that changes with whatever the unit is made from."""
+    """A GUID that depends on everything the unit is made from."""
     digest = hashlib.sha256(description)
     for name, content in sources.items():
         digest.update(f"\0{name}\0".encode() + content)
@@ -108,6 +108,6 @@ def _pack(
         for name, content in (members | dict(binaries)).items():
             member = zipfile.ZipInfo(name, date_time=_EPOCH)
             member.compress_type = zipfile.ZIP_DEFLATED
-            member.create_system = 3  # Unix, whose permissions follow, on every machine
+            member.create_system = 3  # Unix, on every machine; its permissions follow
             member.external_attr = (0o755 if name in binaries else 0o644) << 16
             archive.writestr(member, content)

@@ -1,7 +1,7 @@
-"""Compiled libraries kept between builds, each under the hash of all that it was made from.
+"""Keeps compiled libraries between builds, each under the hash of everything it was made from.
 
-A cache never fails a build: what is missing, damaged or unreadable is made anew, and where nothing can be written
-nothing is kept.
+The cache never fails a build. Missing, damaged or unreadable entries are compiled again; where the folder cannot be
+written, nothing is kept.
 """
 
 import hashlib
@@ -12,11 +12,11 @@ from contextlib import suppress
 from pathlib import Path
 
 _DIGEST = hashlib.sha256().digest_size
-MOST_ENTRIES = 400  # of about 100 kB; the oldest go first
+MOST_ENTRIES = 400  # of about 100 kB; the oldest are removed first
 
 
 def cache_folder() -> Path | None:
-    """Where libraries are kept: $BARYSCOPE_CACHE, else the user's cache folder; None for a user without a home."""
+    """The folder: $BARYSCOPE_CACHE, else the user's cache folder; None for a user without a home."""
     named = os.environ.get("BARYSCOPE_CACHE")
     if named:
         return Path(named)
@@ -31,8 +31,8 @@ def cache_folder() -> Path | None:
         return None
 
 
-def load(key: str) -> bytes | None:
-    """What was stored under a key, or None if there is nothing whole."""
+def load_cached(key: str) -> bytes | None:
+    """The content stored under a key, or None if it is missing or damaged."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -48,8 +48,8 @@ def load(key: str) -> bytes | None:
     return content
 
 
-def store(key: str, content: bytes) -> None:
-    """Keep a content under a key, if the folder can be written; nobody sees half of it."""
+def store_cached(key: str, content: bytes) -> None:
+    """Store a content under a key, atomically, if the folder can be written."""
     folder = cache_folder()
     if folder is None:
         return
@@ -63,10 +63,10 @@ def store(key: str, content: bytes) -> None:
             temporary.replace(folder / key)
         finally:
             temporary.unlink(missing_ok=True)
-        _forget_the_oldest(folder)
+        _remove_oldest(folder)
 
 
-def _forget_the_oldest(folder: Path) -> None:
+def _remove_oldest(folder: Path) -> None:
     entries = [(path.stat().st_mtime, path) for path in folder.iterdir() if not path.name.startswith(".")]
     for _, path in sorted(entries)[: max(0, len(entries) - MOST_ENTRIES)]:
         path.unlink(missing_ok=True)

@@ -96,7 +96,7 @@ def tables_header(
 
 
 def integrator_header() -> str:
-    """C header with the coefficients of DOP853, which scipy holds."""
+    """C header with the coefficients of DOP853, from scipy."""
     stages = DOP853.n_stages
     return "\n".join(
         [
@@ -119,7 +119,7 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def _matrix(name: str, values: NDArray[np.float64]) -> list[str]:
-    """A C matrix; columns are filled up to those of the widest, so that all can be read alike."""
+    """A C matrix, padded with zero columns to the width of the widest one, so that all are indexed alike."""
     rows = np.hstack([values, np.zeros((len(values), DOP853.n_stages + 4 - values.shape[1]))])
     body = [f"    {_numbers(row)}," for row in rows]
     return [f"static const double {name}[{len(rows)}][{rows.shape[1]}] = {{", *body, "};"]

@@ -1,4 +1,4 @@
-"""Finding a C compiler and making shared libraries with it: the system's, or zig from PyPI for every platform."""
+"""Finds a C compiler and builds shared libraries: the system's compiler, or zig from PyPI for every platform."""
 
 import hashlib
 import os
@@ -15,16 +15,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from platform import libc_ver
 
-from baryscope.fmu.generate import cache
+from baryscope.fmu.generate.cache import load_cached, store_cached
 from baryscope.fmu.layout.platforms import Platform
 from baryscope.models.errors import ComputationError
 from baryscope.models.files import temporary_folder
 
 CANDIDATES = ("cc", "gcc", "clang")
-# No -ffast-math: it would drop isfinite. No contraction: the same numbers from every compiler.
+# No -ffast-math: it breaks isfinite. No contraction: all compilers give the same numbers.
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fvisibility=hidden")
 WARNINGS = ("-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-parameter")
-# What changes a compiler's headers, libraries or target behind the command line's back.
+# Variables that change a compiler's headers, libraries or target.
 _ENVIRONMENT = (
     "CPATH",
     "C_INCLUDE_PATH",
@@ -36,7 +36,7 @@ _ENVIRONMENT = (
 )
 
 Progress = Callable[[tuple[str, ...], float], None]
-"""Takes the names of the platforms still being compiled for and the share that is done, 0 to 1."""
+"""Takes the names of the platforms that are still being compiled for, and the share done, 0 to 1."""
 
 
 def find_compiler() -> list[str]:
@@ -105,10 +105,10 @@ class Job:
 
     @property
     def arguments(self) -> list[str]:
-        """The compiler's arguments; all paths in them are relative, so that equal inputs give equal bytes."""
+        """The compiler's arguments. All paths are relative, so that equal inputs give equal bytes."""
         if not self.by_zig:
             target: tuple[str, ...] = ()
-        elif self.platform.target:  # the processor's common instructions; debugging data would hold paths
+        elif self.platform.target:  # -s: debugging data would hold paths
             target = ("-target", self.platform.target, "-s")
         else:
             target = ("-mcpu=baseline", "-s")
@@ -116,7 +116,7 @@ class Job:
         return [*target, *FLAGS, *WARNINGS, "-I.", self.main, "-o", self.output, *flags]
 
     def key(self) -> str | None:
-        """The hash of all that the library is made from; None if the compiler does not say what it is."""
+        """The hash of everything the library is made from; None if the compiler's version is unknown."""
         identity = _identity(self)
         if identity is None:
             return None
@@ -128,7 +128,7 @@ class Job:
 
 
 def _identity(job: Job) -> str | None:
-    """Which compiler it is, and in which version."""
+    """The compiler and its version; None if unknown."""
     if job.by_zig:
         try:
             return f"ziglang {version('ziglang')}"
@@ -144,7 +144,7 @@ def _identity(job: Job) -> str | None:
 
 
 def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[Platform, bytes]:
-    """The libraries of several jobs, from the cache or compiled as many at once as there are processors.
+    """The libraries of several jobs, from the cache or compiled, as many at once as there are processors.
 
     Args:
         jobs: one for each platform.
@@ -154,7 +154,7 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
         ComputationError: a compiler cannot be run or fails; the message holds its first error.
     """
     keys = {job: job.key() for job in jobs}
-    libraries = {job.platform: cache.load(key) or b"" if key else b"" for job, key in keys.items()}
+    libraries = {job.platform: load_cached(key) or b"" if key else b"" for job, key in keys.items()}
     left = [job for job in keys if not libraries[job.platform]]
     count = len(left)
     if not left:
@@ -169,12 +169,12 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
         try:
             tell()
             for work in as_completed(works):
-                job, (library, complaints) = works[work], work.result()
+                job, (library, messages) = works[work], work.result()
                 key = keys[job]
-                if complaints:  # and they will be heard again, since nothing is kept
-                    warnings.warn(f"the C compiler warns: {complaints}", stacklevel=3)
+                if messages:  # not cached, so that the next build warns again
+                    warnings.warn(f"the C compiler warns: {messages}", stacklevel=3)
                 elif key:
-                    cache.store(key, library)
+                    store_cached(key, library)
                 libraries[job.platform] = library
                 left.remove(job)
                 tell()
@@ -185,7 +185,7 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
 
 
 def _compile(job: Job) -> tuple[bytes, str]:
-    """The library and the compiler's warnings, which should be empty."""
+    """The library and the compiler's warnings; there should be none."""
     command = [*job.compiler, *job.arguments]
     with temporary_folder() as folder:
         for member, content in job.sources.items():

@@ -1,7 +1,6 @@
-"""modelDescription.xml, written from the table of variables and CasADi's sparsity: what both FMI versions share.
+"""modelDescription.xml, from the table of variables and CasADi's sparsity: what both versions of FMI share.
 
-What differs between them, names of elements and how variables are written down, stands in description2.py and
-description3.py.
+Names of elements and the form of variables differ; they are in description2.py and description3.py.
 """
 
 import xml.etree.ElementTree as ET
@@ -10,7 +9,8 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.fmu.generate import description2, description3
+import baryscope.fmu.generate.description2 as description2
+import baryscope.fmu.generate.description3 as description3
 from baryscope.fmu.generate.structure import structure_of
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import FmiVersion
@@ -25,7 +25,7 @@ DESCRIPTION = (
 )
 
 LOG_CATEGORIES = {
-    "logStatusError": "Why a call was refused or failed; on unless switched off",
+    "logStatusError": "Why a call was refused or failed; on by default",
     "logEvents": "Initialisation, reset and termination",
 }
 

@@ -1,4 +1,4 @@
-"""What modelDescription.xml has of its own in FMI 2.0: scalar variables, known by their index from 1."""
+"""The parts of modelDescription.xml that are specific to FMI 2.0: scalar variables, numbered from 1."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ from baryscope.models.variables import Kind
 
 
 def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
-    """Version and token, and what the unit offers."""
+    """Version, token and capabilities."""
     root.attrib |= {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"}
     offered = {
         "modelIdentifier": model_identifier,

@@ -1,4 +1,4 @@
-"""What modelDescription.xml has of its own in FMI 3.0: arrays, the independent variable, adjoint derivatives."""
+"""The parts of modelDescription.xml that are specific to FMI 3.0: arrays, the independent variable, adjoints."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ TIME_UNIT = "s"
 
 
 def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
-    """Version and token, and what the unit offers.
+    """Version, token and capabilities.
 
     No Event Mode of Co-Simulation, no early return, no intermediate update, no dependencies of single elements.
     """

@@ -1,4 +1,4 @@
-"""The C sources of a unit as they are compiled and shipped: one file and whatever it includes, flat in one folder."""
+"""The C sources of a unit, as they are compiled and shipped: one file and all it includes, in one flat folder."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -18,10 +18,10 @@ _INCLUDE = re.compile(rb'^\s*#\s*include\s+"([^"]+)"', re.MULTILINE)
 
 
 def unit_sources(generated: Mapping[str, str], fmi: FmiVersion, main: str = MAIN) -> dict[str, bytes]:
-    """`main` and all the files it includes, from ours, the generated ones and FMI's headers.
+    """`main` and all files it includes, from csrc/, the generated ones and FMI's headers.
 
     Args:
-        generated: texts by file name; they come before the others.
+        generated: texts by file name; they take precedence.
         fmi: files of the other version, named fmi2… or fmi3…, are left out.
         main: the file to be compiled.
     """
@@ -49,7 +49,7 @@ def unit_sources(generated: Mapping[str, str], fmi: FmiVersion, main: str = MAIN
 
 
 def build_description(model_identifier: str, main: str = MAIN) -> bytes:
-    """FMI 3's sources/buildDescription.xml: one file to compile, for whatever platform."""
+    """FMI 3's sources/buildDescription.xml: one file to compile, on every platform."""
     root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=model_identifier)
     sources = ET.SubElement(configuration, "SourceFileSet", language=LANGUAGE)
@@ -60,7 +60,7 @@ def build_description(model_identifier: str, main: str = MAIN) -> bytes:
 
 
 def licences(sources: Mapping[str, bytes], *, windows_by_zig: bool) -> dict[str, bytes]:
-    """The members of documentation/licenses/: ours, that of FMI's headers, and that of the runtime in zig's DLLs."""
+    """The members of documentation/licenses/: our licence, FMI's, and that of the runtime in zig's DLLs."""
     members: dict[str, bytes] = {}
     for ours in distributions(name="baryscope"):
         text = ours.read_text("licenses/LICENSE")

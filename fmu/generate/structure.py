@@ -1,4 +1,4 @@
-"""Which of the unit's values depend on which, by CasADi's sparsity: the content of FMI's ModelStructure."""
+"""Dependencies between the unit's values, by CasADi's sparsity: the content of FMI's ModelStructure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from baryscope.models.target import TumblingTarget
 from baryscope.models.variables import Kind
 
 Dependencies = Mapping[int, Sequence[int]]
-"""For each unknown the knowns it depends on, by their places in increasing order."""
+"""For each unknown, the places of the knowns that it depends on, in increasing order."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What depends on what.
+    """Dependencies in both phases.
 
     Attributes:
         running: in a run, outputs and derivatives on inputs and states.
@@ -41,7 +41,7 @@ def _gathered(of_scalars: Dependencies, owner: Sequence[int]) -> dict[int, list[
 
 
 def dependencies(system: TumblingTarget) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """What depends on what, in a run and at the start, as places of scalars in the table of variables."""
+    """Dependencies in a run and at the start, as places of scalars in the table of variables."""
     x, u, p = (ca.SX.sym(name, system.rhs.numel_in(index)) for index, name in enumerate("xup"))
     running = _places(
         system,
@@ -61,7 +61,7 @@ def dependencies(system: TumblingTarget) -> tuple[dict[int, list[int]], dict[int
 def _places(
     system: TumblingTarget, unknown_kinds: set[Kind], known_kinds: set[Kind], unknowns: ca.SX, knowns: ca.SX
 ) -> dict[int, list[int]]:
-    """For each unknown the knowns it depends on; `unknowns` and `knowns` in the order of the table."""
+    """For each unknown, the knowns that it depends on; `unknowns` and `knowns` are in the order of the table."""
     kinds = [variable.kind for variable in system.variables for _ in range(variable.size)]
     rows = [index for index, kind in enumerate(kinds) if kind in unknown_kinds]
     columns = [index for index, kind in enumerate(kinds) if kind in known_kinds]

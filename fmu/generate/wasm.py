@@ -1,4 +1,4 @@
-"""The unit as a WebAssembly module, for pages in a browser and for Node; FMI has no folder for it in an FMU."""
+"""The unit as a WebAssembly module, for browsers and Node. FMI has no folder for it, so it is a file of its own."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ WASM = Platform(
     "wasm32-wasi",
     ".wasm",
     "wasm32-wasi",
-    # A reactor is a library: it starts by _initialize and then stands by.
+    # A reactor is a library: _initialize is called once, then its functions.
     ("-mexec-model=reactor", "-Wl,--export-dynamic", "-Wl,--export=malloc", "-Wl,--export=free"),
 )
 

@@ -1,6 +1,6 @@
-"""How an FMU of ours is laid out: its platforms and their folders, its value references, and opening its file.
+"""The layout of our FMUs: platforms and their folders, value references, and the archive.
 
-The other rooms of baryscope.fmu import this one; it imports none of them.
+It holds what generate, runtime and check share; they import this room, and it imports none of them.
 """
 
 from baryscope.fmu.layout.archive import MODEL_NAME, UnitFile, open_unit, unpack

@@ -1,4 +1,4 @@
-"""Opening an FMU file: unpacked with its paths checked, and recognised as one of ours by its variables."""
+"""Opens FMU files: checks the paths, unpacks, and recognises a unit of ours by its variables."""
 
 import shutil
 import tempfile
@@ -23,13 +23,13 @@ class UnitFile:
     """An unpacked unit.
 
     Attributes:
-        path: the FMU it came from.
-        folder: where it was unpacked; whoever opened it removes it.
-        fmi: the version of FMI it is for.
-        guid: ties description and library together.
+        path: the FMU.
+        folder: where it is unpacked; the caller of `open_unit` removes it.
+        fmi: the version of FMI.
+        guid: the token shared by description and library.
         model_identifier: stem of the library's name.
         variables: the table of variables for its number of features.
-        table: what its value references stand for.
+        table: the value references.
     """
 
     path: Path
@@ -57,7 +57,7 @@ class UnitFile:
         raise InputError(f"{name}: not a {kind} of the unit, expected one of {names}")
 
     def references(self, variable: Variable) -> list[int]:
-        """The value references of a variable: one of each scalar, or in FMI 3 with arrays one of the whole."""
+        """The value references of a variable: one for each scalar, or in FMI 3 with arrays a single one."""
         return [place for place, reference in enumerate(self.table) if reference.variable is variable]
 
 
@@ -81,7 +81,7 @@ def open_unit(path: Path) -> UnitFile:
 
 
 def unpack(path: Path, folder: Path, expected: str) -> None:
-    """Unpack an archive that should be `expected`, which an error then names; no member may lead out of `folder`.
+    """Unpack an archive. Errors say that `expected` was expected; members must stay inside `folder`.
 
     Raises:
         InputError: it cannot be read, is damaged, or holds an unsafe path.
@@ -122,7 +122,7 @@ _VERSIONS: dict[str, FmiVersion] = {"2.0": 2, "3.0": 3}
 def _tables(
     path: Path, fmi: FmiVersion, described: Sequence[tuple[str, tuple[int, ...]]]
 ) -> tuple[tuple[Variable, ...], list[Reference]]:
-    """The tables that belong to the variables of a modelDescription.xml, given by names and shapes."""
+    """The tables of variables and references that match the names and shapes in a modelDescription.xml."""
     features = [shape for name, shape in described if name.startswith("features")]
     count = features[0][0] if features and features[0] else len(features) // 3
     variables = variable_table(count)
@@ -131,4 +131,4 @@ def _tables(
         expected = [(r.name, r.shape) for r in table] + ([("time", ())] if fmi == 3 else [])
         if described == expected:
             return variables, table
-    raise InputError(f"{path}: its variables are not those of this version of baryscope; build it anew")
+    raise InputError(f"{path}: its variables are not those of this version of baryscope; build it again")

@@ -1,10 +1,10 @@
-"""The platforms that a unit is built for, what FMI calls them, and which files of binaries/ they become.
+"""The platforms that units are built for, FMI's names for them, and their files in binaries/.
 
 FMI 2.0.4 and later keep linux64, win64 and darwin64 for x86-64 and ask for FMI 3's platform tuples elsewhere. Many
 importers (FMPy 0.3, FMI Library, OpenModelica) look into linux64 and darwin64 on aarch64, too. Hence, for FMI 2:
 
 - darwin64 holds a universal library, whose x86-64 half is what the standard asks for; both kinds of Mac load it.
-- linux64 holds the aarch64 library only in units that have none for x86-64; such a unit was built on and for aarch64.
+- linux64 holds the aarch64 library only in units without one for x86-64; such a unit was built on and for aarch64.
 """
 
 import struct
@@ -28,7 +28,7 @@ class Platform:
         fmi2_folder: the folder by FMI 2.0.5.
         fmi2_common: the folder in which importers of FMI 2 look whatever the processor.
         suffix: of shared libraries.
-        target: zig's name; empty for a platform that only a compiler on the spot knows.
+        target: zig's name; empty if only a native compiler builds for the platform.
         flags: what the compiler needs to make a shared library; `{library}` stands for the file's name.
     """
 
@@ -58,9 +58,9 @@ PLATFORMS = (X86_64_LINUX, AARCH64_LINUX, X86_64_WINDOWS, X86_64_DARWIN, AARCH64
 
 
 def host_platform() -> Platform:
-    """The platform of this machine; one outside the table can be built for here, but not from elsewhere.
+    """The platform of this machine. One that is not in the table can only be built for natively.
 
-    Linux with another libc than glibc counts as outside: a Python that runs on musl cannot load a library for glibc.
+    Linux without glibc is not in the table: Python on musl cannot load a library that was built for glibc.
     """
     for known in PLATFORMS:
         if known.name == fmpy.platform_tuple and (known.suffix != ".so" or libc_ver()[0] == "glibc"):
@@ -83,7 +83,7 @@ def library_of_this_machine(folder: Path, model_identifier: str, fmi: FmiVersion
 
 
 def binary_members(libraries: Mapping[Platform, bytes], model_identifier: str, fmi: FmiVersion) -> dict[str, bytes]:
-    """The members of binaries/ in an FMU that holds these libraries, by path."""
+    """The members of binaries/ in an FMU, by path, for the given libraries."""
 
     def member(platform: Platform, folder: str) -> str:
         return f"binaries/{folder}/{model_identifier}{platform.suffix}"

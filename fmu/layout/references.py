@@ -1,4 +1,4 @@
-"""Value references: the numbers by which importers ask for values, and what each of them stands for."""
+"""Value references, by which importers get and set values, and the variables behind them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from baryscope.models.variables import Kind, Variable
 
 @dataclass(frozen=True)
 class Reference:
-    """What a value reference, its place in the table of references, stands for.
+    """The variable, or part of one, behind a value reference. The reference is the place in the table of references.
 
     Attributes:
         name: of a scalar, or in FMI 3 of an array.
-        variable: the row of the table of variables that it is, or is part of.
+        variable: its row in the table of variables.
         offset: place of its first scalar in the unit's values.
-        size: how many scalars it has.
+        size: number of scalars.
         shape: of an array; () for a scalar.
     """
 
@@ -27,7 +27,7 @@ class Reference:
 
 
 def reference_table(variables: Sequence[Variable], fmi: FmiVersion = 2, scalar: bool = False) -> list[Reference]:
-    """What value references stand for: every variable, whole, in FMI 3; every scalar in FMI 2, or if `scalar`.
+    """The table of references: a whole variable each in FMI 3; a scalar each in FMI 2, or if `scalar`.
 
     In FMI 3 one more reference follows, that of the independent variable, time.
     """
@@ -59,6 +59,6 @@ _ATTRIBUTES = {
 
 
 def attributes_of(variable: Variable) -> dict[str, str]:
-    """What a variable is to an importer, as attributes of modelDescription.xml that both versions have."""
+    """The attributes of a variable in modelDescription.xml that both versions of FMI have."""
     attributes = {"description": variable.description} | _ATTRIBUTES[variable.kind]
     return attributes | ({"variability": "tunable"} if variable.tunable else {})

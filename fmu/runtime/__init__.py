@@ -1,6 +1,6 @@
-"""What steps a unit: sessions over fmpy's low-level functions, their saved states, and whole runs.
+"""Steps units: sessions over fmpy's low-level functions, their saved states, and whole runs.
 
-It opens FMU files of ours by baryscope.fmu.layout, and does not care how they were made.
+It opens FMUs by baryscope.fmu.layout and needs nothing of baryscope.fmu.generate.
 """
 
 from baryscope.fmu.runtime.session import Session, UnitError

@@ -1,4 +1,4 @@
-"""What callers pass, checked once at the boundary: arrays of numbers in a given shape, and single numbers."""
+"""Checks of arguments: arrays of numbers in a given shape, and single numbers."""
 
 import reprlib
 

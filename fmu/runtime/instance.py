@@ -1,7 +1,7 @@
-"""An instance of the unit, stepped through fmpy's low-level functions, of either version of FMI.
+"""An instance of the unit of FMI 2 or 3, stepped through fmpy's low-level functions.
 
-fmpy loads the library and declares its functions; they are called as it has loaded them, with buffers allocated once.
-What differs between FMI 2.0 and 3.0 stands in two records, so that a session need not know the version.
+fmpy loads the library and declares its functions, which are called with buffers that are allocated once. Two records
+hold the differences between FMI 2.0 and 3.0, so that a session is independent of the version.
 """
 
 import ctypes
@@ -24,15 +24,15 @@ _WARNING = 1
 
 
 class UnitError(ComputationError):
-    """The unit refused a call or could not carry it out; the message is the unit's own."""
+    """The unit refused a call, or the call failed; the message is the unit's."""
 
 
 class Buffer:
-    """Reals to be read or set together: one flat array, with what the unit's functions need to fill or read it.
+    """Reals that are read or set together: one flat array, and the arguments of the unit's functions for it.
 
     Attributes:
         values: the reals.
-        arguments: what the functions take after the instance.
+        arguments: those after the instance.
     """
 
     def __init__(self, references: Sequence[int], size: int, fmi: FmiVersion):
@@ -47,37 +47,37 @@ class Buffer:
             self.arguments += (size,)
 
 
-Hear = Callable[[int, bytes], None]
-"""Takes the status and the text of a message."""
+LogHandler = Callable[[int, bytes], None]
+"""Takes the status and text of a message."""
 
 
-def _instantiate2(fmu: Any, hear: Hear) -> None:
+def _instantiate2(fmu: Any, log: LogHandler) -> None:
     callbacks = fmi2CallbackFunctions()
-    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *call: hear(call[2], call[4]))
-    fmu.instantiate(callbacks=callbacks)  # fmpy keeps them
+    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *call: log(call[2], call[4]))
+    fmu.instantiate(callbacks=callbacks)  # fmpy keeps a reference to them
 
 
-def _instantiate3(fmu: Any, hear: Hear) -> None:
-    fmu.instantiate(logMessage=lambda environment, status, category, text: hear(status, text))
+def _instantiate3(fmu: Any, log: LogHandler) -> None:
+    fmu.instantiate(logMessage=lambda environment, status, category, text: log(status, text))
 
 
 @dataclass(frozen=True)
 class _Version:
-    """What differs between the versions: spellings, and what some functions take.
+    """The differences between the versions of FMI.
 
     Attributes:
         loader: fmpy's class.
-        instantiate: makes the instance, with a logger.
-        real: the name of the type of reals.
-        begin: the functions that lead into Step Mode; the first takes tolerance, start and stop.
-        copy: the functions that make a copy of the state, put it back and free it.
-        serial: the functions that give a copy's size, turn it into bytes, and back.
+        instantiate: creates the instance, with a logger.
+        real: name of the type of reals.
+        begin: functions that lead to Step Mode; the first takes tolerance, start and stop.
+        copy: functions that save, restore and free a state.
+        serial: functions for a state's size in bytes, serialisation and deserialisation.
         flag: type of Booleans.
-        after: what fmi*SetBoolean takes after its value.
+        after: arguments of fmi*SetBoolean after the value.
     """
 
     loader: Any
-    instantiate: Callable[[Any, Hear], None]
+    instantiate: Callable[[Any, LogHandler], None]
     real: str
     begin: tuple[str, ...]
     copy: tuple[str, str, str]
@@ -111,13 +111,13 @@ _VERSIONS: dict[FmiVersion, _Version] = {
 
 
 class Instance:
-    """A Co-Simulation instance, at first in the state Instantiated.
+    """A Co-Simulation instance, initially in the state Instantiated.
 
-    Every method raises UnitError where the unit refuses the call; the instance is then as it was before.
+    Every method raises UnitError if the unit refuses the call; the instance is then unchanged.
     """
 
     def __init__(self, unit: UnitFile):
-        """Load an unpacked unit and make an instance.
+        """Load an unpacked unit and create an instance.
 
         Raises:
             InputError: it cannot be loaded on this machine.
@@ -127,7 +127,7 @@ class Instance:
         self._version, self._prefix = _VERSIONS[unit.fmi], f"fmi{unit.fmi}"
         self._fmu = self._load(unit)
         try:
-            self._version.instantiate(self._fmu, self._hear)
+            self._version.instantiate(self._fmu, self._log)
         except Exception as error:  # fmpy raises bare Exceptions
             self._fmu.freeLibrary()
             raise UnitError("; ".join(self._messages) or str(error)) from error
@@ -135,7 +135,7 @@ class Instance:
         self._get = self._function(f"Get{self._version.real}")
         self._set = self._function(f"Set{self._version.real}")
         self._do_step = self._function("DoStep")
-        # What fmi3DoStep tells: three flags, which this unit never raises, and the time reached.
+        # Outputs of fmi3DoStep: three flags, which this unit never sets, and the time reached.
         types = (ctypes.c_bool, ctypes.c_bool, ctypes.c_bool, ctypes.c_double) if unit.fmi == 3 else ()
         self._answers = tuple(ctypes.POINTER(kind)(kind()) for kind in types)
 
@@ -153,16 +153,16 @@ class Instance:
                 instanceName="baryscope",
                 libraryPath=str(library),
             )
-        except Exception as error:  # as above
-            os.chdir(here)  # fmpy goes to the library's folder, and stays there if it cannot be loaded
+        except Exception as error:  # fmpy raises bare Exceptions
+            os.chdir(here)  # fmpy changes to the library's folder, and stays there if loading fails
             raise InputError(f"{unit.path}: cannot be loaded ({error}), {expected}") from error
 
     def reset(self) -> None:
-        """Back to Instantiated with all starts."""
+        """Return to the state Instantiated, with all start values."""
         self._call("Reset")
 
     def initialise(self, start: float, stop: float | None, tolerance: float | None) -> None:
-        """Pass through Initialization Mode, from Instantiated to Step Mode."""
+        """Go from Instantiated through Initialization Mode to Step Mode."""
         first, *others = self._version.begin
         self._call(first, tolerance is not None, tolerance or 0.0, start, stop is not None, stop or 0.0)
         for name in others:
@@ -196,21 +196,21 @@ class Instance:
             raise self._refusal("DoStep", status)
 
     def save(self) -> ctypes.c_void_p:
-        """A copy of the instance's state, to be given to `forget` in the end."""
+        """A copy of the instance's state; the caller frees it by `free_state`."""
         state = ctypes.c_void_p()
         self._call(self._version.copy[0], ctypes.byref(state))
         return state
 
     def restore(self, state: ctypes.c_void_p) -> None:
-        """Put a copy back."""
+        """Restore a saved state."""
         self._call(self._version.copy[1], state)
 
-    def forget(self, state: ctypes.c_void_p) -> None:
-        """Free a copy."""
+    def free_state(self, state: ctypes.c_void_p) -> None:
+        """Free a saved state."""
         self._call(self._version.copy[2], ctypes.byref(state))
 
     def serialise(self, state: ctypes.c_void_p) -> bytes:
-        """A copy as bytes."""
+        """A saved state as bytes."""
         size = ctypes.c_size_t()
         self._call(self._version.serial[0], state, ctypes.byref(size))
         memory = (ctypes.c_ubyte * size.value)()
@@ -218,18 +218,18 @@ class Instance:
         return bytes(memory)
 
     def deserialise(self, content: bytes) -> ctypes.c_void_p:
-        """A copy from its bytes."""
+        """A saved state from its bytes."""
         state = ctypes.c_void_p()
         memory = (ctypes.c_ubyte * len(content)).from_buffer_copy(content)
         self._call(self._version.serial[2], self._bytes(memory), len(content), ctypes.byref(state))
         return state
 
     def _bytes(self, memory: Any) -> Any:
-        """Bytes as the library's functions are declared to take them."""
+        """Bytes, cast to the type that the library's functions are declared with."""
         return ctypes.cast(memory, self._function(self._version.serial[1]).argtypes[2])
 
     def close(self) -> None:
-        """Free the instance and let go of the library."""
+        """Free the instance and unload the library."""
         self._function("FreeInstance")(self._component)
         self._fmu.freeLibrary()
 
@@ -246,6 +246,6 @@ class Instance:
         self._messages.clear()
         return UnitError(text)
 
-    def _hear(self, status: int, message: bytes) -> None:
+    def _log(self, status: int, message: bytes) -> None:
         if status > _WARNING:
             self._messages.append(message.decode("utf-8", "replace"))

@@ -1,4 +1,4 @@
-"""Stepping the unit from Python, of either version of FMI, with buffers allocated once."""
+"""Steps a unit of FMI 2 or 3 from Python, with buffers that are allocated once."""
 
 import shutil
 from collections.abc import Mapping, Sequence
@@ -25,14 +25,14 @@ SMALLEST_TOLERANCE = 1e-15  # as for the parameter solver.tolerance
 
 
 class Session:
-    """One instance of the unit, to be stepped and read; use it in a `with` block.
+    """One instance of the unit, for use in a `with` block.
 
         with Session("target.fmu", {"target.angularRate0": [0.0, 0.06, 0.01]}) as session:
             session.step(0.1, torque=[0.0, 0.0, 5.0])
             print(session.time, session.features)
 
-    Inputs stay as they are until they are given again. Outputs are read once a step; what properties and
-    `session[name]` return are copies, which later steps leave alone.
+    Inputs keep their values until they are set again. Outputs are read once per step; properties and `session[name]`
+    return copies.
 
     Attributes:
         time: the time reached, s.
@@ -94,7 +94,7 @@ class Session:
         stop_time: float | None = None,
         tolerance: float | None = None,
     ) -> None:
-        """Start anew with these parameters, all others at their starts and the inputs at zero.
+        """Start again with these parameters, all others at their start values and the inputs at zero.
 
         Raises:
             InputError, UnitError: as for the constructor.
@@ -114,7 +114,7 @@ class Session:
         instance.get(self._outputs)
 
     def tune(self, parameters: Mapping[str, ArrayLike]) -> None:
-        """Change tunable parameters in mid-run, one after the other, and read the outputs anew.
+        """Change tunable parameters during a run, one after the other, and read the outputs again.
 
         Raises:
             InputError: a name or a shape is unknown, or the parameter is fixed.
@@ -144,7 +144,7 @@ class Session:
             self.instance.set(buffer)
 
     def set_inputs(self, *, acceleration: ArrayLike | None = None, torque: ArrayLike | None = None) -> None:
-        """Set inputs for the steps to come.
+        """Set inputs for the following steps.
 
         Args:
             acceleration: commanded acceleration of the chaser, (3,), m/s², LVLH.
@@ -176,31 +176,31 @@ class Session:
         instance.get(self._outputs)
 
     def _advance_time(self, duration: float) -> None:
-        """Add to the time without losing its low digits (Kahan's sum): 60,000 tenths are 6,000 s."""
+        """Add to the time by Kahan's sum, so that 60,000 steps of 0.1 s end at 6,000 s."""
         increment = duration + self._time_rest
         time = self.time + increment
         self._time_rest = increment - (time - self.time)
         self.time = time
 
     def step_to(self, time: float) -> None:
-        """Advance to `time`, s; unlike many calls of `step` this adds up no rounding of the time."""
+        """Advance to `time`, s, without accumulating rounding of the time."""
         self.step(time - self.time)
         self.time, self._time_rest = time, 0.0
 
     def state(self) -> SavedState:
-        """Everything that the further run depends on: restored, it continues bitwise as it did."""
+        """The whole state of the session; a restored run continues bitwise equally."""
         state = SavedState(self.instance, self.time, self._time_rest)
         self._states.add(state)
         return state
 
     def restore(self, state: SavedState | bytes) -> None:
-        """Put back a state, time, inputs and parameters included.
+        """Restore a state, including time, inputs and parameters.
 
         Args:
             state: from `state`, of this session or another of the same unit, or its bytes.
 
         Raises:
-            InputError: the state was closed, or the bytes are none of a saved state.
+            InputError: the state was closed, or the bytes are not those of a saved state.
             UnitError: the state is of another unit; the session is as it was before.
         """
         instance = self.instance
@@ -213,7 +213,7 @@ class Session:
             try:
                 instance.restore(pointer)
             finally:
-                instance.forget(pointer)
+                instance.free_state(pointer)
             self.time, self._time_rest = time, rest
         instance.get(self._inputs)
         instance.get(self._outputs)

@@ -1,4 +1,4 @@
-"""Whole runs of the unit from Python: all outputs at given times."""
+"""Runs the unit over given times and records all outputs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ def simulate(
         acceleration: constant commanded acceleration of the chaser, (3,), m/s², LVLH.
         torque: constant torque on the target, (3,), N m, body axes.
         control: called before each step with the session, to read outputs and `set_inputs`.
-        progress: called now and then with the share of the run that is done, 0 to 1.
+        progress: called about 100 times with the share of the run that is done, 0 to 1.
 
     Raises:
         InputError: the times are not increasing, or as for `Session`.

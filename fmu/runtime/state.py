@@ -1,4 +1,4 @@
-"""A saved state of a session: the unit's own, with the time as the session counts it."""
+"""A saved state of a session: the unit's state, and the session's time."""
 
 import ctypes
 import struct
@@ -14,13 +14,13 @@ _HEAD = struct.Struct("<8sddI")  # magic, time, the rest of the time, checksum o
 
 
 class SavedState:
-    """The whole state of a session at one time, to be restored as often as wanted.
+    """The whole state of a session at one time; it can be restored any number of times.
 
-    It is freed with its session, when a `with` block around it ends, by `close`, or when nothing refers to it any more.
+    It is freed by `close`, at the end of a `with` block, with its session, or when it is garbage collected.
 
     Attributes:
-        time: when it was taken, s.
-        time_rest: what the sum of the steps' durations is above `time`, s, below its last digit.
+        time: time of the state, s.
+        time_rest: low-order part of the time, s, by Kahan's sum.
     """
 
     def __init__(self, instance: Instance, time: float, time_rest: float):
@@ -33,14 +33,14 @@ class SavedState:
         """The unit's state.
 
         Raises:
-            InputError: it was freed.
+            InputError: the state was freed.
         """
         if self._state is None:
             raise InputError("the saved state was closed, or its session was")
         return self._state
 
     def to_bytes(self) -> bytes:
-        """The state for another session of the same unit, in this process or another."""
+        """The state as bytes, for another session of the same unit, in this process or another."""
         times = struct.pack("<dd", self.time, self.time_rest)
         return _HEAD.pack(_MAGIC, self.time, self.time_rest, zlib.crc32(times)) + self._instance.serialise(self.pointer)
 
@@ -50,7 +50,7 @@ class SavedState:
         """Free it; closing twice is fine."""
         state, self._state = self._state, None
         if state is not None:
-            self._instance.forget(state)
+            self._instance.free_state(state)
 
     def __enter__(self) -> Self:
         return self
@@ -69,10 +69,10 @@ def read_times(content: bytes) -> tuple[float, float, bytes]:
     """Time, the rest of the time, and the unit's own bytes from `SavedState.to_bytes`.
 
     Raises:
-        InputError: these are no bytes of a saved state, or damaged ones.
+        InputError: the bytes are not those of a saved state, or are damaged.
     """
     if len(content) <= _HEAD.size or not content.startswith(_MAGIC):
-        raise InputError(f"the {len(content)} bytes are no saved state, expected those of SavedState.to_bytes")
+        raise InputError(f"the {len(content)} bytes are not a saved state, expected those of SavedState.to_bytes")
     _, time, rest, checksum = _HEAD.unpack_from(content)
     if checksum != zlib.crc32(struct.pack("<dd", time, rest)):
         raise InputError("the saved state is damaged, expected the bytes of SavedState.to_bytes")

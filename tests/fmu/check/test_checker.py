@@ -1,4 +1,4 @@
-"""The checker against units that are wrong in one place each, and whether fmpy's validation alone sees it, too."""
+"""The checker against units with one error each, and whether fmpy's validation finds it, too."""
 
 import re
 import zipfile
@@ -25,7 +25,7 @@ def test_a_mutation_is_caught(envisat_fmu, tmp_path, mutate, words, fmpy_alone):
     unit = mutated(envisat_fmu, tmp_path / "mutant.fmu", mutate)
     found = errors_of(unit)
     assert any(re.search(words, line) for line in found), found
-    # The checker passes on what fmpy's validation says about the file, and says nothing else of it as a whole.
+    # Findings about the whole file are those of fmpy's validation.
     assert any(line.startswith("error: modelDescription.xml: ") for line in found) == fmpy_alone
 
 
@@ -37,7 +37,7 @@ def test_a_mutation_of_fmi_3_is_caught(envisat_fmu3, tmp_path, mutate, words, fm
     assert any(line.startswith("error: modelDescription.xml: ") for line in found) == fmpy_alone
 
 
-def test_what_cannot_be_checked_is_said(envisat_fmu3, tmp_path):
+def test_declarations_that_cannot_be_checked_are_reported(envisat_fmu3, tmp_path):
     unit = mutated(envisat_fmu3, tmp_path / "mutant.fmu", flag("CoSimulation", "hasEventMode", "true"))
     assert [str(f) for f in check_unit(unit)] == [
         "warning: CoSimulation/hasEventMode: is declared, and cannot be checked here"
@@ -47,20 +47,20 @@ def test_what_cannot_be_checked_is_said(envisat_fmu3, tmp_path):
 # ---- files, presets, command line ----
 
 
-def test_a_missing_binary_is_named(envisat_fmu, tmp_path):
+def test_a_missing_binary_is_reported(envisat_fmu, tmp_path):
     unit = rewritten(envisat_fmu, tmp_path / "m.fmu", lambda name, c: None if name.startswith("binaries/") else c)
     assert any("expected binaries/" in line for line in errors_of(unit))
     assert validate_fmu(str(unit)) == []
 
 
-def test_a_binary_that_is_none_is_named(envisat_fmu, tmp_path):
+def test_a_file_that_is_no_library_is_reported(envisat_fmu, tmp_path):
     unit = rewritten(envisat_fmu, tmp_path / "m.fmu", lambda name, c: c[:1000] if name.startswith("binaries/") else c)
     assert any("the process that ran the binary ended" in line for line in errors_of(unit, isolated=True))
     unit = rewritten(envisat_fmu, tmp_path / "t.fmu", lambda name, c: b"text" if name.startswith("binaries/") else c)
     assert any("loading failed" in line for line in errors_of(unit))
 
 
-def test_units_in_order_have_no_findings(any_fmu):
+def test_correct_units_have_no_findings(any_fmu):
     assert check_unit(any_fmu) == []
 
 
@@ -102,7 +102,7 @@ def test_the_command_line(envisat_fmu, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name, exponents", UNITS.items())
-def test_the_names_of_our_units_say_what_they_are(name, exponents):
+def test_the_names_of_our_units_give_their_exponents(name, exponents):
     assert exponents_of_name(name) == exponents
 
 

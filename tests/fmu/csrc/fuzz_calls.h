@@ -61,7 +61,7 @@ static fmi3Status call_completed(void *c)
     return fmi3CompletedIntegratorStep(c, true, &event, &terminate);
 }
 
-/* Calls that ask, or for what is not there: whatever they answer, they change nothing. */
+/* Inquiries, and calls for what the unit does not have: none of them changes the instance. */
 static void call_rest(void *c, unsigned which, bool null)
 {
     const fmi3ValueReference reference = 0;
@@ -134,7 +134,7 @@ static fmi2Status call_completed(void *c)
     return fmi2CompletedIntegratorStep(c, 1, &event, &terminate);
 }
 
-/* Calls that ask, or for what is not there: whatever they answer, they change nothing. */
+/* Inquiries, and calls for what the unit does not have: none of them changes the instance. */
 static void call_rest(void *c, unsigned which, bool null)
 {
     static const fmi2Boolean flags[N_REFERENCES + 1];

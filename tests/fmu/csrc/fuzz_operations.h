@@ -301,7 +301,7 @@ static void serialise(Slot *slot)
     free(bytes);
 }
 
-/* ---- derivatives, and what is not there ---- */
+/* ---- derivatives, and what the unit does not have ---- */
 
 static void derivatives(Slot *slot)
 {

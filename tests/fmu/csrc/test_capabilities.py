@@ -1,4 +1,4 @@
-"""What modelDescription.xml declares beyond stepping: saved states, derivatives, tunable parameters, Model Exchange."""
+"""Declared capabilities beyond stepping: saved states, derivatives, tunable parameters, Model Exchange."""
 
 import ctypes
 import subprocess
@@ -137,7 +137,7 @@ def test_states_of_another_build_are_refused(importer, envisat, tmp_path):
 
 
 def perturbed(importer, change, unknowns):
-    """The unknowns after `change()`, from the saved state, which is put back."""
+    """The unknowns after `change()` from a saved state, which is then restored."""
     s = importer.fmu
     state = s.getFMUstate()
     change()
@@ -193,7 +193,7 @@ def test_directional_derivatives_in_a_run(importer, envisat):
     np.testing.assert_allclose(found, exact.ravel(), rtol=1e-11, atol=1e-13)
 
 
-def test_derivatives_of_what_is_no_known_are_refused(importer):
+def test_derivatives_of_wrong_variables_are_refused(importer):
     s, reference = importer.fmu, importer.references
     importer.initialise()
     feature, rate = reference["features[1,1]"], reference["der(state.velocity[1])"]
@@ -231,7 +231,7 @@ def test_derivatives_are_those_of_the_model(importer, envisat):
 # ---- tunable parameters ----
 
 
-def test_tuning_in_mid_run(importer):
+def test_tuning_during_a_run(importer):
     s, reference = importer.fmu, importer.references
     importer.initialise()
     s.doStep(0, 10.0)
@@ -250,7 +250,7 @@ def test_tuning_in_mid_run(importer):
     assert s.getReal([reference["target.rotationalEnergy"]]) != pytest.approx(before, rel=1e-9)
 
 
-def test_tuning_to_the_impossible_is_refused_and_undone(importer):
+def test_impossible_tuning_is_refused_and_undone(importer):
     s, reference = importer.fmu, importer.references
     importer.initialise()
     s.doStep(0, 10.0)
@@ -371,13 +371,13 @@ def test_instances_in_threads_compute_what_they_compute_alone(envisat_fmu):
         assert np.array_equal(found[torque], expected[torque])
 
 
-def test_a_component_that_was_never_made_is_refused(importer):
+def test_a_pointer_to_no_instance_is_refused(importer):
     junk = ctypes.create_string_buffer(4096)
     with pytest.raises(FMICallException):
         importer.fmu.fmi2Terminate(ctypes.cast(junk, ctypes.c_void_p))
 
 
-def test_presets_are_not_needed(tmp_path):
+def test_the_smallest_unit_has_three_features(tmp_path):
     """Three features are the fewest a unit can have."""
     scenario = load_scenario("cubesat-class")
     points = scenario.features.points[:3]

@@ -1,4 +1,4 @@
-"""The unit by FMI 3.0, with arrays and without: the same physics and manners as by FMI 2.0, and what only FMI 3 has."""
+"""The FMI 3.0 unit, with arrays and with scalars: the physics and refusals of FMI 2.0, and what is new in FMI 3."""
 
 import ctypes
 import math
@@ -25,7 +25,7 @@ def description_of(path):
 # ---- the file ----
 
 
-def test_fmpy_finds_nothing_to_complain_about(any_fmu3):
+def test_fmpy_validates_it_without_a_message(any_fmu3):
     assert validate_fmu(str(any_fmu3)) == []
 
 
@@ -41,7 +41,7 @@ def test_starts_are_whole_and_have_all_digits(any_fmu3, envisat):
     assert np.array_equal(np.array(values, dtype=float), envisat.flat_parameters())
 
 
-def test_arrays_stand_whole_under_their_names(envisat_fmu3):
+def test_arrays_are_single_variables(envisat_fmu3):
     elements = list(description_of(envisat_fmu3).find("ModelVariables"))
     table = variable_table(12)
     assert [e.get("name") for e in elements] == [v.name for v in table] + ["time"]
@@ -52,7 +52,7 @@ def test_arrays_stand_whole_under_their_names(envisat_fmu3):
         assert element.get("unit") == (None if variable.boolean else variable.unit)
 
 
-def test_only_what_is_there_is_declared(any_fmu3):
+def test_only_existing_capabilities_are_declared(any_fmu3):
     root = description_of(any_fmu3)
     common = {
         "modelIdentifier": "TumblingTarget",
@@ -67,7 +67,7 @@ def test_only_what_is_there_is_declared(any_fmu3):
     assert root.find("ScheduledExecution") is None
 
 
-def test_dependencies_are_those_of_fmi_2_gathered(envisat_fmu, any_fmu3):
+def test_dependencies_of_arrays_are_those_of_their_scalars_in_fmi_2(envisat_fmu, any_fmu3):
     """An array depends on what any of its scalars depends on; FMI 2 counts variables from 1."""
     old = description_of(envisat_fmu)
     owner = [v.name for v in variable_table(12) for _ in range(v.size)]
@@ -90,7 +90,7 @@ def test_dependencies_are_those_of_fmi_2_gathered(envisat_fmu, any_fmu3):
 
 
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
-def test_fmpy_simulates_it_without_us(any_fmu3, envisat, kind):
+def test_fmpy_simulates_it(any_fmu3, envisat, kind):
     scalar = "features" not in {v.name for v in fmpy.read_model_description(str(any_fmu3)).modelVariables}
     names = [f"target.position[{i}]" for i in (1, 2, 3)] if scalar else ["target.position"]
     result = fmpy.simulate_fmu(
@@ -120,7 +120,7 @@ def test_outputs_are_bitwise_those_of_fmi_2(importer3, envisat_fmu, tmp_path):
     two.fmu.freeInstance()
 
 
-def test_starts_can_be_read_at_once(importer3, envisat):
+def test_starts_can_be_read_in_the_state_instantiated(importer3, envisat):
     parameters = importer3.of_kinds(Kind.PARAMETER)
     names = [v.name for v in variable_table(12) if v.kind == Kind.PARAMETER]
     whole = dict(
@@ -229,7 +229,7 @@ def test_there_are_no_variables_of_other_types(importer3):
     importer3.refused(lambda: s.getClock([0]), "no Clock variables")
 
 
-def test_what_is_not_declared_is_refused(importer3):
+def test_undeclared_functions_are_refused(importer3):
     s = importer3.fmu
     importer3.initialise()
     importer3.refused(lambda: s.enterConfigurationMode(), "no structural parameters")
@@ -245,7 +245,7 @@ def test_what_is_not_declared_is_refused(importer3):
     s.doStep(0, 1)
 
 
-def test_every_function_bears_a_null_instance_and_null_arrays(importer3):
+def test_every_function_survives_a_null_instance_and_null_arrays(importer3):
     """All functions of the standard, as fmpy declares them, with nothing but zeros and null pointers."""
     s = importer3.fmu
     functions = [name for name in dir(s) if name.startswith("fmi3") and "Instantiate" not in name]
@@ -263,7 +263,7 @@ def test_every_function_bears_a_null_instance_and_null_arrays(importer3):
     importer3.step(0, 1)
 
 
-def test_instantiation_that_cannot_be(importer3):
+def test_impossible_instantiations_are_refused(importer3):
     s = importer3.fmu
     common = (False, False)
     none = (None, 0, None, s.logMessage, s.intermediateUpdate)
@@ -282,7 +282,7 @@ def test_instantiation_that_cannot_be(importer3):
     s.fmi3FreeInstance(other)
 
 
-def test_logging_categories_are_honoured(importer3):
+def test_logging_categories_select_the_messages(importer3):
     s = importer3.fmu
     importer3.refused(lambda: s.setDebugLogging(True, ["logAll"]), "logAll", "logStatusError")
     s.setDebugLogging(False, ["logStatusError"])

@@ -1,4 +1,4 @@
-"""What the unit offers by FMI 3.0 beyond stepping: derivatives both ways, saved states, Model Exchange."""
+"""Capabilities of the FMI 3.0 unit beyond stepping: derivatives both ways, saved states, Model Exchange."""
 
 import ctypes
 import math
@@ -74,7 +74,7 @@ def test_derivatives_at_the_start_are_exact_both_ways(importer3, envisat):
     assert w @ forward == pytest.approx(reverse @ v, rel=1e-12)
 
 
-def test_derivatives_of_the_wrong_things_are_refused(importer3):
+def test_derivatives_of_wrong_variables_are_refused(importer3):
     s = importer3.fmu
     importer3.initialise()
     feature, torque = importer3.of("target.position"), importer3.of("target.torque")
@@ -141,7 +141,7 @@ def test_a_restored_state_continues_bitwise(importer3):
     importer3.refused(lambda: s.deserializeFMUState(content[:-1] + bytes([content[-1] ^ 1])), "is damaged")
 
 
-def test_a_state_of_fmi_2_is_foreign(importer3, envisat_fmu, tmp_path):
+def test_a_state_of_the_fmi_2_unit_is_refused(importer3, envisat_fmu, tmp_path):
     two = Importer(envisat_fmu, tmp_path / "two")
     two.initialise()
     state = two.fmu.getFMUstate()

@@ -11,7 +11,7 @@ import oracles
 from baryscope.fmu import Session
 from baryscope.fmu.runtime.session import UnitError
 
-ORACLE_RATE = 0.1  # rad/s; at other rates the same motion takes another time
+ORACLE_RATE = 0.1  # rad/s; at other rates the motion is the same in scaled time
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def deviation(session, J, direction, speed, turn):
 @settings(max_examples=60)
 @given(J=inertias(), direction=directions(), decade=st.floats(-7.0, 4.0), turn=st.integers(5, 300))
 def test_against_jacobis_functions(session, J, direction, decade, turn):
-    """Whatever the inertia and the speed, from turns that take years to those of a millisecond."""
+    """Any inertia and speed: one turn takes from years to a millisecond."""
     moments, axes = np.linalg.eigh(J)
     assume(np.diff(moments).min() > 1e-2 * moments[2] and np.abs(axes.T @ direction).min() > 3e-2)
     assume(oracles.TorqueFree(J, direction).modulus < 0.99)
@@ -89,7 +89,7 @@ def test_near_special_motions(session, moments, direction, turn, bound):
 @given(ratio=st.floats(0.05, 1.95), direction=directions(), decade=st.floats(-7.0, 4.0))
 @example(ratio=1.0, direction=np.array([0.6, 0.0, 0.8]), decade=-1.0)
 @example(ratio=0.3, direction=np.array([0.0, 0.0, 1.0]), decade=-1.0)
-def test_of_a_symmetric_body(session, ratio, direction, decade):
+def test_a_symmetric_body(session, ratio, direction, decade):
     """Its axis precesses about the angular momentum while it turns about the axis, both evenly."""
     J, rate = np.diag([1.0, 1.0, ratio]), 10.0**decade * direction
     time = np.array([1.0, 30.0, 100.0]) / 10.0**decade
@@ -102,7 +102,7 @@ def test_of_a_symmetric_body(session, ratio, direction, decade):
 
 @settings(max_examples=30)
 @given(J=inertias(), direction=directions(), offset=st.floats(-12.0, -1.0), gap=st.floats(-12.0, -1.0))
-def test_energy_and_momentum_near_what_has_no_good_closed_form(session, J, direction, offset, gap):
+def test_energy_and_momentum_near_the_separatrix(session, J, direction, offset, gap):
     """Near-symmetric bodies that turn nearly about their intermediate axis."""
     moments, axes = np.linalg.eigh(J)
     moments[1] = moments[2] - 10.0**gap * min(moments[0], moments[2] - moments[0])
@@ -132,7 +132,7 @@ def test_a_body_at_rest_stays_where_it_is(session, envisat, speed):
 
 
 @pytest.mark.parametrize("speed", [1e160, 1e300])
-def test_a_rate_beyond_all_bounds_is_refused_and_changes_nothing(session, envisat, speed):
+def test_an_extreme_rate_is_refused_and_changes_nothing(session, envisat, speed):
     session.reset(parameters(np.array(envisat.target.inertia), np.full(3, speed)))
     with pytest.raises(UnitError, match="out of bounds"):
         session.step(1.0)

@@ -20,7 +20,7 @@ SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno
 
 @pytest.fixture(scope="module")
 def sanitizing_compiler(tmp_path_factory):
-    """A compiler whose sanitizers run here and find a leak that is there."""
+    """A compiler whose sanitizers run here and find an artificial leak."""
     folder = tmp_path_factory.mktemp("sanitizers")
     (folder / "leak.c").write_text("#include <stdlib.h>\nint main(void) { return malloc(9) == (void *)1; }\n")
     for name in ("gcc", "clang", "cc"):
@@ -42,7 +42,7 @@ def test_a_million_random_calls_in_c(sanitizing_compiler, tmp_path, fmi, scalar,
     for name, content in sources.items():
         (tmp_path / name).write_bytes(content)
     here = request.path.parent
-    # 2000 internal steps do for all that is sensible; the rest fails soon instead of after a minute.
+    # 2000 internal steps suffice for sensible inputs; others fail at once instead of after a minute.
     flags = ["-std=c11", "-g", "-O1", "-w", "-DMOST_STEPS=2000L", *SANITIZERS, f"-I{tmp_path}", f"-I{here}"]
     command = [sanitizing_compiler, *flags, str(here / "fuzz_harness.c"), "-o", "fuzz", "-lm"]
     compiled = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -83,7 +83,7 @@ def test_wrong_references_types_and_pointers(importer):
     assert s.getReal([]) == []
 
 
-def test_a_null_instance_is_an_error_and_no_crash(importer):
+def test_a_null_instance_gives_an_error(importer):
     for call in (importer.fmu.fmi2Reset, importer.fmu.fmi2Terminate):
         with pytest.raises(FMICallException):
             call(ctypes.c_void_p())
@@ -116,7 +116,7 @@ def test_the_communication_point_must_be_where_the_unit_is(importer):
     assert s.getRealStatus(2) == 2.0 + 1e-12
 
 
-def test_what_is_not_declared_is_refused(importer):
+def test_undeclared_functions_are_refused(importer):
     s = importer.fmu
     importer.initialise()
     importer.refused(
@@ -135,7 +135,7 @@ def test_instantiation_for_another_build(importer):
         assert words in importer.messages[-1]
 
 
-def test_logging_categories_are_honoured(importer):
+def test_logging_categories_select_the_messages(importer):
     s = importer.fmu
     importer.refused(lambda: s.setDebugLogging(True, ["logAll"]), "logAll", "logStatusError")
     s.setDebugLogging(False, ["logStatusError"])
@@ -153,7 +153,7 @@ def test_logging_categories_are_honoured(importer):
     importer.refused(lambda: s.doStep(0, 1), "Instantiated")
 
 
-def test_a_long_instance_name_and_percent_signs_do_no_harm(importer):
+def test_a_long_instance_name_and_percent_signs_are_harmless(importer):
     s = importer.fmu
     component = s.fmi2Instantiate(b"%n%s" * 100, 1, s.guid.encode(), b"", ctypes.byref(importer.callbacks), 0, 0)
     with pytest.raises(FMICallException):

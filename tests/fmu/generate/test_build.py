@@ -33,11 +33,11 @@ def description(envisat_fmu):
         return ET.fromstring(archive.read("modelDescription.xml"))  # noqa: S314  our own file
 
 
-def test_fmpy_finds_nothing_to_complain_about(envisat_fmu):
+def test_fmpy_validates_it_without_a_message(envisat_fmu):
     assert validate_fmu(str(envisat_fmu)) == []
 
 
-def test_fmpy_simulates_it_without_us(envisat, envisat_fmu):
+def test_fmpy_simulates_it(envisat, envisat_fmu):
     result = fmpy.simulate_fmu(str(envisat_fmu), stop_time=10.0, output_interval=1.0, output=["target.position[2]"])
     with Session(envisat_fmu) as session:
         session.step(10.0)

@@ -258,7 +258,7 @@ def job(platform=X86_64_LINUX, source=b"int f(void) { return 1; }\n", command=No
     return Job({"a.c": source} | others, "a.c", f"a{platform.suffix}", platform, compiler_command)
 
 
-def test_the_key_changes_with_all_that_the_library_is_made_from(monkeypatch):
+def test_the_key_depends_on_everything_the_library_is_made_from(monkeypatch):
     base = job()
     assert base.key() is not None
     assert base.key() == job().key()
@@ -281,7 +281,7 @@ def test_the_key_changes_with_all_that_the_library_is_made_from(monkeypatch):
     assert len(set(keys)) == len(keys)
 
 
-def test_what_a_nameless_compiler_makes_is_not_kept():
+def test_libraries_of_an_unknown_compiler_are_not_cached():
     assert job(command=["false"]).key() is None
     assert job(command=["/no/such/compiler"]).key() is None
 
@@ -291,7 +291,7 @@ def test_a_compiler_that_cannot_be_run_is_named():
         compile_all([job(command=["/no/such/compiler"])])
 
 
-def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, monkeypatch):
+def test_a_cache_that_cannot_be_written_is_ignored(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "file"))
     first, second = (compile_all([job()])[X86_64_LINUX] for _ in range(2))
@@ -304,7 +304,7 @@ def test_an_error_in_the_source_names_platform_and_place(cache):
         compile_all([job(X86_64_WINDOWS, b"nonsense;\n")])
 
 
-def test_warnings_are_heard_every_time(cache):
+def test_compiler_warnings_are_repeated_by_every_build(cache):
     source = b"int f(void) { int unused; return 1; }\n"
     for _ in range(2):
         with pytest.warns(UserWarning, match="unused"):

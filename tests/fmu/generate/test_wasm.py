@@ -1,4 +1,4 @@
-"""The unit in WebAssembly: it asks its host for nothing, and Node steps it to the same numbers."""
+"""The unit in WebAssembly: it has no imports, and Node computes the same numbers."""
 
 import json
 import shutil
@@ -15,7 +15,7 @@ from baryscope.models.variables import Kind, variable_table
 from baryscope.scripts.cli.build import build
 
 STEPS, STEP = 600, 0.1  # s
-AGREEMENT = 1e-9  # relative: WebAssembly brings its own sine and cosine
+AGREEMENT = 1e-9  # relative: WebAssembly has its own sine and cosine
 EXAMPLE = Path(__file__).parents[3] / "scripts" / "examples" / "step_unit.mjs"
 
 
@@ -44,7 +44,7 @@ def test_node_steps_it_to_the_same_numbers(envisat, envisat_fmu, module):
         np.testing.assert_allclose(found, session.outputs, rtol=AGREEMENT, atol=AGREEMENT)
 
 
-def test_it_asks_its_host_for_nothing(module):
+def test_the_module_has_no_imports(module):
     script = "const bytes = require('fs').readFileSync(process.argv[1]);"
     script += "console.log(WebAssembly.Module.imports(new WebAssembly.Module(bytes)))"
     result = node("-e", script, str(module))

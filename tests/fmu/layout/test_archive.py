@@ -1,4 +1,4 @@
-"""Files that are no unit of ours are refused before anything of them is loaded."""
+"""Files that are not units of ours are refused before their library is loaded."""
 
 import zipfile
 from pathlib import Path
@@ -82,7 +82,7 @@ def test_description_and_library_of_different_builds(envisat_fmu, tmp_path):
         Session(path)
 
 
-def test_a_library_that_cannot_be_loaded_leaves_us_where_we_were(envisat_fmu, tmp_path, monkeypatch):
+def test_a_library_that_cannot_be_loaded_leaves_the_working_directory(envisat_fmu, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: b"no library" if n.startswith("binaries") else c)
     assert "cannot be loaded" in _refusal(path)

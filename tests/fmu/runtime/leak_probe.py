@@ -1,7 +1,7 @@
-"""By how much a process grows while it works a session: `leak_probe.py FMU ROUNDS LEAKY` prints bytes.
+"""`leak_probe.py FMU ROUNDS LEAKY` prints by how many bytes a process grows while it uses a session.
 
-A process of its own, whose resident memory is measured now and not at its peak: what other tests have used and given
-back hides nothing. With LEAKY = 1 a saved state is forgotten in every round and never freed: a leak to be seen.
+It measures current resident memory, in a separate process: peaks of earlier tests do not hide a leak. With LEAKY = 1,
+every round leaks one saved state.
 """
 
 import os
@@ -23,7 +23,7 @@ def resident():
 
 
 def work(session, leaky):
-    """One round of all that takes memory: a reset, a step, a refusal, a state saved, put back and freed."""
+    """One round of everything that allocates: a reset, a step, a refusal; a state saved, restored and freed."""
     session.reset({"chaser.position0": [0.0, -20.0, 0.0]})
     session.step(0.1, torque=[1.0, 0.0, 0.0])
     with suppress(UnitError):

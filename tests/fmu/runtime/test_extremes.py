@@ -1,6 +1,6 @@
-"""Numbers that no body has, and values that are no numbers: each is computed with or refused in one line.
+"""Extreme numbers, and values that are not numbers: each is computed with, or refused in one line.
 
-Warnings are errors in the tests, so that none is given either.
+Warnings are errors in the tests.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ def session(envisat_fmu):
 
 
 def computed_or_refused(work):
-    """The finite outputs of some work, or the one line in which it was refused."""
+    """The outputs of `work`, which must be finite, or its refusal, which must be one line."""
     try:
         outputs = work()
     except (InputError, UnitError) as refusal:
@@ -88,7 +88,7 @@ def test_extreme_times(envisat_fmu, session, extreme):
     pytest.param([1j] * 3, "1j", id="complex"),
     pytest.param(object(), "object", id="object"),
 ])  # fmt: skip
-def test_what_is_no_number_is_named_with_its_argument(envisat_fmu, session, value, shown):
+def test_values_that_are_no_numbers_are_refused_by_the_argument_s_name(envisat_fmu, session, value, shown):
     def refusal(name, work):
         with pytest.raises(InputError) as raised:
             work()
@@ -109,20 +109,20 @@ def test_what_is_no_number_is_named_with_its_argument(envisat_fmu, session, valu
     assert session.time == 0
 
 
-def test_any_type_of_number_is_a_duration(session):
+def test_durations_of_any_numeric_type(session):
     session.reset()
     for one in (1, np.float32(1), np.array(1.0), np.int64(1)):
         session.step(one)
     assert session.time == 4.0
 
 
-def test_a_complex_array_is_no_input(session):
+def test_complex_inputs_are_refused(session):
     session.reset()
     with pytest.raises(InputError, match=r"target\.torque: found .*expected real numbers"):
         session.step(1.0, torque=np.ones(3, complex))
 
 
-def test_a_boolean_that_is_not_a_number_is_refused(session):
+def test_nan_is_refused_as_a_boolean(session):
     with pytest.raises(InputError, match="gravityGradient: found nan, expected true or false"):
         session.reset({"gravityGradient": np.nan})
 
@@ -157,7 +157,7 @@ def changed(table, path, value):
 
 @pytest.fixture(scope="module", params=["noise", "stereo"])
 def tables(envisat, request):
-    """Envisat's file, all of its options used, for a few seconds; None stands for what is not there."""
+    """Envisat's file with all options, for a few seconds."""
     outliers = {"share": 0.05, "size": 2.0, "swapped": 0.02, "stretch": 3.0, "sliding": 1, "sliding_speed": 0.005}
     stereo = {"focal_length": 1000.0, "baseline": 0.5, "pixel_noise": 0.3}
     noise = {"stereo": stereo} if request.param == "stereo" else {"noise": 0.02}

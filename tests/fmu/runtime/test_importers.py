@@ -79,7 +79,7 @@ _PARTS = ("Execution", "Logging", "Observer", "Slave")
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_ecos_steps_the_unit(envisat, tmp_path, expected, fmi):
-    """Of FMI 3 it is the unit with scalars: Ecos knows no arrays."""
+    """In FMI 3 with scalars, since Ecos does not support arrays."""
     ecospy = _ecospy()
     unit = build_fmu(envisat, tmp_path / "unit.fmu", fmi=fmi, scalar=True)
     with ecospy.EcosSimulationStructure() as structure:

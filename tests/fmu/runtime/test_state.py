@@ -1,4 +1,4 @@
-"""Saved states of a session, and parameters tuned in mid-run, in every form of the unit."""
+"""Saved states of a session, and parameters tuned during a run, in every form of the unit."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ from baryscope.models.errors import InputError
 
 
 def run(session, steps=40):
-    """Some steps, the chaser pushed and let go; times and outputs, to be compared bitwise."""
+    """Some steps with and without thrust; times and outputs, to be compared bitwise."""
     found = []
     for k in range(steps):
         if k % 7 == 3:
@@ -70,7 +70,7 @@ def test_a_state_continues_bitwise_in_another_process(any_fmu, tmp_path):
     assert result.stdout.strip() == str(expected)
 
 
-def test_a_state_of_one_session_is_good_for_another(any_fmu):
+def test_a_state_can_be_restored_in_another_session(any_fmu):
     with Session(any_fmu) as one, Session(any_fmu, start_time=50.0) as other:
         one.step(3.0, torque=[1.0, 0.0, 0.0])
         state = one.state()
@@ -81,7 +81,7 @@ def test_a_state_of_one_session_is_good_for_another(any_fmu):
         assert one.time == other.time
 
 
-def test_states_end_with_their_session(any_fmu):
+def test_states_are_freed_with_their_session(any_fmu):
     with Session(any_fmu) as session:
         state = session.state()
         state.close()

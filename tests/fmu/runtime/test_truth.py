@@ -1,4 +1,4 @@
-"""What the unit computes, against closed forms and independent integrations."""
+"""The unit's outputs against closed forms and independent integrations."""
 
 from dataclasses import replace
 
@@ -101,8 +101,8 @@ def test_torque_about_a_principal_axis_spins_the_target_up(envisat, envisat_fmu)
         assert session["target.angularRate"] == pytest.approx([0, 0, 5.0 * 100 / 129112.2], abs=1e-15)
 
 
-def test_acceleration_far_from_the_planet_is_felt_as_commanded(envisat, envisat_fmu):
-    """With hardly any gravity the chaser moves by ½ a t² in LVLH axes."""
+def test_acceleration_far_from_the_planet_is_as_commanded(envisat, envisat_fmu):
+    """With almost no gravity the chaser moves by ½ a t² in LVLH axes."""
     parameters = {"orbit.gravitationalParameter": 1e-3, "chaser.velocity0": [0.0] * 3}
     start = np.array(envisat.chaser.position)
     with Session(envisat_fmu, parameters) as session:
