@@ -127,23 +127,22 @@ class RelativeOrbit:
         """The path at times (n,) in s; many times are interpolated by a cubic spline between nodes ARC apart."""
         nodes = self._nodes(time)
         R_I_L = lvlh_attitude(self.orbit, nodes)
-        return self._sampled(time, nodes, np.concatenate([-R_I_L, np.zeros_like(R_I_L)], axis=2))
+        return self._sampled(time, nodes, lambda state: -(R_I_L @ state[:, :3]))
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The CoM's velocity in C, −R_I_L (ρ̇ + θ̇ e_z × ρ), at times (n,) in s, interpolated as in `at`."""
         nodes = self._nodes(time)
         R_I_L = lvlh_attitude(self.orbit, nodes)
         turn = lvlh_rate(self.orbit, nodes)[:, None, None] * cross_matrices(np.eye(3)[2:])
-        return self._sampled(time, nodes, -np.concatenate([R_I_L @ turn, R_I_L], axis=2))
+        return self._sampled(time, nodes, lambda state: -(R_I_L @ (state[:, 3:] + turn @ state[:, :3])))
 
-    def _sampled(self, time: FloatArray, nodes: FloatArray, by_state: FloatArray) -> SampledPath:
-        """The sampled path by_state (k, 3, 6) times (ρ, ρ̇) at the nodes (k,), interpolated to the times (n,)."""
-        transition = relative_transition(self.orbit, nodes, self.epoch)
-        jacobian = (by_state @ transition) * self.scale
+    def _sampled(self, time: FloatArray, nodes: FloatArray, seen: Callable[[FloatArray], FloatArray]) -> SampledPath:
+        """What `seen` makes of columns (k, 6, p) of the state (ρ, ρ̇) at k nodes, interpolated to the times (n,)."""
+        jacobian = seen(relative_transition(self.orbit, nodes, self.epoch)) * self.scale
 
         def position(x: FloatArray) -> FloatArray:
             state = relative_path(self.orbit, self.scale * x, nodes, self.epoch)
-            return _interpolated(nodes, (by_state @ state[:, :, None])[:, :, 0], time)
+            return _interpolated(nodes, seen(state[:, :, None])[:, :, 0], time)
 
         return SampledPath(_interpolated(nodes, jacobian, time), position)
 
