@@ -19,14 +19,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from baryscope.fmu import build_fmu
+from baryscope import __version__
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.benchmarks.estimating import estimating, reading
 from baryscope.scripts.benchmarks.orbit import whole_orbit
 from baryscope.scripts.benchmarks.report import Part, rows_table
 from baryscope.scripts.benchmarks.setting import PEERS, Setting, installed_peers
 from baryscope.scripts.benchmarks.stepping import stepping
-from baryscope.scripts.cli.console import VERSION, out, step
+from baryscope.scripts.cli.console import Show, out
+from baryscope.study import build_unit
+from baryscope.study.progress import stage
 
 PARTS: Mapping[str, Callable[[Setting], Part]] = {
     "stepping": stepping,
@@ -46,16 +48,15 @@ def main(arguments: Sequence[str] | None = None, parts: Mapping[str, Callable[[S
     faults = [f"{peer}: is not installed, expected it by --peers" for peer in sorted((asked or frozenset()) - present)]
     scenario = load_scenario("envisat")
     results = []
-    with tempfile.TemporaryDirectory(prefix="baryscope-") as name:
+    with tempfile.TemporaryDirectory(prefix="baryscope-") as name, Show().progress() as progress:
         folder = Path(name)
-        with step("building the unit"):
-            unit = build_fmu(scenario, folder / "unit.fmu")
+        unit = build_unit(scenario, folder / "unit.fmu", progress)
         setting = Setting(scenario, unit, folder, present if asked is None else asked & present)
         for title, part in parts.items():
-            with step(title):
+            with stage(progress, title):
                 results.append(part(setting))
     faults += [fault for result in results for fault in result.faults]
-    table = rows_table([row for result in results for row in result.rows], f"baryscope {VERSION}, {sys.platform}")
+    table = rows_table([row for result in results for row in result.rows], f"baryscope {__version__}, {sys.platform}")
     others = [table for result in results for table in result.tables]
     Console(width=max(out.width, 125), highlight=False).print(table, *others)
     for fault in faults:

@@ -8,13 +8,13 @@ from typing import TextIO
 
 from cyclopts import App, CycloptsError
 
+from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.scripts.cli.bound import bound
 from baryscope.scripts.cli.build import build
 from baryscope.scripts.cli.campaign import campaign
 from baryscope.scripts.cli.check import check
 from baryscope.scripts.cli.compare import compare
-from baryscope.scripts.cli.console import VERSION
 from baryscope.scripts.cli.estimate import estimate_file
 from baryscope.scripts.cli.scenarios import scenarios
 from baryscope.scripts.cli.simulate import simulate_scenario
@@ -24,12 +24,13 @@ BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 app = App(
     name="baryscope",
     help="Find the centre of mass of a tumbling object from the tracks of features on its surface.",
-    version=VERSION,
+    version=__version__,
     exit_on_error=False,
     print_error=False,
     result_action="return_value",
     suppress_keyboard_interrupt=False,
 )
+app.register_install_completion_command()
 app.command(compare)
 app.command(build)
 app.command(check)

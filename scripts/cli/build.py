@@ -5,11 +5,13 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from baryscope import __version__
 from baryscope.fmu import build_fmu
 from baryscope.fmu.generate import build_wasm
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import load_scenario
-from baryscope.scripts.cli.console import err, out, step
+from baryscope.scripts.cli.console import Show
+from baryscope.study.progress import stage
 
 
 def build(
@@ -19,6 +21,7 @@ def build(
     platforms: Literal["host", "all", "wasm"] = "host",
     scalar: Annotated[bool, Parameter(negative=())] = False,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    show: Show | None = None,
 ) -> None:
     """Build the unit of a scenario, for Co-Simulation and Model Exchange, for this machine or for others.
 
@@ -37,6 +40,7 @@ def build(
     output
         The FMU to write; the scenario's name with .fmu (.wasm for `wasm`) unless given.
     """
+    show = show or Show()
     flown = load_scenario(scenario)
     suffix = ".wasm" if platforms == "wasm" else ".fmu"
     path = output or Path(f"{flown.name}{suffix}")
@@ -44,15 +48,17 @@ def build(
         raise InputError(f"{path}: ends in {path.suffix!r}, expected {suffix}")
     if platforms == "wasm" and fmi != 2:
         raise InputError(f"--fmi {fmi}: the WebAssembly module is of FMI 2, expected --fmi 2")
-    with step("building the unit") as report:
+    with show.progress() as progress, stage(progress, "building the unit") as share:
 
-        def progress(left: tuple[str, ...], share: float) -> None:
-            report(share)
+        def compiling(left: tuple[str, ...], done: float) -> None:
+            share(done)
             if left and platforms != "host":
-                err.print(f"compiling for {', '.join(left)}", soft_wrap=True)
+                show.remark(f"compiling for {', '.join(left)}")
 
         if platforms == "wasm":
-            build_wasm(flown, path, progress=progress)
+            build_wasm(flown, path, progress=compiling)
         else:
-            build_fmu(flown, path, fmi=fmi, scalar=scalar, platforms=platforms, progress=progress)
-    out.print(f"{path}: {len(flown.features.points)} features, {path.stat().st_size / 1000:.0f} kB", soft_wrap=True)
+            build_fmu(flown, path, fmi=fmi, scalar=scalar, platforms=platforms, progress=compiling)
+    features, size = len(flown.features.points), path.stat().st_size
+    data = {"version": __version__, "file": str(path), "fmi": fmi, "features": features, "bytes": size}
+    show.result(data, f"{path}: {features} features, {size / 1000:.0f} kB")

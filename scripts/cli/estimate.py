@@ -1,6 +1,7 @@
 """`baryscope estimate`: the centre of mass from a file of tracks, without a unit and without truth."""
 
-from dataclasses import fields
+import json
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,12 +15,65 @@ from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
+from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
-from baryscope.scripts.cli.console import out, step
+from baryscope.scripts.cli.console import Show
 from baryscope.scripts.cli.simulate import csv_path
+from baryscope.study.progress import stage
 
 UNTRUSTED = 3  # exit code
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PathChoices:
+    """What is known of path and noise (pivot, ml, ekf).
+
+    Parameters
+    ----------
+    trajectory
+        What is known of the path: fixed, polynomial, polynomial:N or relative-orbit, which needs the orbit.
+        relative-orbit with an orbit, else a polynomial whose degree the data choose, unless given.
+    sigma
+        Standard deviation of a coordinate, m, if it is known; with covariances in the tracks, a factor on theirs.
+        Estimated from the residuals unless given.
+    noise
+        How covariances in the tracks are to be read (pivot, ml): stereo, which grow with range, or fixed.
+    torque
+        On the target (ml): none or gravity-gradient; the one that explains the tracks better unless given.
+    """
+
+    trajectory: str | None = None
+    sigma: float | None = None
+    noise: Noise | None = None
+    torque: Torque | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ScrewChoices:
+    """What can be set of the screw methods; chosen from the data unless given.
+
+    Parameters
+    ----------
+    axes
+        Axes in which the tracks are registered (screw methods): inertial as published, or lvlh, which needs the orbit.
+    lag
+        Time between the two poses of a screw, s (screw methods).
+    cutoff
+        Cut-off of the zero-phase low-pass, Hz (screw methods).
+    degree
+        Degree of the polynomial path (screw methods).
+    reference
+        What Procrustes maps an interval's poses to (screw methods): their mean shape, or the first pose, as published.
+    """
+
+    axes: Axes | None = None
+    lag: float | None = None
+    cutoff: float | None = None
+    degree: int | None = None
+    reference: Reference | None = None
 
 
 def estimate_file(
@@ -27,17 +81,11 @@ def estimate_file(
     /,
     *,
     method: str | None = None,
-    trajectory: str | None = None,
     orbit: Path | None = None,
-    sigma: float | None = None,
-    noise: Noise | None = None,
-    torque: Torque | None = None,
-    axes: Axes | None = None,
-    lag: float | None = None,
-    cutoff: float | None = None,
-    degree: int | None = None,
-    reference: Reference | None = None,
+    path: PathChoices | None = None,
+    screws: ScrewChoices | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    show: Show | None = None,
 ) -> int:
     """Estimate the path of the centre of mass from tracks of features.
 
@@ -47,54 +95,38 @@ def estimate_file(
     ----------
     tracks
         A CSV file with the columns time,feature,x,y,z (s, m; chaser at the origin, inertial axes), and optionally
-        cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each sighting).
+        cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation).
     method
         pivot, the default: least squares of path and features, any motion; ml: maximum likelihood of a free tumble;
         ekf: iterated Kalman filter; score: fixed point; screw-gpa, the default where an option of the screw methods is
         given: the paper's; screw-ls: least-squares screws; screw-raw: three raw points.
-    trajectory
-        What is known of the path (pivot, ml, ekf): fixed, polynomial, polynomial:N or relative-orbit, which needs the
-        orbit. relative-orbit with an orbit, else a polynomial whose degree the data choose, unless given.
     orbit
-        The target's orbit, a TOML file with a table [orbit].
-    sigma
-        Standard deviation of a coordinate, m, if it is known (pivot, ml, ekf); with covariances in the tracks, a factor
-        on theirs. Estimated from the residuals unless given.
-    noise
-        How covariances in the tracks are to be read (pivot, ml): stereo, which grow with range, or fixed.
-    torque
-        On the target (ml): none or gravity-gradient; the one that explains the tracks better unless given.
-    axes
-        Axes in which the tracks are registered (screw methods): inertial as published, or lvlh, which needs the orbit.
-    lag
-        Time between the two poses of a screw, s; chosen from the data unless given.
-    cutoff
-        Cut-off of the screw methods' zero-phase low-pass, Hz; chosen from the data unless given.
-    degree
-        Degree of the screw methods' polynomial path; chosen from the data unless given.
-    reference
-        What Procrustes maps an interval's poses to (screw methods): their mean shape, or the first pose, as published.
+        The target's orbit at time 0, a TOML file with a table [orbit]; `baryscope simulate` writes it beside its
+        tracks.
     output
         The estimate, a .csv file; the tracks' name with .estimate.csv unless given. Diagnostics go to the same
         name with .json.
     """
-    path = csv_path(output or tracks.with_suffix(".estimate.csv"))
-    for_path: dict[str, Any] = {"trajectory": trajectory, "sigma": sigma, "noise": noise, "torque": torque}
-    for_screws: dict[str, Any] = {"axes": axes, "lag": lag, "cutoff": cutoff, "degree": degree, "reference": reference}
+    show = show or Show()
+    target = csv_path(output or tracks.with_suffix(".estimate.csv"))
+    for_path, for_screws = asdict(path or PathChoices()), asdict(screws or ScrewChoices())
     method, options = _choice(method, for_path, for_screws)
-    if axes == "lvlh" and orbit is None:
+    if for_screws["axes"] == "lvlh" and orbit is None:
         raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
-    if trajectory == "relative-orbit" and orbit is None:
+    if for_path["trajectory"] == "relative-orbit" and orbit is None:
         raise InputError("--trajectory relative-orbit: needs the target's orbit, expected --orbit ORBIT.toml")
+    refuse_overwriting([target, target.with_suffix(".json")], [tracks, *([] if orbit is None else [orbit])])
     known_orbit = None if orbit is None else load_orbit(orbit)
-    with step(f"reading {tracks}"):
-        data = FeatureTracks.read_csv(csv_path(tracks))
-        refuse_implausible(data, str(tracks))
-    with step(f"estimating by {method}: {METHODS[method].summary}"):
-        result = estimate(data, method=method, orbit=known_orbit, options=options)
-    write_estimate(result, path)
-    out.print("\n".join([_headline(result, path), *(f"  {line}" for line in summary(result))]), soft_wrap=True)
-    out.print(f"  more in {path.with_suffix('.json')}", soft_wrap=True)
+    with show.progress() as progress:
+        with stage(progress, f"reading {tracks}"):
+            data = FeatureTracks.read_csv(csv_path(tracks))
+            refuse_implausible(data, str(tracks))
+        with stage(progress, f"estimating by {method}: {METHODS[method].summary}"):
+            result = estimate(data, method=method, orbit=known_orbit, options=options)
+    write_estimate(result, target)
+    diagnostics = target.with_suffix(".json")
+    words = [_headline(result, target), *(f"  {line}" for line in summary(result)), f"  more in {diagnostics}"]
+    show.result(json.loads(diagnostics.read_text(encoding="utf-8")), *words)
     return 0 if result.status.trustworthy else UNTRUSTED
 
 

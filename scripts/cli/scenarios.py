@@ -3,17 +3,26 @@
 from rich.table import Table
 
 from baryscope.models.scenario import load_scenario, preset_names
-from baryscope.scripts.cli.console import out
+from baryscope.scripts.cli.console import Show
 
 
-def scenarios() -> None:
+def scenarios(*, show: Show | None = None) -> None:
     """List the presets, a line each."""
+    presets = [(name, load_scenario(name)) for name in preset_names()]
     table = Table(box=None, pad_edge=False)
     table.add_column("preset", no_wrap=True)
     table.add_column("features", justify="right")
     table.add_column("duration", justify="right", no_wrap=True)
     table.add_column("what it is")
-    for name in preset_names():
-        scenario = load_scenario(name)
+    for name, scenario in presets:
         table.add_row(name, str(len(scenario.features.points)), f"{scenario.duration:.0f} s", scenario.description)
-    out.print(table)
+    data = [
+        {
+            "name": name,
+            "features": len(scenario.features.points),
+            "duration": scenario.duration,
+            "description": scenario.description,
+        }
+        for name, scenario in presets
+    ]
+    (show or Show()).result(data, table)

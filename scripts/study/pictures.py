@@ -1,41 +1,49 @@
-"""The picture of one method's outcome: the path, axis by axis, and the error over time."""
+"""Pictures of a comparison, as matplotlib figures: a notebook shows them, `save` writes them."""
 
-from functools import cache
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.bound import Bound
-from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.files import replacing
-from baryscope.models.scenario import Scenario
-from baryscope.scripts.cli.console import err
-from baryscope.study.report import Outcome
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath, replacing
+from baryscope.study.comparison import Comparison, Outcome
+from baryscope.study.flight import Flight
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _INK, _ESTIMATE, _SHADE = "#333333", "#d1495b", "#e9e9ee"
 _COLOURS = ("#b9b9c3", "#8d99ae", "#e09f3e", "#9e2a2b", "#2a9d8f", "#264ee4", "#8e5bd0", "#c77dbb")
 
 
-@cache
 def pictures_possible() -> bool:
-    """Whether matplotlib is there; says once what to install if it is not."""
-    if find_spec("matplotlib") is not None:
-        return True
-    err.print("no pictures: they need matplotlib (pip install 'baryscope[report]')", soft_wrap=True)
-    return False
+    """Whether matplotlib is installed."""
+    return find_spec("matplotlib") is not None
 
 
-def draw_outcome(
-    scenario: Scenario, tracks: FeatureTracks, true_path: NDArray[np.float64], outcome: Outcome, path: Path
-) -> None:
-    """Draw the true and the estimated path in C and the error on a logarithmic scale; blackouts are shaded."""
+def save(figure: "Figure", path: AnyPath) -> None:
+    """Write a figure as PNG; equal figures give equal files.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png", metadata={"Software": None})
+
+
+def outcome_figure(flight: Flight, outcome: Outcome) -> "Figure":
+    """The true and the estimated path in C, and the error on a logarithmic scale; blackouts are shaded.
+
+    Raises:
+        InputError: the method has no result.
+    """
     from matplotlib.figure import Figure
 
     if outcome.estimate is None or outcome.error is None:
-        return
+        raise InputError(f"{outcome.label}: has no result to draw ({outcome.failure})")
+    tracks, true_path = flight.tracks, flight.true_path
     time = tracks.time
     figure = Figure(figsize=(9, 7.5), dpi=120, layout="constrained")
     panels = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1, 1.6))
@@ -43,9 +51,8 @@ def draw_outcome(
         panel.plot(time, true_path[:, axis], color=_INK, lw=2.5, label="truth")
         panel.plot(time, outcome.estimate.position[:, axis], color=_ESTIMATE, lw=1, label="estimate")
         panel.set_ylabel(f"{name} in m")
-    rms = np.sqrt(np.mean(outcome.error**2))
     panels[3].semilogy(time, np.maximum(outcome.error, 1e-9), color=_ESTIMATE, lw=1)
-    panels[3].axhline(rms, color=_INK, lw=0.8, ls="--", label=f"rms {rms:.3g} m")
+    panels[3].axhline(outcome.rmse, color=_INK, lw=0.8, ls="--", label=f"RMSE {outcome.rmse:.3g} m")
     panels[3].set_ylabel("error in m")
     panels[3].set_xlabel("time in s")
     panels[3].legend(loc="upper right")
@@ -54,27 +61,25 @@ def draw_outcome(
         panel.set_xlim(time[0], time[-1])
         panel.grid(alpha=0.25)
     panels[0].legend(loc="upper right", ncols=3)
-    figure.suptitle(f"{scenario.name}: centre of mass by {outcome.title} (frame C; blackouts shaded)")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+    figure.suptitle(f"{flight.scenario.name}: centre of mass by {outcome.title} (frame C; blackouts shaded)")
+    return figure
 
 
-def draw_comparison(
-    scenario: Scenario, tracks: FeatureTracks, outcomes: list[Outcome], bound: Bound | None, path: Path
-) -> None:
-    """Draw the errors of all methods over time on a logarithmic scale, the bound among them; blackouts are shaded."""
+def comparison_figure(comparison: Comparison) -> "Figure":
+    """The errors of all methods over time on a logarithmic scale, the bound among them; blackouts are shaded."""
     from matplotlib.figure import Figure
 
+    tracks, bound, scenario = comparison.flight.tracks, comparison.bound, comparison.scenario
     time = tracks.time
     figure = Figure(figsize=(9, 5), dpi=120, layout="constrained")
     panel = figure.subplots()
-    for outcome, colour in zip(outcomes, _COLOURS, strict=False):
-        if outcome.error is not None:
-            rms = np.sqrt(np.mean(outcome.error**2))
-            panel.semilogy(time, outcome.error, color=colour, lw=1, label=f"{outcome.title}: {_length(rms)} rms")
+    for k, outcome in enumerate(comparison.outcomes):
+        if outcome.error is not None and outcome.rmse is not None:
+            label = f"{outcome.title}: RMSE {_length(outcome.rmse)}"
+            panel.semilogy(time, outcome.error, color=_COLOURS[k % len(_COLOURS)], lw=1, label=label)
     if bound is not None:
         least = np.sqrt(np.trace(bound.position_covariance, axis1=1, axis2=2))
-        label = f"Cramér–Rao bound: {_length(bound.position_deviation)} rms"
+        label = f"Cramér–Rao bound on path RMSE: {_length(bound.position_deviation)}"
         panel.semilogy(bound.time, least, color=_INK, lw=2, ls="--", label=label)
     _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
     panel.set_xlim(time[0], time[-1])
@@ -85,8 +90,7 @@ def draw_comparison(
     panel.grid(alpha=0.25)
     panel.legend(loc="center", bbox_to_anchor=(0.5, 0.72), ncols=2, fontsize=8)
     panel.set_title(f"{scenario.name}: {scenario.description}", fontsize=10)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+    return figure
 
 
 def _length(metres: float) -> str:

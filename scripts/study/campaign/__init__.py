@@ -1,1 +1,27 @@
-"""Campaigns: scenarios drawn many times, and how near each method comes to the Cramér–Rao bound."""
+"""Campaigns: scenarios drawn many times, and how near each method comes to the Cramér–Rao bound.
+
+`plan_of` says what to run, `run` carries out what is missing in a folder, `report` reads what has ended.
+"""
+
+from baryscope.study.campaign.case import Case, drawn, run_one
+from baryscope.study.campaign.folder import begin, read_plan, read_runs
+from baryscope.study.campaign.plan import VARIED, Plan, plan_of
+from baryscope.study.campaign.pool import usable_cores
+from baryscope.study.campaign.runner import report, run
+from baryscope.study.campaign.summary import CampaignSummary
+
+__all__ = [
+    "VARIED",
+    "CampaignSummary",
+    "Case",
+    "Plan",
+    "begin",
+    "drawn",
+    "plan_of",
+    "read_plan",
+    "read_runs",
+    "report",
+    "run",
+    "run_one",
+    "usable_cores",
+]

@@ -18,10 +18,10 @@ from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.prose import verdict
 from baryscope.estimator.result import Estimate
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import ComputationError, DiskError, InputError
 from baryscope.models.scenario import Outliers, Scenario
-from baryscope.scripts.cli.simulate import Flight, fly
-from baryscope.study.campaign.plan import options_of
+from baryscope.study.flight import Flight, fly
+from baryscope.study.methods import options_of
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
@@ -29,14 +29,17 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Case:
-    """One draw: the scenario as data, and all that the draw depends on; unit: an FMU for as many features."""
+    """One draw: the scenario as data, and all that the draw depends on.
+
+    unit: an FMU for as many features; built for the draw unless given.
+    """
 
     scenario: dict[str, Any]
     number: int
     seed: int
     methods: tuple[str, ...]
     vary: tuple[str, ...]
-    unit: str
+    unit: str = ""
 
 
 def drawn(case: Case) -> Scenario:
@@ -62,9 +65,12 @@ def drawn(case: Case) -> Scenario:
 
 
 def run_one(case: Case) -> dict[str, Any]:
-    """The line of a draw: errors in m of each method, its own deviation, NEES; the bound; or why there is none.
+    """The line of a draw: errors in m of each method, the RMSE it predicts, NEES; the bound; or why there is none.
 
-    Failures are values here, so that one draw cannot end a campaign.
+    Failures are values here, so that one draw cannot end a campaign. A full disk is none: it says nothing of the draw.
+
+    Raises:
+        DiskError: there is no room for the unit's files.
     """
     wall: dict[str, float] = {}
     line: dict[str, Any] = {"scenario": case.scenario["name"], "case": case.number}
@@ -74,7 +80,7 @@ def run_one(case: Case) -> dict[str, Any]:
         flight, line["bound"] = None, {}
         if scenario is not None:
             begin = clock.perf_counter()
-            flight, failure = _attempt(lambda: fly(scenario, Path(case.unit)))
+            flight, failure = _attempt(lambda: fly(scenario, Path(case.unit) if case.unit else None))
             wall["flight"] = clock.perf_counter() - begin
             line["bound"] = _bounds(scenario)
             wall["bound"] = clock.perf_counter() - begin - wall["flight"]
@@ -91,6 +97,8 @@ def _attempt(work: Callable[[], T]) -> tuple[T | None, str]:
     """What the work gives, or why it could not be done."""
     try:
         return work(), ""
+    except DiskError:
+        raise
     except (ComputationError, InputError) as error:
         return None, str(error)
     except Exception as error:
@@ -98,18 +106,18 @@ def _attempt(work: Callable[[], T]) -> tuple[T | None, str]:
 
 
 def _bounds(scenario: Scenario) -> dict[str, Any]:
-    """The bound's rms of the path and of the CoM in body axes, m; reference: of the path, had nothing been wrong."""
+    """The bound on the RMSE of the path and of the CoM in body axes, m; path_rmse_clean: without any outliers."""
     bound, reason = _attempt(lambda: cramer_rao_bound(scenario))
     if bound is None:
         return {"failure": reason}
-    reference = bound
+    clean = bound
     if scenario.sensor.outliers != Outliers():
         sensor = scenario.sensor.model_copy(update={"outliers": Outliers()})
-        reference = cramer_rao_bound(scenario.model_copy(update={"sensor": sensor}))
+        clean = cramer_rao_bound(scenario.model_copy(update={"sensor": sensor}))
     return {
-        "path": bound.position_deviation,
-        "offset": bound.offset_deviation,
-        "reference": reference.position_deviation,
+        "path_rmse": bound.position_deviation,
+        "path_rmse_clean": clean.position_deviation,
+        "body_rmse": bound.offset_deviation,
         "verdict": verdict(bound.observability),
     }
 
@@ -122,20 +130,20 @@ def _judged(label: str, scenario: Scenario, flight: Flight, wall: dict[str, floa
     wall[label] = clock.perf_counter() - begin
     if result is None:
         return {"failure": failure}
-    error = result.position - flight.truth["target.position"]
+    error = result.position - flight.true_path
     distance = np.linalg.norm(error, axis=1)
     judged = {
-        "rms": _finite(np.sqrt(np.mean(distance**2))),
-        "max": _finite(distance.max()),
-        "own": _finite(result.predicted_rmse),
+        "rmse": _finite(np.sqrt(np.mean(distance**2))),
+        "max_error": _finite(distance.max()),
+        "predicted_rmse": _finite(result.predicted_rmse),
         "nees": None if result.covariance is None else _nees(error, result.covariance),
         "converged": result.status.trustworthy,
-        "rejected": result.rejected_share,
+        "rejected_share": result.rejected_share,
     }
-    if judged["rms"] is None:
+    if judged["rmse"] is None:
         return judged | {"failure": "gave a path that is not finite"}
-    offset, _ = _attempt(lambda: _offset(result, scenario))
-    return judged | (offset or {})
+    in_body, _ = _attempt(lambda: _in_body_axes(result, scenario))
+    return judged | (in_body or {})
 
 
 def _finite(value: Any) -> float | None:
@@ -155,7 +163,7 @@ def _normalised(error: FloatArray, covariance: FloatArray) -> float | None:
         return None
 
 
-def _offset(result: Estimate, scenario: Scenario) -> dict[str, Any]:
+def _in_body_axes(result: Estimate, scenario: Scenario) -> dict[str, Any]:
     """Error (m) and NEES of the CoM in the axes that the features of the longest cluster hold; nothing if not given.
 
     True and estimated features are laid on each other; what is left between the two CoMs is the error.
@@ -168,4 +176,4 @@ def _offset(result: Estimate, scenario: Scenario) -> dict[str, Any]:
     R, _ = Rotation.align_vectors(cluster.points, true - true.mean(axis=0))
     error = cluster.centre_of_mass - R.apply(-true.mean(axis=0))
     nees = None if cluster.covariance is None else _normalised(error, cluster.covariance)
-    return {"offset": _finite(np.linalg.norm(error)), "offset_nees": nees}
+    return {"body_error": _finite(np.linalg.norm(error)), "body_nees": nees}

@@ -1,5 +1,6 @@
 """A campaign's folder: campaign.json says what is run, runs.jsonl has a line for each run that has ended."""
 
+import errno
 import json
 import os
 from dataclasses import replace
@@ -8,20 +9,20 @@ from types import TracebackType
 from typing import Any, Self
 
 from baryscope.models.errors import InputError
-from baryscope.models.files import read_text, replacing
+from baryscope.models.files import AnyPath, read_text, replacing, unwritable
 from baryscope.study.campaign.plan import Plan
 
 HEADER, RUNS = "campaign.json", "runs.jsonl"
 Run = dict[str, Any]
 
 
-def read_plan(folder: Path) -> Plan:
+def read_plan(folder: AnyPath) -> Plan:
     """The plan of the campaign in a folder.
 
     Raises:
         InputError: there is none.
     """
-    path = folder / HEADER
+    path = Path(folder) / HEADER
     try:
         header = json.loads(read_text(path, "the header of a campaign"))
     except json.JSONDecodeError as error:
@@ -31,7 +32,7 @@ def read_plan(folder: Path) -> Plan:
     return Plan.of_header(header, path)
 
 
-def begin(folder: Path, plan: Plan, *, restart: bool) -> Plan:
+def begin(folder: AnyPath, plan: Plan, *, restart: bool = False) -> Plan:
     """Make the folder ready for a plan's runs; those that are there must be of the same plan, unless we start afresh.
 
     Returns:
@@ -40,6 +41,7 @@ def begin(folder: Path, plan: Plan, *, restart: bool) -> Plan:
     Raises:
         InputError: the runs in the folder are of another plan, or the folder cannot be written.
     """
+    folder = Path(folder)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, expected a folder to write to")
     runs = folder / RUNS
@@ -61,13 +63,13 @@ def begin(folder: Path, plan: Plan, *, restart: bool) -> Plan:
     return plan
 
 
-def read_runs(folder: Path, plan: Plan, *, mend: bool = False) -> dict[tuple[str, int], Run]:
+def read_runs(folder: AnyPath, plan: Plan, *, mend: bool = False) -> dict[tuple[str, int], Run]:
     """The runs that have ended, by scenario and number. A last line that was torn is none; mend cuts it off the file.
 
     Raises:
         InputError: a line that is no run of this plan.
     """
-    path = folder / RUNS
+    path = Path(folder) / RUNS
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -108,15 +110,25 @@ class RunFile:
     """runs.jsonl, open for more lines; each is on the disk when `append` returns."""
 
     def __init__(self, folder: Path) -> None:
+        self._path = folder / RUNS
         try:
-            self._stream = (folder / RUNS).open("ab", buffering=0)
+            self._stream = self._path.open("ab", buffering=0)
         except OSError as error:
-            raise InputError(f"{folder / RUNS}: cannot be written ({error.strerror})") from error
+            raise unwritable(self._path, error) from error
 
     def append(self, run: Run) -> None:
-        """Add the line of a run."""
-        self._stream.write(json.dumps(run, ensure_ascii=False, allow_nan=False).encode() + b"\n")
-        os.fsync(self._stream.fileno())
+        """Add the line of a run.
+
+        Raises:
+            DiskError: the disk is full, or fails; the line may be torn.
+        """
+        line = json.dumps(run, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+        try:
+            if self._stream.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise unwritable(self._path, error) from error
 
     def __enter__(self) -> Self:
         return self

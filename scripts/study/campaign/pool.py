@@ -38,10 +38,11 @@ def results_of(
 ) -> Generator[Result, None, None]:
     """What `function` makes of each task, in the order in which they end.
 
-    The function must be one that a new process can import, and must not raise. Closing the iterator ends the workers.
+    The function must be one that a new process can import. Closing the iterator ends the workers.
 
     Raises:
-        ComputationError: a worker process was ended from outside.
+        ComputationError: the function has raised it, which must be its only exception, or a worker was ended from
+            outside.
     """
     waiting = iter(tasks)
     crew: dict[Connection, SpawnProcess] = {}
@@ -63,6 +64,8 @@ def results_of(
                     process = crew[connection]
                     process.join(PATIENCE)
                     raise ComputationError(f"a worker process has ended with the code {process.exitcode}") from error
+                if isinstance(result, ComputationError):
+                    raise result
                 if task_left is None:
                     busy.discard(connection)
                 yield cast(Result, result)
@@ -85,7 +88,14 @@ def _work(function: Callable[[Any], Any], connection: Connection) -> None:
     signal.signal(signal.SIGTERM, _leave)
     with suppress(EOFError, OSError):
         while (task := connection.recv()) is not None:
-            connection.send(function(task))
+            connection.send(_done(function, task))
+
+
+def _done(function: Callable[[Any], Any], task: Any) -> Any:
+    try:
+        return function(task)
+    except ComputationError as error:
+        return error
 
 
 def _leave(number: int, frame: FrameType | None) -> None:

@@ -7,7 +7,7 @@ from importlib.resources.abc import Traversable
 
 STATIONS = ("baryscope.models", "baryscope.fmu", "baryscope.estimator")
 SUFFIXES = (".py", ".c", ".h")
-ITSELF = (("baryscope.study.campaign", "case.py"), ("baryscope.scripts.cli", "simulate.py"))
+ITSELF = (("baryscope.study.campaign", "case.py"), ("baryscope.study", "flight.py"))
 
 
 @cache

@@ -9,37 +9,40 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from baryscope.study.campaign.folder import Run
-from baryscope.study.campaign.plan import Entry, Plan
+from baryscope.study.campaign.plan import Plan
+from baryscope.study.campaign.suite import Entry
+from baryscope.study.methods import LVLH
 
 FloatArray = NDArray[np.float64]
 
 DEGREES = 3  # of freedom of an error of position
 COVERAGE = 0.95
 # A normalised squared error that one draw in 10 000 would have, and a path's error in units of the bound.
-STRIKING_NEES = float(chi2.isf(1e-4, DEGREES))
-STRIKING_RATIO = 4.0
+LARGE_NEES = float(chi2.isf(1e-4, DEGREES))
+LARGE_RATIO = 4.0
 
 
 @dataclass(frozen=True)
 class Row:
     """One method in one scenario, over the draws in which it gave a result; None where it does not say.
 
-    rms: root of the mean squared error of the path, m; own: the same as the method's covariances have it; ratio: rms
-    over the bound's, with its standard error; target: the ratio that is to be reached; nees: mean at the first, middle
-    and last frame, and of the CoM in the features' axes; draws, and of these failed and not converged; time: median, s.
+    rmse: of the path over all frames and draws, m; predicted_rmse: the same as the method's covariances predict it;
+    ratio: RMSE/CRB, the RMSE over the Cramér–Rao bound, with its standard error; target: what the ratio is to be at
+    most; nees: mean at the first, middle and last frame; body_nees: of the CoM in the features' axes; draws, and of
+    these failed and not converged; time: median, s.
     """
 
     method: str
     draws: int
     failed: int
-    unsettled: int
-    rms: float | None
-    own: float | None
+    not_converged: int
+    rmse: float | None
+    predicted_rmse: float | None
     ratio: float | None
     ratio_error: float | None
     target: float | None
     nees: tuple[float | None, ...]
-    offset_nees: float | None
+    body_nees: float | None
     time: float | None
 
     @property
@@ -49,25 +52,26 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Striking:
-    """A draw that deserves a look."""
+class Remark:
+    """A draw that deserves a look, and why."""
 
     scenario: str
     case: int
     method: str
-    what: str
+    text: str
 
 
 def rows_of(entry: Entry, plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[Row]:
     """A row for each method of a scenario."""
-    own = _of_scenario(entry, runs)
-    return [_row(method, own, entry.targets.get(method.removesuffix("-lvlh"))) for method in plan.methods]
+    of_scenario = _of_scenario(entry, runs)
+    return [_row(method, of_scenario, entry.targets.get(method.removesuffix(LVLH))) for method in plan.methods]
 
 
 def bound_of(entry: Entry, runs: Mapping[tuple[str, int], Run]) -> tuple[float | None, float | None]:
     """Root mean square over the draws, m, of the bound of the path without outliers, and with them."""
-    bounds = [run["bound"] for run in _of_scenario(entry, runs) if "path" in run["bound"]]
-    return _root_mean_square([one["reference"] for one in bounds]), _root_mean_square([one["path"] for one in bounds])
+    bounds = [run["bound"] for run in _of_scenario(entry, runs) if "path_rmse" in run["bound"]]
+    clean, found = ([one[name] for one in bounds] for name in ("path_rmse_clean", "path_rmse"))
+    return _root_mean_square(clean), _root_mean_square(found)
 
 
 def nees_band(draws: int) -> tuple[float, float]:
@@ -77,36 +81,36 @@ def nees_band(draws: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def striking(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[Striking]:
+def remarks(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[Remark]:
     """Draws that failed, did not converge, or are off by more than chance allows; of methods that have covariances."""
     found = []
     for run in (runs[key] for key in sorted(runs)):
         name, case = run["scenario"], run["case"]
         if "failure" in run["bound"]:
-            found.append(Striking(name, case, "bound", run["bound"]["failure"]))
+            found.append(Remark(name, case, "bound", run["bound"]["failure"]))
         for text in run.get("warnings", []):
-            found.append(Striking(name, case, "all", f"warning: {text}"))
+            found.append(Remark(name, case, "all", f"warning: {text}"))
         for method in plan.methods:
-            what = _what_strikes(run["methods"][method], run["bound"].get("reference"))
-            if what:
-                found.append(Striking(name, case, method, what))
+            text = _about(run["methods"][method], run["bound"].get("path_rmse_clean"))
+            if text:
+                found.append(Remark(name, case, method, text))
     return found
 
 
-def _what_strikes(outcome: dict[str, Any], bound: float | None) -> str:
+def _about(outcome: dict[str, Any], bound: float | None) -> str:
     if "failure" in outcome:
         return f"failed: {outcome['failure']}"
-    if outcome["own"] is None:
+    if outcome["predicted_rmse"] is None:
         return ""
     notes = [] if outcome["converged"] in (True, None) else ["did not converge"]
-    if bound and outcome["rms"] > STRIKING_RATIO * bound:
-        notes.append(f"{outcome['rms'] / bound:.1f} × bound")
+    if bound and outcome["rmse"] > LARGE_RATIO * bound:
+        notes.append(f"{outcome['rmse'] / bound:.1f} × CRB")
     nees = [value for value in outcome["nees"] or () if value is not None]
-    if nees and max(nees) > STRIKING_NEES:
+    if nees and max(nees) > LARGE_NEES:
         notes.append(f"NEES {' '.join(f'{value:.0f}' for value in nees)}")
-    offset = outcome.get("offset_nees")
-    if offset is not None and offset > STRIKING_NEES:
-        notes.append(f"NEES {offset:.0f} in features' axes")
+    in_body = outcome.get("body_nees")
+    if in_body is not None and in_body > LARGE_NEES:
+        notes.append(f"NEES {in_body:.0f} in body axes")
     return ", ".join(notes)
 
 
@@ -118,7 +122,11 @@ def _row(method: str, runs: Sequence[Run], target: float | None) -> Row:
     good = [run for run in runs if "failure" not in run["methods"][method]]
     outcomes = [run["methods"][method] for run in good]
     ratio, error = _ratio(
-        [(run["methods"][method]["rms"], run["bound"]["reference"]) for run in good if "path" in run["bound"]]
+        [
+            (run["methods"][method]["rmse"], run["bound"]["path_rmse_clean"])
+            for run in good
+            if "path_rmse" in run["bound"]
+        ]
     )
     normalised = [one["nees"] for one in outcomes if one["nees"] is not None]
     times = [run["wall"][method] for run in good if method in run["wall"]]
@@ -126,14 +134,16 @@ def _row(method: str, runs: Sequence[Run], target: float | None) -> Row:
         method=method,
         draws=len(runs),
         failed=len(runs) - len(good),
-        unsettled=sum(one["converged"] is False for one in outcomes),
-        rms=_root_mean_square([one["rms"] for one in outcomes]),
-        own=_root_mean_square([one["own"] for one in outcomes if one["own"] is not None]),
+        not_converged=sum(one["converged"] is False for one in outcomes),
+        rmse=_root_mean_square([one["rmse"] for one in outcomes]),
+        predicted_rmse=_root_mean_square(
+            [one["predicted_rmse"] for one in outcomes if one["predicted_rmse"] is not None]
+        ),
         ratio=ratio,
         ratio_error=error,
         target=target,
         nees=tuple(_mean([one[k] for one in normalised if one[k] is not None]) for k in range(3)),
-        offset_nees=_mean([one["offset_nees"] for one in outcomes if one.get("offset_nees") is not None]),
+        body_nees=_mean([one["body_nees"] for one in outcomes if one.get("body_nees") is not None]),
         time=float(np.median(times)) if times else None,
     )
 

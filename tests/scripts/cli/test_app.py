@@ -1,10 +1,12 @@
 """The command line as a user meets it: exit codes, one line for an error, nothing half written."""
 
+import re
 import subprocess
 import sys
 
 import pytest
 
+from baryscope import __version__
 from baryscope.models.scenario import preset_names
 from baryscope.scripts.cli import app, scenarios
 
@@ -20,22 +22,33 @@ def complaint(capsys, code, *arguments):
     return lines[0]
 
 
-def test_help_names_every_command(capsys):
+COMMANDS = sorted(name for name in app.app if not name.startswith("-"))
+
+
+def test_help_names_every_command_with_what_it_does(capsys):
+    assert {"compare", "build", "simulate", "estimate", "campaign", "bound", "check", "scenarios"} <= set(COMMANDS)
     assert app.main(["--help"]) == 0
     text = capsys.readouterr().out
-    for command in ("compare", "build", "simulate", "estimate", "scenarios"):
-        assert command in text
+    for command in COMMANDS:
+        assert re.search(rf"\b{command}\s+[A-Z]\w+", text), command
 
 
-@pytest.mark.parametrize("command", ["compare", "build", "simulate", "estimate"])
-def test_help_of_a_command_describes_its_options(capsys, command):
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_a_command_describes_every_option(capsys, command):
     assert app.main([command, "--help"]) == 0
-    assert "-o" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    arguments = [
+        one for one in app.app[command].assemble_argument_collection(parse_docstring=True) if one.names != ("*",)
+    ]
+    assert arguments
+    for argument in arguments:
+        assert argument.names[0] in text
+        assert argument.parameter.help, argument.names
 
 
 def test_version(capsys):
     assert app.main(["--version"]) == 0
-    assert capsys.readouterr().out.strip() == app.VERSION
+    assert capsys.readouterr().out.strip() == __version__
 
 
 def test_scenarios_has_a_line_for_each_preset(capsys):
@@ -50,7 +63,7 @@ def test_scenarios_has_a_line_for_each_preset(capsys):
     (["estimate"], "argument"),
     (["estimate", "x.csv", "--method", "magic"], "magic"),
     (["estimate", "x.csv", "--lag", "long"], "long"),
-    (["compare", "--methods", "screw-gpa,magic"], "'magic', expected some of screw-raw"),
+    (["compare", "--methods", "screw-gpa,magic"], "methods: found 'magic', expected some of screw-raw"),
     (["compare", "--methods", ","], "found none"),
     (["compare", "--scenario", "mir"], "'mir': not a preset, expected one of"),
     (["build", "--colour", "red"], "--colour"),

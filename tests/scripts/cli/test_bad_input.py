@@ -3,7 +3,7 @@
 import pytest
 
 from baryscope.scripts.cli import app
-from malformed import ORBITS, SCENARIOS, TRACKS, spoil
+from malformed import GOOD_SCENARIO, ORBITS, SCENARIOS, TRACKS, spoil
 
 
 def refusal(capsys, tmp_path, *arguments):
@@ -83,3 +83,14 @@ def test_choices_that_do_not_go_together(capsys, tmp_path, choice, expected):
     assert line.startswith("baryscope: ")
     assert expected in line
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_no_output_is_an_input(capsys, tmp_path):
+    tracks = tmp_path / "tracks.csv"
+    tracks.write_text("time,feature,x,y,z\n0,a,1,2,3\n")
+    assert "would be written over, but is read" in refusal(capsys, tmp_path, "estimate", tracks, "-o", tracks)
+    scenario = tmp_path / "slow.orbit.toml"
+    scenario.write_text(GOOD_SCENARIO)
+    arguments = ["simulate", "--scenario", scenario, "-o", tmp_path / "slow.csv"]
+    assert "would be written over, but is read" in refusal(capsys, tmp_path, *arguments)
+    assert scenario.read_text() == GOOD_SCENARIO

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from baryscope import __version__
 from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, load_scenario
 from baryscope.scripts.cli import app
-from baryscope.study.bound_table import Variant, cells_of, grid, variant_of
+from baryscope.study.bounds import Grid, Variant, bound_table, variant_of
 from malformed import GOOD_SCENARIO
 
 RIG = "stereo = { focal_length = 1911.0, baseline = 1.0, pixel_noise = 0.5 }"
@@ -41,9 +42,9 @@ def test_the_scenario_itself_in_a_few_lines(scenario_file, capsys):
     assert app.main(["bound", "--scenario", str(scenario_file)]) == 0
     text = capsys.readouterr().out
     found = cramer_rao_bound(load_scenario(str(scenario_file)))
-    assert f"path of the centre of mass   ±{1000 * found.position_deviation:.3g} mm" in text
-    assert f"attitude                     ±{np.rad2deg(found.attitude_deviation):.3g}°" in text
-    assert f"angular rate                 ±{np.rad2deg(found.rate_deviation):.3g} °/s" in text
+    assert f"Cramér–Rao bound on path RMSE  {1000 * found.position_deviation:.3g} mm" in text
+    assert f"attitude                       {np.rad2deg(found.attitude_deviation):.3g}°" in text
+    assert f"angular rate                   {np.rad2deg(found.rate_deviation):.3g} °/s" in text
     assert verdict(found.observability) in text
     assert len(text.splitlines()) < 10
 
@@ -88,7 +89,7 @@ def test_the_table_holds_the_bound_of_each_variant(stereo_file, tmp_path, capsys
             int(row["features"]), 1.0, float(row["rate_deg"]), float(row["range"]), float(row["duration"])
         )
         found = cramer_rao_bound(variant.of(base))
-        assert float(row["path"]) == pytest.approx(found.position_deviation, rel=1e-12)
+        assert float(row["path_rmse"]) == pytest.approx(found.position_deviation, rel=1e-12)
         assert float(row["attitude_deg"]) == pytest.approx(np.rad2deg(found.attitude_deviation), rel=1e-12)
         assert row["verdict"] == verdict(found.observability)
     assert {path.name for path in folder.iterdir()} == {
@@ -97,7 +98,7 @@ def test_the_table_holds_the_bound_of_each_variant(stereo_file, tmp_path, capsys
     assert imread(folder / "bound-4-features-baseline-1-m.png")[..., :3].std() > 0.05
     text = (folder / "bound.md").read_text(encoding="utf-8")
     assert text.count("\n| ") == 18
-    assert f"baryscope {app.VERSION}" in text
+    assert f"baryscope {__version__}" in text
     assert max(len(line) for line in capsys.readouterr().out.splitlines()[:-1]) <= 80
 
 
@@ -121,12 +122,12 @@ def test_what_is_not_observable_has_a_verdict_instead_of_a_number(scenario_file,
     arguments = ["--durations", "10,100", "--rates", "0.01,3", "-o", str(folder)]
     assert app.main(["bound", "--scenario", str(scenario_file), *arguments]) == 0
     first, *_, last = rows(folder / "bound.csv")
-    assert (first["path"], first["centre_of_mass"]) == ("", "")
+    assert (first["path_rmse"], first["com_rmse"]) == ("", "")
     assert "not observable" in first["verdict"]
-    assert float(last["path"]) < 0.1
+    assert float(last["path_rmse"]) < 0.1
     printed = capsys.readouterr().out
-    assert re.search(r"10 s\s+hidden", printed)
-    assert "hidden: the centre of mass is not observable" in printed
+    assert re.search(r"10 s\s+unobservable", printed)
+    assert "unobservable: the centre of mass is not observable" in printed
     assert (folder / "bound.png").exists()
 
 
@@ -169,9 +170,9 @@ def test_a_table_without_lists_takes_the_usual_ones(scenario_file, stereo_file, 
     (["--ranges", "-5"], "--ranges: found '-5'"),
     (["--rates", "inf"], "--rates: found 'inf'"),
     (["--features", "3.5"], "--features: found '3.5', expected whole numbers"),
-    (["--features", "2,4"], "--features: found 2,4, expected 3 to the scenario's 4"),
-    (["--features", "5"], "--features: found 5, expected 3 to the scenario's 4"),
-    (["--baselines", "1"], "--baselines: found with a scenario without sensor.stereo"),
+    (["--features", "2,4"], "features: found 2,4, expected 3 to the scenario's 4"),
+    (["--features", "5"], "features: found 5, expected 3 to the scenario's 4"),
+    (["--baselines", "1"], "baselines: found with a scenario without sensor.stereo"),
     (["--trajectory", "spiral"], "spiral"),
     (["--trajectory", "polynomial"], "expected its degree"),
 ])  # fmt: skip
@@ -188,7 +189,7 @@ def test_a_target_that_does_not_turn_has_no_rate_to_scale(scenario_file, capsys)
     scenario_file.write_text(text, encoding="utf-8")
     assert app.main(["bound", "--scenario", str(scenario_file), "--rates", "1"]) == 2
     assert "a target that does not turn" in capsys.readouterr().err
-    own = cells_of(load_scenario(str(scenario_file)), grid([4], [None], [0.0], [10.0], [100.0]), None)
-    assert not own[0].observable
+    own = bound_table(str(scenario_file), Grid())
+    assert not own.cells[0].observable
     assert app.main(["bound", "--scenario", str(scenario_file), "--table"]) == 0
     assert "0 °/s" in capsys.readouterr().out

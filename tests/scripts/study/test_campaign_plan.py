@@ -8,7 +8,8 @@ import pytest
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario
 from baryscope.scripts.cli import app
-from baryscope.study.campaign.plan import Plan, plan_of, read_suite
+from baryscope.study.campaign import Plan, plan_of
+from baryscope.study.campaign.suite import read_suite
 from malformed import GOOD_SCENARIO
 
 
@@ -16,15 +17,15 @@ from malformed import GOOD_SCENARIO
 def plan(tmp_path):
     path = tmp_path / "small.toml"
     path.write_text(GOOD_SCENARIO, encoding="utf-8")
-    return plan_of([str(path)], None, "screw-gpa,pivot", draws=4, seed=3, vary="attitude,anomaly")
+    return plan_of([str(path)], methods=["screw-gpa", "pivot"], draws=4, seed=3)
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (["--draws", "0"], "--draws: found 0, expected at least 1"),
+    (["--draws", "0"], "draws: found 0, expected at least 1"),
     (["--workers", "0"], "--workers: found 0, expected at least 1"),
-    (["--seed", "-1"], "--seed: found -1, expected at least 0"),
-    (["--vary", "colour"], "--vary: found 'colour', expected none or some of attitude, anomaly"),
-    (["--methods", "magic"], "--methods: found 'magic'"),
+    (["--seed", "-1"], "seed: found -1, expected at least 0"),
+    (["--vary", "colour"], "vary: found 'colour', expected none or some of attitude, anomaly"),
+    (["--methods", "magic"], "methods: found 'magic'"),
     (["--scenario", "mir"], "'mir': not a preset"),
     (["--scenario", "envisat", "envisat"], "'envisat': stands 2 times"),
     (["--suite", "grasp"], "suite 'grasp': not known, expected one of reach or a FILE.toml"),
@@ -74,7 +75,7 @@ def test_a_suite_that_is_wrong(tmp_path, text, words):
 
 
 def test_some_of_a_suite():
-    plan = plan_of(["slow-vbar", "fast-stereo"], "reach", None, draws=2, seed=1, vary="attitude")
+    plan = plan_of(["slow-vbar", "fast-stereo"], "reach", draws=2, vary=["attitude"])
     assert [entry.name for entry in plan.entries] == ["slow-vbar", "fast-stereo"]
     command = "baryscope campaign --suite reach --scenario slow-vbar fast-stereo --methods screw-gpa,pivot,ml"
     assert plan.command == f"{command} --draws 2 --seed 1 --vary attitude"

@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import chi2
 
 from baryscope.scripts.cli import app
-from baryscope.study.campaign.folder import RUNS, begin, read_runs
-from baryscope.study.campaign.plan import plan_of
-from baryscope.study.campaign.statistics import bound_of, nees_band, rows_of, striking
+from baryscope.study.campaign import begin, plan_of, read_runs
+from baryscope.study.campaign.folder import RUNS
+from baryscope.study.campaign.statistics import bound_of, nees_band, remarks, rows_of
 from malformed import GOOD_SCENARIO
 
 
@@ -18,7 +18,7 @@ from malformed import GOOD_SCENARIO
 def plan(tmp_path):
     path = tmp_path / "small.toml"
     path.write_text(GOOD_SCENARIO, encoding="utf-8")
-    return plan_of([str(path)], None, "screw-gpa,pivot", draws=4, seed=3, vary="attitude,anomaly")
+    return plan_of([str(path)], methods=["screw-gpa", "pivot"], draws=4, seed=3)
 
 
 def synthetic(folder, plan, errors):
@@ -27,11 +27,11 @@ def synthetic(folder, plan, errors):
     lines = []
     for number, error in enumerate(errors):
         path = 0.001 * (number + 1)
-        good = {"rms": error, "max": 0.1, "own": 0.002, "converged": number != 2, "rejected": 0.0}
-        nees = {"nees": [number + 1.0, 2 * number + 2.0, 3 * number + 3.0], "offset": 0.1, "offset_nees": 4.0}
-        lossy = {"path": 2 * path, "offset": path, "reference": path, "verdict": "observable: ±1 m"}
+        good = {"rmse": error, "max_error": 0.1, "predicted_rmse": 0.002, "converged": number != 2}
+        nees = {"nees": [number + 1.0, 2 * number + 2.0, 3 * number + 3.0], "body_error": 0.1, "body_nees": 4.0}
+        lossy = {"path_rmse": 2 * path, "path_rmse_clean": path, "verdict": "observable: ±1 m"}
         pivot = {"failure": "too little turns"} if error is None else good | nees
-        gpa = good | {"rms": 1.0, "own": None, "nees": None, "converged": None}
+        gpa = good | {"rmse": 1.0, "predicted_rmse": None, "nees": None, "converged": None}
         methods = {"screw-gpa": gpa, "screw-gpa-lvlh": gpa, "pivot": pivot}
         wall = {"flight": 0.1, "bound": 0.1, **dict.fromkeys(methods, number + 1.0)}
         lines.append({"scenario": "small", "case": number, "bound": lossy, "methods": methods, "wall": wall})
@@ -48,17 +48,17 @@ def test_the_rows_are_those_of_a_calculation_by_hand(targeted, tmp_path):
     """e² = 4, 9, 16 and b² = 1, 4, 9 mm²: r² = 29/14; e² − r² b² = 27/14, 10/14, −37/14, whose mean is 0."""
     runs = synthetic(tmp_path / "s", targeted, [0.002, 0.003, 0.004, None])
     gpa, _, pivot = rows_of(targeted.entries[0], targeted, runs)
-    assert pivot.rms == pytest.approx(np.sqrt(29 / 3) * 1e-3)
-    assert pivot.own == pytest.approx(0.002)
+    assert pivot.rmse == pytest.approx(np.sqrt(29 / 3) * 1e-3)
+    assert pivot.predicted_rmse == pytest.approx(0.002)
     assert pivot.ratio == pytest.approx(np.sqrt(29 / 14))
     deviation = np.sqrt((27**2 + 10**2 + 37**2) / 14**2 / 2)  # sample standard deviation of the three
     assert pivot.ratio_error == pytest.approx(deviation / np.sqrt(3) / (14 / 3) / (2 * np.sqrt(29 / 14)))
     assert pivot.nees == pytest.approx((2, 4, 6))
-    assert pivot.offset_nees == pytest.approx(4)
-    assert (pivot.draws, pivot.failed, pivot.unsettled, pivot.time) == (4, 1, 1, 2.0)
+    assert pivot.body_nees == pytest.approx(4)
+    assert (pivot.draws, pivot.failed, pivot.not_converged, pivot.time) == (4, 1, 1, 2.0)
     assert (pivot.target, pivot.reached) == (1.25, False)
     assert gpa.ratio == pytest.approx(np.sqrt(4 / 30e-6))
-    assert (gpa.own, gpa.nees, gpa.reached, gpa.unsettled) == (None, (None, None, None), None, 0)
+    assert (gpa.predicted_rmse, gpa.nees, gpa.reached, gpa.not_converged) == (None, (None, None, None), None, 0)
     assert bound_of(targeted.entries[0], runs) == pytest.approx((np.sqrt(30 / 4) * 1e-3, np.sqrt(30) * 1e-3))
 
 
@@ -71,7 +71,7 @@ def test_the_standard_error_of_the_ratio_is_what_repeated_campaigns_scatter_by(p
     many = replace(plan, draws=50)
     runs = synthetic(tmp_path / "s", many, e[0])
     for (_, number), run in runs.items():
-        run["bound"]["reference"] = b[0, number]
+        run["bound"]["path_rmse_clean"] = b[0, number]
     row = rows_of(many.entries[0], many, runs)[2]
     assert row.ratio == pytest.approx(1.1, abs=4 * scatter)
     assert row.ratio_error == pytest.approx(scatter, rel=0.35)
@@ -82,11 +82,11 @@ def test_the_band_of_nees_is_the_published_one():
     assert nees_band(50) == pytest.approx((117.985 / 50, 185.800 / 50), abs=1e-4)  # χ²₁₅₀ of 2.5 and 97.5 %, tables
 
 
-def test_striking_draws_are_named(plan, tmp_path):
+def test_draws_to_look_at_are_named(plan, tmp_path):
     runs = synthetic(tmp_path / "s", plan, [0.002, 0.010, 0.003, None])
-    found = [(one.case, one.method, one.what) for one in striking(plan, runs)]
+    found = [(one.case, one.method, one.text) for one in remarks(plan, runs)]
     assert found == [
-        (1, "pivot", "5.0 × bound"),
+        (1, "pivot", "5.0 × CRB"),
         (2, "pivot", "did not converge"),
         (3, "pivot", "failed: too little turns"),
     ]

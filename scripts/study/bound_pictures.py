@@ -1,20 +1,22 @@
-"""The picture of a bound: the path's rms error at best over the duration, for each range and tumble rate."""
+"""The picture of a table of bounds: the bound on path RMSE over the duration, for each range and tumble rate."""
 
 from collections.abc import Sequence
 from itertools import groupby
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from baryscope.models.files import replacing
-from baryscope.study.bound_table import Cell
+from baryscope.study.bounds import Cell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLUMNS = 3  # panels side by side at most
 TICKS = 8  # durations at most that are all named on the axis
 
 
-def draw_bound(name: str, cells: Sequence[Cell], path: Path) -> None:
-    """Draw the bound of the path over the duration: a panel for each rate, a line for each range.
+def bound_figure(name: str, cells: Sequence[Cell]) -> "Figure":
+    """The bound on path RMSE over the duration: a panel for each rate, a line for each range.
 
     Both axes are logarithmic. What is not observable is left out; a cross at the panel's lower edge says so.
     """
@@ -54,8 +56,7 @@ def draw_bound(name: str, cells: Sequence[Cell], path: Path) -> None:
         panel.set_xlabel("duration in s")
         panel.tick_params(labelbottom=True)
     for panel in panels[::columns]:
-        panel.set_ylabel("path, rms in m")
+        panel.set_ylabel("path RMSE in m")
     panels[0].legend(title="range", fontsize=8, title_fontsize=8)
     figure.suptitle(f"Cramér–Rao bound of the centre of mass: {name}", fontsize=10)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+    return figure

@@ -1,0 +1,133 @@
+"""What a campaign gives: its runs, a table for each scenario, and the draws that deserve a look."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from baryscope.models.words import counted
+from baryscope.study.campaign.folder import Run
+from baryscope.study.campaign.plan import Plan
+from baryscope.study.campaign.statistics import Remark, Row, bound_of, nees_band, remarks, rows_of
+from baryscope.study.campaign.suite import Entry
+from baryscope.study.table import Table
+
+SHORT = ("method", "RMSE", "pred.", "/CRB", "±", "target", "NEES", "mid", "end", "body", "fail", "time")
+HEADINGS = (
+    "method", "RMSE, mm", "predicted RMSE, mm", "RMSE/CRB", "±", "target", "NEES, start", "middle", "end",
+    "in body axes", "failed", "time, s",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignSummary:
+    """A campaign and the runs of it that have ended, by scenario and number of the draw."""
+
+    plan: Plan
+    runs: Mapping[tuple[str, int], Run]
+
+    def draws(self, entry: Entry) -> int:
+        """How many runs of a scenario have ended."""
+        return sum(name == entry.name for name, _ in self.runs)
+
+    def rows(self, entry: Entry) -> list[Row]:
+        """A row for each method of a scenario."""
+        return rows_of(entry, self.plan, self.runs)
+
+    @cached_property
+    def remarks(self) -> list[Remark]:
+        """Draws that failed, did not converge, or are off by more than chance allows."""
+        return remarks(self.plan, self.runs)
+
+    @property
+    def failures(self) -> list[str]:
+        """Why methods gave no result; as many as there are results if none was given, and some runs at least."""
+        found = [outcome.get("failure") for run in self.runs.values() for outcome in run["methods"].values()]
+        return [failure for failure in found if failure]
+
+    @property
+    def failed(self) -> bool:
+        """Whether no method gave a result in any run."""
+        return len(self.failures) == sum(len(run["methods"]) for run in self.runs.values())
+
+    def tables(self) -> Iterator[Table]:
+        """For a terminal or a notebook: a table for each scenario that has runs, lengths in mm."""
+        for entry in self.plan.entries:
+            if draws := self.draws(entry):
+                yield self.table(entry, SHORT, f"{entry.name}: {entry.description}, {counted(draws, 'draw')}")
+
+    def table(self, entry: Entry, headings: tuple[str, ...] = HEADINGS, title: str = "") -> Table:
+        """The table of a scenario, the bound's row last; with outliers, a second one for the inliers alone."""
+        clean, inliers = bound_of(entry, self.runs)
+        empty = ("",) * (len(headings) - 2)
+        rows = [_cells(row) for row in self.rows(entry)] + [("CRB", _millimetres(clean), *empty)]
+        if clean is not None and inliers != clean:
+            rows.append(("CRB, inliers", _millimetres(inliers), *empty))
+        return Table(headings, tuple(rows), title)
+
+    def about_nees(self) -> str:
+        """Between which numbers a NEES is by chance, in a sentence."""
+        draws = max(map(self.draws, self.plan.entries))
+        low, high = nees_band(draws)
+        band = f"{low:.2f} to {high:.2f} in 95 % of campaigns of {counted(draws, 'draw')}"
+        return f"NEES should be 3: {band}; ! marks what is outside."
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers of the tables as plain values: m, s and shares; null where there is none."""
+        scenarios = []
+        for entry in self.plan.entries:
+            clean, inliers = bound_of(entry, self.runs)
+            scenarios.append(
+                {
+                    "name": entry.name,
+                    "hash": entry.digest,
+                    "draws": self.draws(entry),
+                    "crb": clean,
+                    "crb_inliers": inliers,
+                    "methods": [asdict(row) | {"reached": row.reached} for row in self.rows(entry)],
+                }
+            )
+        return {
+            "version": self.plan.version,
+            "program": self.plan.program,
+            "command": self.plan.command,
+            "runs": len(self.runs),
+            "missing": self.plan.total - len(self.runs),
+            "scenarios": scenarios,
+            "remarks": [asdict(remark) for remark in self.remarks],
+        }
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (
+        row.method,
+        _millimetres(row.rmse),
+        _millimetres(row.predicted_rmse),
+        _number(row.ratio),
+        _number(row.ratio_error),
+        "" if row.target is None else f"{row.target:g} {'ok' if row.reached else 'no'}",
+        *(_nees(value, row.draws - row.failed) for value in (*row.nees, row.body_nees)),
+        f"{row.failed}+{row.not_converged}" if row.not_converged else str(row.failed),
+        "-" if row.time is None else f"{row.time:.2f}",
+    )
+
+
+def _number(value: float | None) -> str:
+    """Three decimals at most, and hardly more than four digits."""
+    if value is None:
+        return "-"
+    decimals = 3 if value < 10 else 1 if value < 1000 else 0
+    return f"{value:.{decimals}f}"
+
+
+def _nees(value: float | None, draws: int) -> str:
+    """The mean of a NEES; with a mark where it is not in the band."""
+    if value is None:
+        return "-"
+    low, high = nees_band(draws)
+    mark = "" if low <= value <= high else "!"
+    return (f"{value:.2f}" if value < 10 else f"{value:.0f}" if value < 1e4 else f"{value:.0e}") + mark
+
+
+def _millimetres(metres: float | None) -> str:
+    return _number(None if metres is None else 1000 * metres)

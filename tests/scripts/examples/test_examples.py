@@ -1,0 +1,19 @@
+"""The programs to copy run."""
+
+import runpy
+from pathlib import Path
+
+EXAMPLES = Path(__file__).parents[3] / "scripts" / "examples"
+
+
+def test_every_example_is_run_by_a_test():
+    """step_unit.mjs is run by the tests of the WebAssembly module."""
+    programs = {path.name for path in EXAMPLES.iterdir() if path.is_file() and path.name != "__init__.py"}
+    assert programs == {"step_unit.py", "step_unit.mjs"}
+
+
+def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
+    runpy.run_path(str(EXAMPLES / "step_unit.py"))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 10
+    assert " 30.00 m from the centre of mass" in lines[-1]
