@@ -1,31 +1,29 @@
 """GPA against least squares against raw points, on the same noisy tracks: the tables of docs/gpa_study.md.
 
-    python scripts/benchmarks/gpa_study.py > docs/gpa_study_tables.md
+    python scripts/benchmarks/gpa_study.py [--quick]
 
 Envisat on V-bar at 20 m, all features in view for 600 s at 1 Hz. Every number is the median over several draws of
-the noise of the rms error of the path, at every frame. "-" means that the method said it could not be done.
+the noise of the RMSE of the path, at every frame. "-" means that the method said it could not be done. --quick takes
+one draw of a small grid: to see that it works.
 """
 
 import sys
-import tempfile
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.methods import METHODS, estimate
-from baryscope.estimator.options import ScrewOptions
-from baryscope.estimator.tracks import FeatureTracks
-from baryscope.fmu import Recording, build_fmu, simulate
+from baryscope import __version__
+from baryscope.estimator import METHODS, FeatureTracks, ScrewOptions, estimate
 from baryscope.models.errors import ComputationError
-from baryscope.models.scenario import load_scenario
-from baryscope.scripts.cli.console import VERSION, step
+from baryscope.models.scenario import Scenario, load_scenario
+from baryscope.scripts.cli.console import Show
+from baryscope.study import Flight, fly
+from baryscope.study.progress import Progress, stage
+from baryscope.study.table import Table
 
-DURATION = 600  # s
-DRAWS = 9
-LAGS = (1.0, 3.0, 10.0, 25.0)  # s: 3.5, 10, 35 and 87 degrees of turn
-NOISES = (0.01, 0.02, 0.05)  # m
-COUNTS = (3, 5, 10)
+DURATION = 600.0  # s
+METHODS_OF_SCREWS = tuple(name for name, method in METHODS.items() if method.options is ScrewOptions)
 AXES = ("inertial", "lvlh")
 # So ordered that the first three already span the body.
 ORDER = (
@@ -34,21 +32,44 @@ ORDER = (
 )  # fmt: skip
 
 
-def noisy_tracks(truth: Recording, labels: tuple[str, ...], count: int, noise: float, seed: int) -> FeatureTracks:
+@dataclass(frozen=True)
+class Grid:
+    """How many draws of the noise, numbers of features, standard deviations in m, and lags in s."""
+
+    draws: int
+    counts: tuple[int, ...]
+    noises: tuple[float, ...]
+    lags: tuple[float, ...]  # 3.5, 10, 35 and 87 degrees of turn
+
+
+FULL = Grid(9, (3, 5, 10), (0.01, 0.02, 0.05), (1.0, 3.0, 10.0, 25.0))
+QUICK = Grid(1, (10,), (0.01,), (10.0,))
+
+
+def study_scenario() -> Scenario:
+    """Envisat for DURATION."""
+    data = load_scenario("envisat").model_dump(mode="json", exclude_unset=True)
+    data["tracking"] = {}
+    data["run"] = {"duration": DURATION, "sample_time": 1.0}
+    return Scenario.parse(data, "envisat")
+
+
+def noisy_tracks(flight: Flight, count: int, noise: float, seed: int) -> FeatureTracks:
     """The first `count` features of ORDER with isotropic noise; equal seeds give equal draws, scaled."""
-    columns = [labels.index(label) for label in ORDER[:count]]
+    truth = flight.truth
+    columns = [flight.scenario.features.labels.index(label) for label in ORDER[:count]]
     draw = np.random.default_rng(np.random.SeedSequence([seed, count])).standard_normal((truth.time.size, count, 3))
     return FeatureTracks(truth.time, truth["features"][:, columns] + noise * draw, ORDER[:count])
 
 
-def rms_error(tracks: FeatureTracks, truth: Recording, method: str, axes: str, lag: float) -> float:
-    """Rms error of the path, m; NaN where the method says that it cannot be done."""
+def rmse(tracks: FeatureTracks, flight: Flight, method: str, axes: str, lag: float) -> float:
+    """RMSE of the path, m; NaN where the method says that it cannot be done."""
     options = ScrewOptions(lag=lag, axes="lvlh" if axes == "lvlh" else "inertial")
     try:
-        result = estimate(tracks, method=method, orbit=load_scenario("envisat").orbit, options=options)
+        result = estimate(tracks, method=method, orbit=flight.scenario.orbit, options=options)
     except ComputationError:
         return np.nan
-    return float(np.sqrt(np.mean(np.sum((result.position - truth["target.position"]) ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum((result.position - flight.true_path) ** 2, axis=1))))
 
 
 def cell(values: Iterable[float]) -> str:
@@ -62,24 +83,30 @@ def cell(values: Iterable[float]) -> str:
     return f"{text} ({failed} of {array.size} failed)" if failed else text
 
 
-def main() -> int:
+def table(flight: Flight, grid: Grid, axes: str, progress: Progress | None = None) -> Table:
+    """A row for each number of features, noise and lag, in some axes."""
+    rows = []
+    combinations = [(count, noise) for count in grid.counts for noise in grid.noises]
+    with stage(progress, f"{axes} axes") as share:
+        for done, (count, noise) in enumerate(combinations):
+            draws = [noisy_tracks(flight, count, noise, seed) for seed in range(grid.draws)]
+            for lag in grid.lags:
+                cells = [cell(rmse(d, flight, method, axes, lag) for d in draws) for method in METHODS_OF_SCREWS]
+                rows.append((str(count), f"{100 * noise:.0f} cm", f"{lag:g} s", *cells))
+            share((done + 1) / len(combinations))
+    return Table(("features", "noise", "lag", *METHODS_OF_SCREWS), tuple(rows), left=0)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the grid and print Markdown."""
-    scenario = load_scenario("envisat")
-    with tempfile.TemporaryDirectory(prefix="baryscope-") as folder:
-        unit = build_fmu(scenario, Path(folder) / "unit.fmu")
-        truth = simulate(unit, np.arange(DURATION + 1.0), scenario.parameters())
-    print(f"baryscope {VERSION}, {DRAWS} draws a cell, {DURATION} s at 1 Hz, scenario envisat.")
-    for axes in AXES:
-        print(f"\n## {axes} axes\n")
-        print("| features | noise | lag | " + " | ".join(METHODS) + " |")
-        print("| ---: | ---: | ---: |" + " ---: |" * len(METHODS))
-        for count in COUNTS:
-            for noise in NOISES:
-                with step(f"{axes} axes, {count} features, {noise:g} m"):
-                    draws = [noisy_tracks(truth, scenario.features.labels, count, noise, seed) for seed in range(DRAWS)]
-                    for lag in LAGS:
-                        cells = [cell(rms_error(d, truth, method, axes, lag) for d in draws) for method in METHODS]
-                        print(f"| {count} | {100 * noise:.0f} cm | {lag:g} s | " + " | ".join(cells) + " |", flush=True)
+    given = sys.argv[1:] if arguments is None else arguments
+    grid = QUICK if "--quick" in given else FULL
+    with Show().progress() as progress:
+        flight = fly(study_scenario(), progress=progress)
+        print(f"baryscope {__version__}, {grid.draws} draws a cell, {DURATION:.0f} s at 1 Hz, scenario envisat.")
+        for axes in AXES:
+            words = "inertial" if axes == "inertial" else "LVLH"
+            print(f"\n### {words} axes\n\n{table(flight, grid, axes, progress).markdown()}", flush=True)
     return 0
 
 
