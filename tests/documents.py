@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+LANGUAGES = {"python", "sh", "text", "toml"}  # text is not run: formulas, output, formats of files
 FRONT = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
 
@@ -27,12 +28,16 @@ def blocks_with_output(document):
     return re.findall(r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", text_of(document), re.DOTALL)
 
 
+def fences(document):
+    """Language and text of each fenced block, in their order; and the rest of the document."""
+    fence = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+    return fence.findall(text_of(document)), fence.sub("", text_of(document))
+
+
 def commands(document):
-    """The calls of baryscope in its indented blocks, in their order, without their comments."""
-    return [
-        shlex.split(line, comments=True)
-        for line in re.findall(r"^    (baryscope .*)$", text_of(document), re.MULTILINE)
-    ]
+    """The calls of baryscope in its shell blocks, in their order, without their comments."""
+    lines = [line for language, block in fences(document)[0] if language == "sh" for line in block.splitlines()]
+    return [words for line in lines if (words := shlex.split(line, comments=True)) and words[0] == "baryscope"]
 
 
 WITH_PYTHON = [document for document in [*FRONT, *PAGES] if python_blocks(document)]
