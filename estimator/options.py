@@ -1,9 +1,9 @@
 """What can be chosen for each family of methods; what is left None is chosen from the data."""
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
+from baryscope.estimator.limits import COARSEST, FINEST, LATEST, SHORTEST_STEP
 from baryscope.models.errors import InputError
 
 Reference = Literal["mean", "first"]
@@ -12,6 +12,7 @@ Noise = Literal["stereo", "fixed"]
 Torque = Literal["none", "gravity-gradient"]
 
 HIGHEST_DEGREE = 20  # of a polynomial path
+LOWEST_CUTOFF = 1 / LATEST  # Hz
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,10 @@ class ScrewOptions:
     reference: Reference = "mean"
 
     def __post_init__(self) -> None:
-        if self.lag is not None and not (0 < self.lag < math.inf):
-            raise InputError(f"lag is {self.lag}, expected a number of seconds > 0")
-        if self.cutoff is not None and not self.cutoff > 0:
-            raise InputError(f"cutoff is {self.cutoff}, expected a frequency in Hz > 0")
+        if self.lag is not None and not (SHORTEST_STEP <= self.lag <= LATEST):
+            raise InputError(f"lag is {self.lag}, expected {SHORTEST_STEP:g} to {LATEST:g} s")
+        if self.cutoff is not None and not self.cutoff >= LOWEST_CUTOFF:
+            raise InputError(f"cutoff is {self.cutoff}, expected a frequency of at least {LOWEST_CUTOFF:g} Hz")
         if self.degree is not None and not 0 <= self.degree <= HIGHEST_DEGREE:
             raise InputError(f"degree is {self.degree}, expected 0 to {HIGHEST_DEGREE}")
         _check_one_of("axes", self.axes, ("inertial", "lvlh"))
@@ -59,8 +60,8 @@ class PathOptions:
     torque: Torque | None = None
 
     def __post_init__(self) -> None:
-        if self.sigma is not None and not (0 < self.sigma < math.inf):
-            raise InputError(f"sigma is {self.sigma}, expected a deviation in m > 0")
+        if self.sigma is not None and not (FINEST <= self.sigma <= COARSEST):
+            raise InputError(f"sigma is {self.sigma}, expected a standard deviation of {FINEST:g} to {COARSEST:g} m")
         _check_one_of("noise", self.noise, ("stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from baryscope.estimator.limits import NARROWEST
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
@@ -29,17 +30,21 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
             "expected one time for all features of a frame"
         )
     width = _width(tracks)
-    if not width <= LARGEST:  # or too large for a number
+    if width is not None and width > LARGEST:
         raise InputError(f"{source}: features about {width:.0f} m apart, in millimetres?, expected metres and one body")
+    if width is not None and width < NARROWEST:
+        raise InputError(
+            f"{source}: features about {width:.2g} m apart, all in one place?, "
+            f"expected metres and a body of at least {NARROWEST:g} m"
+        )
 
 
-def _width(tracks: FeatureTracks) -> float:
-    """Roughly how far apart the features of a frame are, m; hardly moved by some that are wrong. 0 if unknown."""
+def _width(tracks: FeatureTracks) -> float | None:
+    """Roughly how far apart the features of a frame are, m; hardly moved by some that are wrong. None if unknown."""
     shared = np.nonzero(tracks.seen.sum(axis=1) > 1)[0]
     if not shared.size:
-        return 0.0
+        return None
     frames = shared[np.unique(np.linspace(0, len(shared) - 1, SAMPLE).astype(np.intp))]
-    with np.errstate(over="ignore", invalid="ignore"):
-        position = tracks.position[frames]
-        off = np.abs(position - np.nanmedian(position, axis=1, keepdims=True)).max(axis=2)
-        return 2 * float(np.median(np.nanmedian(off, axis=1)))
+    position = tracks.position[frames]
+    off = np.abs(position - np.nanmedian(position, axis=1, keepdims=True)).max(axis=2)
+    return 2 * float(np.median(np.nanmedian(off, axis=1)))

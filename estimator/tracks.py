@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.geometry.symmetric import is_covariance
+from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
 from baryscope.models.errors import InputError
@@ -26,6 +27,8 @@ class FeatureTracks:
 
     time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN where a feature is not seen;
     covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around.
+
+    Times, steps, positions and covariances lie within the ranges of `limits`.
 
     Raises:
         InputError: a shape, an order or a value is not as above.
@@ -108,13 +111,7 @@ class FeatureTracks:
             raise InputError(f"covariance has the shape {self.covariance.shape}, expected ({n}, {m}, 3, 3)")
 
     def _check_values(self) -> None:
-        bad_time = np.nonzero(~np.isfinite(self.time))[0]
-        if bad_time.size:
-            raise InputError(f"time of frame {bad_time[0]} is {self.time[bad_time[0]]}, expected a finite number")
-        steps_back = np.nonzero(np.diff(self.time) <= 0)[0]
-        if steps_back.size:
-            k = steps_back[0]
-            raise InputError(f"time goes from {self.time[k]} to {self.time[k + 1]}, expected strictly increasing times")
+        self._check_times()
         self._check_labels()
         unseen = np.isnan(self.position)
         for problem, what in (
@@ -125,10 +122,33 @@ class FeatureTracks:
                 raise InputError(
                     f"position of {self._name(problem)} {what}, expected three finite numbers or three NaN"
                 )
+        far = np.asarray((np.abs(self.position) > FARTHEST).any(axis=-1))
+        if far.any():
+            raise InputError(f"position of {self._name(far)} is far off, expected coordinates within ±{FARTHEST:g} m")
         if self.covariance is not None:
-            wrong = ~is_covariance(self.covariance) & self.seen
-            if wrong.any():
-                raise InputError(f"covariance of {self._name(wrong)} is not a symmetric positive semidefinite matrix")
+            self._check_covariances(self.covariance)
+
+    def _check_times(self) -> None:
+        bad = np.nonzero(~np.isfinite(self.time))[0]
+        if bad.size:
+            raise InputError(f"time of frame {bad[0]} is {self.time[bad[0]]}, expected a finite number")
+        bad = np.nonzero(np.abs(self.time) > LATEST)[0]
+        if bad.size:
+            raise InputError(f"time of frame {bad[0]} is {self.time[bad[0]]} s, expected within ±{LATEST:g} s")
+        bad = np.nonzero(np.diff(self.time) < SHORTEST_STEP)[0]
+        if bad.size:
+            first, second = self.time[bad[0] : bad[0] + 2]
+            wanted = "strictly increasing times" if second <= first else f"steps of at least {SHORTEST_STEP:g} s"
+            raise InputError(f"time goes from {first} to {second}, expected {wanted}")
+
+    def _check_covariances(self, covariance: FloatArray) -> None:
+        wrong, seen = np.zeros(self.position.shape[:2], dtype=bool), self.seen
+        wrong[seen] = (np.abs(covariance[seen]) > COARSEST**2).any(axis=(-2, -1))
+        if wrong.any():
+            raise InputError(f"covariance of {self._name(wrong)}: expected numbers within ±{COARSEST**2:g} m²")
+        wrong[seen] = ~is_covariance(covariance[seen])
+        if wrong.any():
+            raise InputError(f"covariance of {self._name(wrong)} is not a symmetric positive semidefinite matrix")
 
     def _check_labels(self) -> None:
         for label in self.labels:

@@ -190,6 +190,6 @@ def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:
         return Trajectory(kind)
     if kind != "polynomial" or not number.isdecimal():
         raise InputError(f"trajectory is {text!r}, expected {TRAJECTORIES}")
-    if int(number) > HIGHEST_DEGREE:
+    if len(number) > 9 or int(number) > HIGHEST_DEGREE:
         raise InputError(f"trajectory is {text!r}, expected a degree of 0 to {HIGHEST_DEGREE}")
     return Trajectory("polynomial", int(number))

@@ -8,6 +8,7 @@ FloatArray = NDArray[np.float64]
 
 ORDER = 2  # run forward and backward, which doubles it
 SHORTEST = 8  # samples in a run that is filtered at all
+LOWEST = 1e-6  # cut-off over sampling rate: lower ones act alike, but their coefficients vanish beside 1
 
 
 def low_pass(values: FloatArray, step: float, cutoff: float) -> FloatArray:
@@ -17,6 +18,7 @@ def low_pass(values: FloatArray, step: float, cutoff: float) -> FloatArray:
     """
     if cutoff * step >= 0.5 or len(values) < SHORTEST:
         return values
+    cutoff = max(cutoff, LOWEST / step)
     sections = butter(ORDER, cutoff, fs=1.0 / step, output="sos")
     # The padding is what the filter remembers, about a third of the cut-off's period, if the run has as much.
     padding = min(len(values) - 1, int(np.ceil(1.0 / (cutoff * step))))

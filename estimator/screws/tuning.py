@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.options import LOWEST_CUTOFF
 from baryscope.estimator.screws.motion import Pairs, RegisteredMotion, pairs_of, step_of
 from baryscope.estimator.screws.screws import Screws, screws_of_poses
 from baryscope.models.errors import ComputationError, Reason
@@ -93,4 +94,4 @@ def _pose_screws(pairs: Pairs, index: NDArray[np.intp]) -> Screws:
 def choose_cutoff(motion: RegisteredMotion, trial: Trial) -> float:
     """Cut-off in Hz: a few times the rate of rotation, above all that a tumbling axis does in a turn."""
     rate = trial.angle / (trial.lag * step_of(motion))
-    return float(CUTOFF_RATIO * rate / (2 * np.pi)) if rate > 0 else np.inf
+    return max(float(CUTOFF_RATIO * rate / (2 * np.pi)), LOWEST_CUTOFF) if rate > 0 else np.inf

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.symmetric import is_covariance
+from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST
 from baryscope.estimator.tables.form import FloatArray, Form, IntArray
 from baryscope.estimator.tables.table import Table
 from baryscope.models.errors import InputError
@@ -29,9 +30,11 @@ def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], Fl
     numbers, labels, codes = table.columns.numbers, table.columns.labels, table.columns.codes
     empty = np.stack([np.isnan(numbers[axis]) for axis in "xyz"])
     _refuse(table, np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
+    _refuse_beyond(table, "time", LATEST, "a number of seconds")
     seen = np.asarray(~empty.all(axis=0))
     for index, axis in enumerate("xyz"):
         _refuse(table, seen & empty[index], axis, "empty, expected a number (x, y and z, or none of them)")
+        _refuse_beyond(table, axis, FARTHEST, "a number of metres")
     _refuse(table, seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
     time, frame = _frames(numbers["time"])
     _refuse_sparse(table, len(time), len(labels))
@@ -104,6 +107,15 @@ def _check_covariance_cells(table: Table, seen: BoolArray) -> None:
             empty = np.isnan(table.columns.numbers[name])
             _refuse(table, seen & empty, name, "empty, expected a number (all six, wherever x, y, z stand)")
             _refuse(table, ~seen & ~empty, name, "a number without a position, expected an empty cell")
+            _refuse_beyond(table, name, COARSEST**2, "a number of m²")
+
+
+def _refuse_beyond(table: Table, column: str, limit: float, expected: str) -> None:
+    """Refuse numbers of a column that are not within ±limit."""
+    values = table.columns.numbers[column]
+    wrong = np.abs(values) > limit
+    if wrong.any():
+        _refuse(table, wrong, column, f"{values[int(np.argmax(wrong))]}, expected {expected} within ±{limit:g}")
 
 
 def _refuse(table: Table, wrong: BoolArray, column: str, message: str) -> None:

@@ -40,7 +40,8 @@ labels = st.text(characters, min_size=1, max_size=5).map(str.strip).filter(bool)
 @st.composite
 def some_tracks(draw):
     names = draw(st.lists(labels, min_size=1, max_size=4, unique=True))
-    time = sorted(draw(st.sets(st.floats(-1e6, 1e6), min_size=1, max_size=5)))
+    steps = draw(st.lists(st.floats(1e-5, 1e6), min_size=1, max_size=5))
+    time = draw(st.floats(-1e6, 1e6)) + np.cumsum(steps)
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     position = rng.normal(size=(len(time), len(names), 3)) * 10 ** rng.uniform(-8, 8)
     unseen = rng.random(position.shape[:2]) < draw(st.floats(0, 1))
@@ -50,7 +51,7 @@ def some_tracks(draw):
         factor = rng.normal(size=(*position.shape, 2))  # of rank two: as near to indefinite as can be
         covariance = factor @ np.swapaxes(factor, -1, -2)
         covariance[unseen] = np.nan
-    return FeatureTracks(np.array(time), position, tuple(names), covariance)
+    return FeatureTracks(time, position, tuple(names), covariance)
 
 
 @given(some_tracks())
@@ -89,6 +90,10 @@ WRONG = {
     "NaN time": ({"time": [0, np.nan]}, "finite"),
     "position of the wrong shape": ({"position": np.zeros((2, 3, 3))}, "expected (2, 2, 3)"),
     "text for a position": ({"position": "far"}, "numbers"),
+    "times in nanoseconds": ({"time": [1.7e18, 1.8e18]}, "1.7e+18 s, expected within ±1e+10 s"),
+    "a step too short": ({"time": [0, 1e-300]}, "time goes from 0.0 to 1e-300, expected steps of at least 1e-06 s"),
+    "position far off": ({"position": np.full((2, 2, 3), 1e160)}, "'a' at 0.0 s is far off, expected coordinates"),
+    "huge covariance": ({"covariance": np.full((2, 2, 3, 3), 1e300)}, "'a' at 0.0 s: expected numbers within ±1e+18"),
     "infinite position": ({"position": np.full((2, 2, 3), np.inf)}, "infinite"),
     "half a position": ({"position": np.broadcast_to([1, np.nan, 1], (2, 2, 3))}, "partly NaN"),
     "label twice": ({"labels": ("a", "a")}, "twice"),

@@ -131,5 +131,5 @@ def test_missing_and_isotropic_observations_are_unchanged():
 
 def test_a_singular_covariance_is_refused():
     position = random_points(np.random.default_rng(5))
-    with pytest.raises(InputError, match="a covariance of the tracks is singular, expected positive definite ones"):
+    with pytest.raises(InputError, match=r"covariance of feature 'F0' at 0\.0 s has standard deviations of 0 to 1 m"):
         observations(position, np.broadcast_to(np.diag([1.0, 1.0, 0.0]), (1, COUNT, 3, 3)))

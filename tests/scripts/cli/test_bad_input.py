@@ -66,7 +66,7 @@ CHOICES = [
     (["--trajectory", "relative-orbit"], "--trajectory relative-orbit: needs the target's orbit"),
     (["--trajectory", "spline"], "trajectory is 'spline', expected fixed, polynomial, polynomial:N or relative-orbit"),
     (["--trajectory", "polynomial:99"], "expected a degree of 0 to 20"),
-    (["--sigma", "0"], "sigma is 0.0, expected a deviation in m > 0"),
+    (["--sigma", "0"], "sigma is 0.0, expected a standard deviation of 1e-09 to 1e+09 m"),
     (["--method", "ml", "--torque", "gravity-gradient"], "needs the target's orbit"),
     (["--method", "score", "--trajectory", "polynomial:2"], "expected fixed"),
 ]
