@@ -18,6 +18,7 @@ class Reason(StrEnum):
     PURE_SPIN = "pure spin"
     DEGENERATE_SCREWS = "no screw can be told"
     DIVERGED = "diverged"
+    TOO_LONG = "too long"
     OPEN_ORBIT = "open orbit"
     NO_NOISE = "no noise"
     OTHER = "other"

@@ -22,6 +22,7 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quate
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 from baryscope.models.orbit import Orbit
@@ -29,6 +30,7 @@ from baryscope.models.orbit import Orbit
 FloatArray = NDArray[np.float64]
 
 NODE_ANGLE = 0.5  # rad from node to node: the interpolation's error is some 1e-8 rad, that of the steps is less
+MAX_NODES = 200_000  # of an integration: 600 MB, and 10 s
 CHUNK = 32  # steps in one call of the compiled function
 MIN_PRINCIPAL_MOMENT = 1e-3  # over the trace: bound on the inertia of an estimate
 RATE_AND_INERTIA = 8  # unknowns of a rotation: three of the rate at the epoch, five of the inertia
@@ -75,8 +77,16 @@ class Rotation:
         """Whether the inertia is positive definite, with least moment not below a rod's 27 times as long as thick."""
         return bool(np.linalg.eigvalsh(self.inertia)[0] > MIN_PRINCIPAL_MOMENT)
 
+    def reaches(self, time: FloatArray, nodes: float = MAX_NODES) -> bool:
+        """Whether an integration from the epoch over times (n,) in s takes so many nodes at most."""
+        return _highest_rate(self) * _span(self.epoch, time) <= NODE_ANGLE * nodes
+
     def at(self, time: FloatArray) -> "Attitudes":
-        """Attitude, rate and sensitivities at times (n,) in s, in any order."""
+        """Attitude, rate and sensitivities at times (n,) in s, in any order.
+
+        Raises:
+            ComputationError: the rotation does not reach the times.
+        """
         return self._nodes_around(time).between(time)
 
     def rate_sensitivity_at(self, time: FloatArray) -> FloatArray:
@@ -84,7 +94,24 @@ class Rotation:
         return self._nodes_around(time).rate_sensitivity(time)
 
     def _nodes_around(self, time: FloatArray) -> "_Nodes":
+        if not self.reaches(time):
+            raise too_long(float(np.linalg.norm(self.rate)), _span(self.epoch, time))
         return _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
+
+
+def too_long(rate: float, span: float) -> ComputationError:
+    """The error where a target turns at a rate in rad/s for a span in s, and its motion cannot be followed so long."""
+    turns = rate * span / (2 * np.pi)
+    return ComputationError(
+        f"the target turns at {rate:.3g} rad/s, {turns:.2g} times in the {span:.3g} s of the tracks: too often for its "
+        "motion to be followed in so few frames; use a shorter stretch of the tracks, or the method pivot",
+        Reason.TOO_LONG,
+    )
+
+
+def _span(epoch: float, time: FloatArray) -> float:
+    """Of times (n,) and an epoch, s."""
+    return float(max(time.max(initial=epoch), epoch) - min(time.min(initial=epoch), epoch))
 
 
 @dataclass(frozen=True, eq=False)

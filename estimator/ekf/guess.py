@@ -14,6 +14,7 @@ from baryscope.estimator.ekf.start import Start
 from baryscope.estimator.ekf.state import Measured
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 
@@ -140,9 +141,18 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
 
 
 def renewed_scale(guess: Guess, run: Run) -> float:
-    """The variance of a coordinate, or the factor of the given covariances, as the innovations of a pass show it."""
+    """The variance of a coordinate, or the factor of the given covariances, as the innovations of a pass show it.
+
+    Raises:
+        ComputationError: all lie beyond the gate.
+    """
     squares = run.squares[0]
-    return guess.scale * float(np.median(squares[squares < GATE])) / MEDIAN
+    accepted = squares[squares < GATE]
+    if not accepted.size:
+        raise ComputationError(
+            "no observation lies where the filter expects it: the features do not move as one body", Reason.DIVERGED
+        )
+    return guess.scale * float(np.median(accepted)) / MEDIAN
 
 
 def _least_scale(problem: Problem) -> float:

@@ -23,6 +23,7 @@ from baryscope.estimator.adjustment.reweighting import GATE, NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.paths import trajectory_of
+from baryscope.estimator.dynamics.rotation import too_long
 from baryscope.estimator.ekf.bank import (
     ORDERS,
     Member,
@@ -34,9 +35,9 @@ from baryscope.estimator.ekf.bank import (
 )
 from baryscope.estimator.ekf.filter import ProcessNoise, Run, run_filter
 from baryscope.estimator.ekf.guess import Guess, Problem, first_guess, next_guess, renewed_scale
-from baryscope.estimator.ekf.motion import ROTATION, PathProcess, derivatives, free_orbit
+from baryscope.estimator.ekf.motion import ROTATION, TURN, PathProcess, derivatives, free_orbit
 from baryscope.estimator.ekf.smoother import SmoothedPath, smoothed_path
-from baryscope.estimator.ekf.start import start_from
+from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.ekf.state import State
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.options import PathOptions
@@ -44,7 +45,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
@@ -53,6 +54,7 @@ LEARN = 200  # of the first frames that show something, by which the process noi
 WORTH = 1.5  # times as many there must be for it to be worth the while
 GAIN = 1.0  # of log-likelihood, below which a pass brought nothing
 ROUGH_GAIN = 10.0  # the same while there are more frames to come; and what a pass may lose
+BRIDGED, PER_FRAME = 30_000, 10  # steps of integration that a pass may take: more would take many minutes
 ASTRAY = 2.0  # mean normalised innovation squared from which on the filter counts as diverged
 
 
@@ -95,6 +97,8 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
     if options.torque == "gravity-gradient" and orbit is None:
         raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
     inliers = screen(tracks.position, tracks.seen)
+    start = start_from(tracks, inliers)
+    _refuse_long(start, tracks.time)
     on_orbit = trajectory.kind == "relative-orbit"
     problem = Problem(
         tracks,
@@ -104,10 +108,22 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
         1 if on_orbit else trajectory.degree,
         inliers,
         observations_of(tracks, tracks.seen),
-        start_from(tracks, inliers),
+        start,
     )
     best, count, settled = _passes(problem)
     return _result(problem, best, count, settled, begin)
+
+
+def _refuse_long(start: Start, time: FloatArray) -> None:
+    """Check that the target does not turn too often between the frames for its motion to be followed.
+
+    Raises:
+        ComputationError: it does.
+    """
+    span = float(time[-1] - time[start.frame])
+    pace = float(np.hypot(np.linalg.norm(start.rate), start.rate_deviation))
+    if pace * span > TURN * (BRIDGED + PER_FRAME * len(time)):
+        raise too_long(pace, span)
 
 
 def _passes(problem: Problem) -> tuple[Pass, int, bool]:

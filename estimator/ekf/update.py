@@ -3,6 +3,7 @@
 The update is Bell's and Cathey's (IEEE TAC 38, 1993): Gauss–Newton steps, each about where the one before led.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,7 +64,7 @@ def updated(
         if not everything:
             by_errors, innovation, HP = by_errors * mask[:, :, None], innovation * mask, HP * mask[:, :, None]
             S = np.where(mask[:, :, None] & mask[:, None], S, noise)
-        precision = np.linalg.inv(S)
+        precision = _solved(S, np.linalg.inv)
         whitened = (precision @ innovation[:, :, None])[:, :, 0]
         if iteration == 0:
             total = (innovation * whitened).sum(axis=1)
@@ -122,7 +123,22 @@ def _own_squares(innovation: FloatArray, covariance: FloatArray) -> FloatArray:
     each = np.arange(innovation.shape[1])
     blocks = covariance[:, each, :, each]
     innovation = innovation.transpose(1, 0, 2)
-    return np.asarray((innovation * np.linalg.solve(blocks, innovation[..., None])[..., 0]).sum(axis=2).T)
+    solved = _solved(blocks, np.linalg.solve, innovation[..., None])[..., 0]
+    return np.asarray((innovation * solved).sum(axis=2).T)
+
+
+def _solved(matrix: FloatArray, solve: Callable[..., FloatArray], *rhs: FloatArray) -> FloatArray:
+    """What `solve` makes of matrices (..., p, p) and their right-hand sides; NaN where a matrix is singular.
+
+    A covariance is singular where rounding beside a great uncertainty has hidden a small one: the member goes astray.
+    """
+    try:
+        return solve(matrix, *rhs)
+    except np.linalg.LinAlgError:
+        sound = np.linalg.slogdet(matrix)[0] != 0
+        found = np.full_like(rhs[0] if rhs else matrix, np.nan)
+        found[sound] = solve(matrix[sound], *(values[sound] for values in rhs))
+        return found
 
 
 def _left_out(state: State, moved: FloatArray, index: IntArray) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MEDIAN
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, too_long
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
@@ -31,6 +31,8 @@ EPOCHS = (0.5, 0.3, 0.7)  # shares of the time at which the motion is started fr
 EXPLAINED = 4.0  # median of the squares over that of noise alone, below which the attitudes count as explained
 STRAY = 3.0  # times the median that a stretch may miss by
 WIDEST = 40  # frames of a stretch at most, on either side
+# Nodes of an integration, two a radian: more than these, and that many a frame, and a fit would take many minutes.
+BRIDGED, PER_FRAME = 5000, 10
 MOST = 1500  # attitudes that the motion is fitted to
 PREDICTED = 0.7  # rad within which attitudes count as predicted
 GROWTH = 3.0  # of the stretch that is fitted, from one fit to the next
@@ -79,12 +81,19 @@ def fit_tumble(
     poses = _poses(bodies, observations, variance, time)
     main = int(np.argmax(np.bincount(poses.body, minlength=len(bodies))))
     best: Tumble | None = None
-    for start in _guesses(bodies[main], time):
-        grown = _grown(replace(start, orbit=orbits[0]), poses, main, len(bodies))
+    fast: list[float] = []
+    for guess in _guesses(bodies[main], time):
+        start = replace(guess, orbit=orbits[0])
+        if not start.reaches(time, BRIDGED + PER_FRAME * len(time)):
+            fast.append(float(np.linalg.norm(start.rate)))
+            continue
+        grown = _grown(start, poses, main, len(bodies))
         if best is None or grown.cost < best.cost:
             best = grown
         if best.usual < EXPLAINED:
             break
+    if best is None and fast:
+        raise too_long(min(fast), float(time[-1] - time[0]))
     if best is None:
         raise ComputationError(
             "no stretch of frames shows how fast the target turns: features are not followed for long enough",
@@ -248,7 +257,7 @@ def _fitted(tumble: Tumble, poses: _Poses, promise: float) -> Tumble:
             if change @ rhs <= promise * cost:
                 return replace(tumble, cost=cost, usual=_usual(missed, poses))
             trial = _changed(tumble, change, present)
-            if trial.rotation.possible:
+            if trial.rotation.possible and trial.rotation.reaches(poses.time):
                 trial_missed, trial_turn = _misses(trial, poses)
                 trial_cost = _robust_cost(trial_missed, poses)
                 if trial_cost <= cost:

@@ -226,7 +226,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
         while not accepted and damping < 1e10:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
             turned = rotation.changed(np.zeros(3), change[:RATE_AND_INERTIA])
-            if turned.possible:
+            if turned.possible and turned.reaches(tracks.time):
                 moved = x + change[RATE_AND_INERTIA:]
                 new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
                 trial = equations(observations, new_motion, sampled, new_origin, found.points)

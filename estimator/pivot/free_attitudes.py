@@ -20,9 +20,12 @@ from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
+from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+
+LOST = 1e12  # m from the chaser, or from the centre of mass: a thousand times farther than any observation
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,11 @@ class _Sums:
 def gauss_newton_step(
     bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray
 ) -> Solution:
-    """One Gauss–Newton step in x and all points, with the rotations at their best before it."""
+    """One Gauss–Newton step in x and all points, with the rotations at their best before it.
+
+    Raises:
+        ComputationError: the step leads LOST, or nowhere.
+    """
     origin = path.position(x)
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
     for body in bodies:
@@ -98,6 +105,12 @@ def gauss_newton_step(
         held = offset_by_points(body.points)
         offsets.append(held @ inverse @ held.T)
         by_x.append(held @ by_path)
+    farthest = np.concatenate([x + change, *(body.points.ravel() for body in moved)])
+    if not np.abs(farthest).max() <= LOST:
+        raise ComputationError(
+            "the least squares of path and points diverge: the features do not move as rigid bodies or hardly turn",
+            Reason.DIVERGED,
+        )
     offset_by_x = np.concatenate(by_x)
     return Solution(
         bodies=tuple(moved),

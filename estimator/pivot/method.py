@@ -147,7 +147,7 @@ def _findings(found: Pivot, noise: float, measured: Observations, tracks: Featur
         DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
         for points in found.refused
     ]
-    ratio = found.residual_variance / max(noise, 1e-300) ** 2
+    ratio = found.residual_variance / max(noise**2, 1e-300)
     if found.residual_variance > least_variance(measured, ROUNDING):
         if measured.precision is None and ratio > MISFIT:
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))

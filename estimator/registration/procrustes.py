@@ -51,10 +51,12 @@ class Registration:
 
     @property
     def angle_deviation(self) -> float:
-        """Standard deviation of a pose's rotation about an axis in rad: σ √(1.5/(nρ²)).
+        """Standard deviation of a pose's rotation about an axis in rad: σ √(1.5/(nρ²)); infinite for a single point.
 
         The difference of two independent poses has √2 of this, which is the σ √(3/(nρ²)) of equations.md.
         """
+        if self.radius == 0:
+            return np.inf
         count = np.isfinite(self.shape[:, 0]).sum()
         return float(self.rms * np.sqrt(1.5 / count) / self.radius)
 
