@@ -28,23 +28,20 @@ UNTRUSTED = 3  # exit code
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PathChoices:
-    """What is known of path, noise and torque.
+    """What is known of path and noise (pivot, ml, ekf).
 
     Parameters
     ----------
     trajectory
-        Model of the path (pivot, ml, ekf): fixed, polynomial (of a degree that the data choose), polynomial:N, or
-        relative-orbit, which needs --orbit. Default: relative-orbit with an orbit, else polynomial. For score: fixed,
-        at rest in inertial axes even with an orbit.
+        What is known of the path: fixed, polynomial, polynomial:N or relative-orbit, which needs the orbit.
+        relative-orbit with an orbit, else a polynomial whose degree the data choose, unless given.
     sigma
-        Standard deviation of an observation's coordinate (pivot, ml, ekf), m. If the tracks have covariances, a factor
-        on their standard deviations. Default: estimated from the residuals.
+        Standard deviation of a coordinate, m, if it is known; with covariances in the tracks, a factor on theirs.
+        Estimated from the residuals unless given.
     noise
-        Covariances of the tracks (pivot, ml, ekf): stereo, evaluated again at the estimated point since they grow with
-        range; or fixed, used as they are. Default: stereo.
+        How covariances in the tracks are to be read (pivot, ml): stereo, which grow with range, or fixed.
     torque
-        Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the one that fits the
-        tracks better.
+        On the target (ml): none or gravity-gradient; the one that explains the tracks better unless given.
     """
 
     trajectory: str | None = None
@@ -56,22 +53,20 @@ class PathChoices:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ScrewChoices:
-    """Settings of the screw methods.
+    """What can be set of the screw methods; chosen from the data unless given.
 
     Parameters
     ----------
     axes
-        Axes in which the tracks are registered (screw methods): inertial, as published, or lvlh, which needs --orbit.
-        Default: inertial.
+        Axes in which the tracks are registered (screw methods): inertial as published, or lvlh, which needs the orbit.
     lag
-        Time between the two poses of a screw, s (screw methods). Default: chosen from the data.
+        Time between the two poses of a screw, s (screw methods).
     cutoff
-        Cut-off of the zero-phase low-pass, Hz (screw methods). Default: chosen from the data.
+        Cut-off of the zero-phase low-pass, Hz (screw methods).
     degree
-        Degree of the polynomial path (screw methods). Default: chosen from the data.
+        Degree of the polynomial path (screw methods).
     reference
-        What Procrustes analysis maps the poses of an interval to (screw methods): mean, their mean shape, or first, the
-        first pose, as published. Default: mean.
+        What Procrustes maps an interval's poses to (screw methods): their mean shape, or the first pose, as published.
     """
 
     axes: Axes | None = None
@@ -94,7 +89,7 @@ def estimate_file(
 ) -> int:
     """Estimate the path of the centre of mass from tracks of features.
 
-    The exit code is 3 if the files are written but not to be trusted: not converged, or a model does not fit.
+    Ends with 3 where files were written but the result must not be trusted: not converged, or a model does not fit.
 
     Parameters
     ----------
@@ -102,17 +97,15 @@ def estimate_file(
         A CSV file with the columns time,feature,x,y,z (s, m; chaser at the origin, inertial axes), and optionally
         cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation).
     method
-        pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
-        free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass
-        at rest (with --orbit, in LVLH axes). screw-gpa: the published method. screw-ls: the same with least-squares
-        screws. screw-raw: the same with three raw points. Default: pivot; screw-gpa with an option of the screw
-        methods.
+        pivot, the default: least squares of path and features, any motion; ml: maximum likelihood of a free tumble;
+        ekf: iterated Kalman filter; score: fixed point; screw-gpa, the default where an option of the screw methods is
+        given: the paper's; screw-ls: least-squares screws; screw-raw: three raw points.
     orbit
         The target's orbit at time 0, a TOML file with a table [orbit]; `baryscope simulate` writes it beside its
         tracks.
     output
-        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file.
-        Default: the tracks' name with .estimate.csv.
+        The estimate, a .csv file; the tracks' name with .estimate.csv unless given. Diagnostics go to the same
+        name with .json.
     """
     show = show or Show()
     target = csv_path(output or tracks.with_suffix(".estimate.csv"))
