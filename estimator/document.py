@@ -8,7 +8,7 @@ import json
 import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from baryscope.estimator.result import (
 )
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, replacing
+from baryscope.models.files import AnyPath, write_together
 
 SCHEMA_VERSION: Literal[1] = 1
 
@@ -253,12 +253,13 @@ def write_estimate(result: Estimate, path: AnyPath) -> None:
     for row, column in UPPER:
         columns.append([""] * n if result.covariance is None else result.covariance[:, row, column].tolist())
     text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
-    with replacing(beside) as temporary_json, replacing(path) as temporary:
-        with temporary.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            writer.writerow(("time", "x", "y", "z", *COVARIANCE_COLUMNS))
-            writer.writerows(zip(*columns, strict=True))
-        temporary_json.write_text(text + "\n", encoding="utf-8")
+
+    def write_rows(stream: TextIO) -> None:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(("time", "x", "y", "z", *COVARIANCE_COLUMNS))
+        writer.writerows(zip(*columns, strict=True))
+
+    write_together({path: write_rows, beside: lambda stream: stream.write(text + "\n")})
 
 
 def _number(value: Any) -> Any:

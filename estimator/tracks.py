@@ -4,6 +4,8 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
+from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +15,7 @@ from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, read_bytes, replacing
+from baryscope.models.files import AnyPath, read_bytes, write_together
 from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
@@ -76,8 +78,12 @@ class FeatureTracks:
         """Write the file that `read_csv` gives back exactly, times of empty frames and order of labels included.
 
         Raises:
-            InputError: the file cannot be written.
+            InputError, DiskError: the file cannot be written.
         """
+        write_together({Path(path): self.write_rows})
+
+    def write_rows(self, stream: TextIO) -> None:
+        """Write what `write_csv` writes to a text stream that leaves line ends as they are."""
         seen = self.seen
         rows = seen.copy()
         rows[:1] = True  # the first frame lists every feature: that keeps their order
@@ -93,10 +99,9 @@ class FeatureTracks:
         ]
         order = np.argsort(np.concatenate([frame, blank]), kind="stable").tolist()
         header = COLUMNS + (COVARIANCE_COLUMNS if self.covariance is not None else ())
-        with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-            writer = csv.writer(stream, lineterminator="\n")
-            rows_of_cells = list(zip(*columns, strict=True))
-            writer.writerows(chain([header], (rows_of_cells[index] for index in order)))
+        rows_of_cells = list(zip(*columns, strict=True))
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerows(chain([header], (rows_of_cells[index] for index in order)))
 
     def _check_shapes(self) -> None:
         n, m = len(self.time) if self.time.ndim == 1 else -1, len(self.labels)

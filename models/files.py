@@ -3,9 +3,10 @@
 import errno
 import os
 import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TextIO
 
 from baryscope.models.errors import DiskError, InputError
 
@@ -17,8 +18,7 @@ AnyPath = str | os.PathLike[str]  # what functions take that users call
 def replacing(path: AnyPath) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; rename it to `path` on success, remove it on failure.
 
-    Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was. Where several
-    of these are entered before anything is written, all files are finished before the first is renamed.
+    Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was.
 
     Raises:
         InputError: the folder cannot be made or written to, or `path` is a folder.
@@ -46,6 +46,22 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         raise unwritable(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_together(writers: Mapping[Path, Callable[[TextIO], object]]) -> None:
+    """Write text files that belong together: all of them are finished before the first replaces an older one.
+
+    Args:
+        writers: for each file, what writes its text to a stream.
+
+    Raises:
+        InputError, DiskError: a file cannot be written, as for `replacing`.
+    """
+    with ExitStack() as stack:
+        for path, write in writers.items():
+            temporary = stack.enter_context(replacing(path))
+            with temporary.open("w", encoding="utf-8", newline="") as stream:
+                write(stream)
 
 
 @contextmanager

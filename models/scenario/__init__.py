@@ -4,7 +4,7 @@ Start with `load_scenario("envisat")`. Angles in files are in degrees; `Scenario
 """
 
 from baryscope.models.scenario.loading import load_scenario, preset_names, scenario_path
-from baryscope.models.scenario.orbit import OrbitTable, load_orbit, write_orbit
+from baryscope.models.scenario.orbit import OrbitTable, load_orbit, orbit_text, write_orbit
 from baryscope.models.scenario.scenario import Scenario
 from baryscope.models.scenario.schema import FileModel, read_toml
 from baryscope.models.scenario.tables import (
@@ -36,6 +36,7 @@ __all__ = [
     "Tracking",
     "load_orbit",
     "load_scenario",
+    "orbit_text",
     "preset_names",
     "read_toml",
     "scenario_path",

@@ -1,12 +1,13 @@
 """Orbit files: the table [orbit] with angles in degrees, converted to `Orbit` in SI units and back."""
 
 from math import inf, nextafter
+from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
 
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, replacing
+from baryscope.models.files import AnyPath, write_together
 from baryscope.models.orbit import EARTH_MU, Orbit
 from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit, UnitTable, read_toml
 
@@ -79,9 +80,13 @@ def write_orbit(orbit: Orbit, path: AnyPath) -> None:
     Raises:
         InputError: the file cannot be written.
     """
+    write_together({Path(path): lambda stream: stream.write(orbit_text(orbit))})
+
+
+def orbit_text(orbit: Orbit) -> str:
+    """The text of an orbit TOML file."""
     rows = [f"{name} = {value!r}" for name, value in OrbitTable.of(orbit).model_dump().items()]
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(["[orbit]", *rows]) + "\n", encoding="utf-8")
+    return "\n".join(["[orbit]", *rows]) + "\n"
 
 
 def degrees_of(angle: float) -> float:

@@ -51,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     warnings.showwarning = _show_warning
     try:
         code = app(arguments)
+        sys.stdout.flush()
     except (InputError, CycloptsError) as error:
         return _complain(error, BAD_INPUT)
     except ComputationError as error:
@@ -59,13 +60,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
         usual = "interrupted; files that were not finished are not there"
         return _complain(interrupt if interrupt.args else usual, INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone; it has seen what it wanted
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return FAILED
+    except OSError as error:
+        if error.filename is not None:
+            return _complain(f"{error.filename}: {error.strerror}", FAILED)
+        _drop_output()  # files have names
+        return _complain(f"standard output: cannot be written ({error.strerror or error})", FAILED)
     except Exception as error:
         if os.environ.get("BARYSCOPE_DEBUG"):
             raise
         return _complain(f"internal error, {type(error).__name__}: {error} (BARYSCOPE_DEBUG=1 shows where)", FAILED)
     return code if isinstance(code, int) else 0
+
+
+def _drop_output() -> None:
+    """What is still to be printed goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(error: object, code: int) -> int:

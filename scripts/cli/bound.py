@@ -12,9 +12,10 @@ from cyclopts import Parameter
 from baryscope.estimator.bound import Bound, cramer_rao_bound
 from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
-from baryscope.models.scenario import Scenario, load_scenario
+from baryscope.models.files import refuse_overwriting
+from baryscope.models.scenario import Scenario, load_scenario, scenario_path
 from baryscope.scripts.cli.console import Show
-from baryscope.study.bound_files import noise_of, write_bounds
+from baryscope.study.bound_files import bound_paths, noise_of, write_bounds
 from baryscope.study.bounds import BoundTable, Cell, Grid, bound_table, usual_grid, variant_of
 from baryscope.study.progress import stage
 from baryscope.study.table import Table
@@ -97,6 +98,8 @@ def bound(
     base = load_scenario(scenario)
     if output is not None and output.exists() and not output.is_dir():
         raise InputError(f"{output}: is a file, expected a folder to write to")
+    if output is not None:
+        refuse_overwriting(bound_paths(output), [scenario_path(scenario)])
     if lists.empty and not table and output is None:
         _show_own(base, trajectory, show)
         return

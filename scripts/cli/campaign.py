@@ -6,10 +6,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.files import refuse_overwriting
+from baryscope.models.scenario import scenario_path
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
-from baryscope.study.campaign import VARIED, CampaignSummary, Plan, begin, plan_of, read_runs, run
+from baryscope.study.campaign import VARIED, CampaignSummary, Plan, begin, campaign_paths, plan_of, read_runs, run
 from baryscope.study.campaign import report as report_of
+from baryscope.study.campaign.suite import suite_path
 
 
 def campaign(
@@ -67,6 +70,7 @@ def campaign(
         chosen = None if methods is None else methods.split(",")
         plan = plan_of(scenario or [], suite, chosen, draws=draws, seed=seed, vary=_varied(vary))
         folder = output or Path("out") / _name(plan, suite, scenario)
+        refuse_overwriting(campaign_paths(folder), _sources(scenario, suite))
     if report:
         summary = report_of(folder)
     else:
@@ -79,6 +83,11 @@ def campaign(
     _show(summary, folder, show)
     if summary.failed:
         raise ComputationError(f"no run gave a result; the first says: {summary.failures[0]}")
+
+
+def _sources(scenario: list[str] | None, suite: str | None) -> list[Path]:
+    """The files that a campaign reads."""
+    return [scenario_path(name) for name in scenario or []] if suite is None else [suite_path(suite)]
 
 
 def _varied(text: str) -> list[str]:

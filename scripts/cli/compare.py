@@ -12,7 +12,7 @@ from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.scripts.cli.console import Show
 from baryscope.study import build_unit, write_comparison
 from baryscope.study import compare as compare_methods
-from baryscope.study.flight import flight_paths
+from baryscope.study.comparison_files import comparison_paths
 from baryscope.study.methods import labels_of
 from baryscope.study.pictures import pictures_possible
 
@@ -39,14 +39,15 @@ def compare(
     """
     show = show or Show()
     names = methods.split(",")
-    labels_of(names)  # whether they exist, before anything is built
+    labels = labels_of(names)
     flown = load_scenario(scenario)
     folder = output or Path("out") / flown.name
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, expected a folder to write to")
-    refuse_overwriting(flight_paths(folder / "tracks.csv"), [scenario_path(scenario)])
+    fmu = folder / "TumblingTarget.fmu"
+    refuse_overwriting([fmu, *comparison_paths(folder, labels)], [scenario_path(scenario)])
     with show.progress() as progress:
-        unit = build_unit(flown, folder / "TumblingTarget.fmu", progress)
+        unit = build_unit(flown, fmu, progress)
         comparison = compare_methods(flown, names, unit=unit, progress=progress)
         summary = write_comparison(comparison, folder, progress)
     for outcome in comparison.outcomes:

@@ -19,6 +19,12 @@ HEADINGS = {
 }  # fmt: skip
 
 
+def bound_paths(folder: AnyPath) -> tuple[Path, ...]:
+    """The files in a folder that a table of bounds may have."""
+    folder = Path(folder)
+    return folder / "bound.md", folder / "bound.csv", *sorted(folder.glob("bound*.png"))
+
+
 def write_bounds(table: BoundTable, folder: AnyPath) -> tuple[Path, ...]:
     """Write bound.md, bound.csv and, where matplotlib is installed, a picture for each rig.
 

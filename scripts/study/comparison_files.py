@@ -1,5 +1,6 @@
 """The files of a comparison: tracks, truth, orbit, estimates, pictures and a summary in Markdown."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,19 @@ from baryscope.estimator.prose import summary
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
 from baryscope.study.comparison import Comparison, Outcome
-from baryscope.study.flight import write_flight
+from baryscope.study.flight import flight_paths, write_flight
 from baryscope.study.pictures import comparison_figure, outcome_figure, pictures_possible, save
 from baryscope.study.progress import Progress, stage
+
+TRACKS = "tracks.csv"
+
+
+def comparison_paths(folder: AnyPath, labels: Iterable[str]) -> tuple[Path, ...]:
+    """The files that a comparison of the methods of these labels may have."""
+    folder = Path(folder)
+    names = ["comparison.png", "summary.md"]
+    names += [f"{label}{suffix}" for label in labels for suffix in (".csv", ".json", ".png")]
+    return *flight_paths(folder / TRACKS), *(folder / name for name in names)
 
 
 def write_comparison(comparison: Comparison, folder: AnyPath, progress: Progress | None = None) -> Path:
@@ -28,7 +39,7 @@ def write_comparison(comparison: Comparison, folder: AnyPath, progress: Progress
     """
     flight, folder = comparison.flight, Path(folder)
     with stage(progress, "writing tracks, truth and estimates"):
-        write_flight(flight, folder / "tracks.csv")
+        write_flight(flight, folder / TRACKS)
         for outcome in comparison.outcomes:
             if outcome.estimate is not None:
                 write_estimate(outcome.estimate, folder / f"{outcome.label}.csv")

@@ -2,7 +2,9 @@
 
 import csv
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,8 @@ from numpy.typing import NDArray
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Recording, build_fmu, simulate
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, replacing, temporary_folder
-from baryscope.models.scenario import Scenario, load_scenario, write_orbit
+from baryscope.models.files import AnyPath, temporary_folder, write_together
+from baryscope.models.scenario import Scenario, load_scenario, orbit_text
 from baryscope.models.sensor.tracking import observe
 from baryscope.study.progress import Progress, stage
 
@@ -121,20 +123,19 @@ def write_flight(flight: Flight, path: AnyPath) -> tuple[Path, ...]:
         InputError: the name does not end in .csv, or a file cannot be written.
     """
     tracks, truth, orbit = flight_paths(path)
-    flight.tracks.write_csv(tracks)
-    write_truth(flight.truth, truth)
-    write_orbit(flight.scenario.orbit, orbit)
+    write_together(
+        {
+            tracks: flight.tracks.write_rows,
+            truth: partial(write_truth, flight.truth),
+            orbit: lambda stream: stream.write(orbit_text(flight.scenario.orbit)),
+        }
+    )
     return tracks, truth, orbit
 
 
-def write_truth(truth: Recording, path: AnyPath) -> None:
-    """Write CoM position and velocity in C, attitude (w, x, y, z; body to inertial) and angular rate (body axes).
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+def write_truth(truth: Recording, stream: TextIO) -> None:
+    """Write CoM position and velocity in C, attitude (w, x, y, z; body to inertial) and angular rate (body axes)."""
     columns = np.hstack([truth.time[:, None], *(truth[name] for name in TRUTH_COLUMNS)])
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["time", *(label for labels in TRUTH_COLUMNS.values() for label in labels)])
-        writer.writerows(columns.tolist())
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["time", *(label for labels in TRUTH_COLUMNS.values() for label in labels)])
+    writer.writerows(columns.tolist())

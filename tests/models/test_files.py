@@ -8,7 +8,7 @@ import tempfile
 import pytest
 
 from baryscope.models.errors import DiskError, InputError
-from baryscope.models.files import read_text, refuse_overwriting, replacing, temporary_folder
+from baryscope.models.files import read_text, refuse_overwriting, replacing, temporary_folder, write_together
 
 
 def test_a_new_file_in_a_new_folder(tmp_path):
@@ -109,11 +109,26 @@ def test_what_fails_meanwhile_keeps_its_own_name(tmp_path):
 
 
 def test_files_that_belong_together_are_both_new_or_both_old(tmp_path):
-    for name in ("a", "b"):
-        (tmp_path / name).write_text("older")
-    with pytest.raises(DiskError), replacing(tmp_path / "a"), replacing(tmp_path / "b") as second:
-        fail_at(errno.ENOSPC, second)
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "older", "b": "older"}
+    names = [tmp_path / "a", tmp_path / "b"]
+    for path in names:
+        path.write_text("older")
+
+    def fails(stream):
+        stream.write("ne")
+        fail_at(errno.ENOSPC)
+
+    def succeeds(stream):
+        assert all(path.read_text() == "older" for path in names)
+        stream.write("newer\n")
+
+    for failing in names:
+        writers = {path: fails if path == failing else succeeds for path in names}
+        with pytest.raises(DiskError) as caught:
+            write_together(writers)
+        assert str(caught.value) == f"{failing}: cannot be written ({os.strerror(errno.ENOSPC)})"
+        assert {path: path.read_text() for path in tmp_path.iterdir()} == dict.fromkeys(names, "older")
+    write_together(dict.fromkeys(names, succeeds))
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == dict.fromkeys(names, b"newer\n")
 
 
 def test_a_temporary_folder_is_gone_afterwards_and_names_its_place_when_full():

@@ -7,7 +7,7 @@ from baryscope.study.campaign.case import Case, drawn, run_one
 from baryscope.study.campaign.folder import begin, read_plan, read_runs
 from baryscope.study.campaign.plan import VARIED, Plan, plan_of
 from baryscope.study.campaign.pool import usable_cores
-from baryscope.study.campaign.runner import report, run
+from baryscope.study.campaign.runner import campaign_paths, report, run
 from baryscope.study.campaign.summary import CampaignSummary
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Case",
     "Plan",
     "begin",
+    "campaign_paths",
     "drawn",
     "plan_of",
     "read_plan",

@@ -4,11 +4,11 @@ from contextlib import closing
 from pathlib import Path
 
 from baryscope.models.errors import DiskError
-from baryscope.models.files import AnyPath, temporary_folder
+from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
 from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
 from baryscope.study.campaign.case import Case, run_one
-from baryscope.study.campaign.folder import RunFile, begin, read_plan, read_runs
+from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, begin, read_plan, read_runs
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.pool import results_of, usable_cores
 from baryscope.study.campaign.report import write_summary
@@ -65,6 +65,11 @@ def run(plan: Plan, folder: AnyPath, workers: int | None = None, progress: Progr
     return report(folder)
 
 
+def campaign_paths(folder: AnyPath) -> tuple[Path, ...]:
+    """The files of a campaign: its plan, its runs and its summary."""
+    return tuple(Path(folder) / name for name in (HEADER, RUNS, SUMMARY))
+
+
 def report(folder: AnyPath) -> CampaignSummary:
     """The summary of the runs that have ended, also while others go on; written to summary.md if there are some.
 
@@ -75,6 +80,7 @@ def report(folder: AnyPath) -> CampaignSummary:
     plan = read_plan(folder)
     summary = CampaignSummary(plan, read_runs(folder, plan))
     if summary.runs:
+        refuse_overwriting([folder / SUMMARY], [folder / HEADER, folder / RUNS])
         write_summary(summary, folder / SUMMARY)
     return summary
 

@@ -78,6 +78,21 @@ def read_suite(name_or_path: str) -> tuple[tuple[str, ...], tuple[Entry, ...]]:
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
+    path = suite_path(name_or_path)
+    suite = Suite.parse(read_toml(path, "a suite of scenarios in TOML"), str(path))
+    entries = []
+    for item in suite.scenarios:
+        data = _merged(suite.base, item.change) | {"name": item.name, "description": item.description}
+        entries.append(entry_of(Scenario.parse(data, f"{path}: scenario {item.name}"), item.targets))
+    return suite.methods, tuple(entries)
+
+
+def suite_path(name_or_path: str) -> Path:
+    """The file that `read_suite` reads.
+
+    Raises:
+        InputError: a name that is not one of a suite that comes along.
+    """
     path = Path(name_or_path)
     if path.suffix != ".toml" and len(path.parts) <= 1:
         folder = files("baryscope.study.campaign") / "suites"
@@ -85,12 +100,7 @@ def read_suite(name_or_path: str) -> tuple[tuple[str, ...], tuple[Entry, ...]]:
         if name_or_path not in known:
             raise InputError(f"suite {name_or_path!r}: not known, expected one of {', '.join(known)} or a FILE.toml")
         path = Path(str(folder / f"{name_or_path}.toml"))
-    suite = Suite.parse(read_toml(path, "a suite of scenarios in TOML"), str(path))
-    entries = []
-    for item in suite.scenarios:
-        data = _merged(suite.base, item.change) | {"name": item.name, "description": item.description}
-        entries.append(entry_of(Scenario.parse(data, f"{path}: scenario {item.name}"), item.targets))
-    return suite.methods, tuple(entries)
+    return path
 
 
 def _merged(base: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
