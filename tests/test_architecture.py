@@ -1,0 +1,133 @@
+"""Which way imports run: between the packages, between their rooms, and inside a room."""
+
+import ast
+import tomllib
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BARYSCOPE = "baryscope"
+
+# From the bottom up; a layer may import from those above it in this list. What shares a line stands side by side.
+LAYERS = [
+    ["models"],
+    ["models.scenario"],
+    ["models.sensor"],
+    ["fmu.layout", "estimator.limits", "estimator.geometry"],
+    ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.tables"],
+    ["fmu.check", "estimator.tracks"],
+    ["estimator.registration", "estimator.plausibility"],
+    ["estimator.details", "estimator.dynamics"],
+    ["estimator.result"],
+    ["estimator.adjustment", "estimator.prose"],
+    ["estimator.screws", "estimator.pivot", "estimator.ekf", "estimator.score", "estimator.document"],
+    ["estimator.ml"],
+    ["estimator.methods", "estimator.bound"],
+    ["estimator", "fmu"],
+    ["study"],
+    ["scripts.cli"],
+    ["scripts.examples", "scripts.benchmarks"],
+]
+
+
+def packages():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    folders = settings["package-dir"]
+    for package in settings["packages"]:
+        base = max((name for name in folders if package == name or package.startswith(f"{name}.")), key=len)
+        yield package, ROOT / folders[base] / package.removeprefix(base).replace(".", "/").lstrip("/")
+
+
+def modules():
+    """Every module of the project by its name."""
+    for package, folder in packages():
+        for path in folder.glob("*.py"):
+            yield (package if path.stem == "__init__" else f"{package}.{path.stem}"), path
+
+
+MODULES = dict(modules())
+
+
+def imports_of(name):
+    """Modules of the project that a module imports, in functions, too."""
+    for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for found in names:
+            target = found if found in MODULES else found.rpartition(".")[0]
+            if target in MODULES and target not in (BARYSCOPE, name):
+                yield target
+
+
+IMPORTS = {name: set(imports_of(name)) for name in MODULES}
+
+
+def layer_of(module):
+    """The number of the longest layer name that a module is, or is in."""
+    short = module.removeprefix(f"{BARYSCOPE}.")
+    fitting = [
+        (len(room), number)
+        for number, rooms in enumerate(LAYERS)
+        for room in rooms
+        if short == room or short.startswith(f"{room}.")
+    ]
+    return max(fitting)[1] if fitting else None
+
+
+def room_of(module):
+    short = module.removeprefix(f"{BARYSCOPE}.")
+    return max((room for rooms in LAYERS for room in rooms if short == room or short.startswith(f"{room}.")), key=len)
+
+
+PLACED = sorted(name for name in MODULES if layer_of(name) is not None)
+
+
+def test_every_module_has_its_layer():
+    roots = {BARYSCOPE, *(f"{BARYSCOPE}.{name}" for name in ("__main__", "threads", "scripts"))}
+    assert set(MODULES) - set(PLACED) == roots
+    rooms = {room for rooms in LAYERS for room in rooms}
+    assert {room_of(name) for name in PLACED} == rooms
+
+
+def test_no_module_imports_upwards_or_sideways():
+    wrong = [
+        f"{name} imports {other}"
+        for name in PLACED
+        for other in sorted(IMPORTS[name])
+        if layer_of(other) is not None and room_of(other) != room_of(name) and layer_of(other) >= layer_of(name)
+    ]
+    assert wrong == []
+
+
+def test_estimators_know_nothing_of_units_and_commands():
+    for name in PLACED:
+        package = name.split(".")[1]
+        reached = {other.split(".")[1] for other in IMPORTS[name]}
+        if package == "estimator":
+            assert reached <= {"estimator", "models"}, name
+        if package == "models":
+            assert reached <= {"models"}, name
+        if package == "fmu":
+            assert reached <= {"fmu", "models"}, name
+        if package == "study":
+            assert "scripts" not in reached, name
+
+
+def test_no_two_modules_import_each_other():
+    """Not by a detour either: graphlib raises a CycleError with the modules of the cycle."""
+    assert len(list(TopologicalSorter(IMPORTS).static_order())) == len(MODULES)
+
+
+@pytest.mark.parametrize("package", [name for name, _ in packages()])
+def test_a_room_says_what_lives_there_and_is_not_crowded(package):
+    text = MODULES[package].read_text(encoding="utf-8")
+    assert ast.get_docstring(ast.parse(text)), f"{package} does not say what it is"
+    files = list(MODULES[package].parent.glob("*.py"))
+    assert len(files) <= 21, f"{package} has {len(files)} files"
+    for path in files:
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 400, f"{path.name} is long"
