@@ -15,6 +15,7 @@ from baryscope.estimator.result import Estimate
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario import Scenario
+from baryscope.models.words import counted
 from baryscope.study.flight import Flight, fly
 from baryscope.study.methods import axes_of, labels_of, options_of
 from baryscope.study.progress import Progress, stage
@@ -181,9 +182,11 @@ def compare(
     labels = labels_of(list(METHODS) if methods is None else methods)
     flight = fly(scenario, unit, progress)
     outcomes = []
-    for number, label in enumerate(labels, start=1):
-        with stage(progress, f"estimating by {label}, {number} of {len(labels)}"):
-            outcomes.append(judge(label, flight))
+    with stage(progress, f"estimating by {counted(len(labels), 'method')}") as share:
+        for label in labels:
+            with stage(progress, f"estimating by {label}"):
+                outcomes.append(judge(label, flight))
+            share(len(outcomes) / len(labels))
     bound, no_bound = None, ""
     with stage(progress, "Cramér–Rao bound"):
         try:

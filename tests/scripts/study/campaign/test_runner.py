@@ -1,8 +1,7 @@
-"""`baryscope campaign`: pure runs, any number of workers, going on after whatever happened, and right numbers."""
+"""Campaigns: any number of workers, going on after whatever happened."""
 
 import errno
 import json
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -12,44 +11,14 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from baryscope.fmu import build_fmu
-from baryscope.models.errors import ComputationError, DiskError, InputError
-from baryscope.models.scenario import load_scenario
+from baryscope.models.errors import InputError
 from baryscope.scripts.cli import app
-from baryscope.study.campaign import Case, begin, drawn, plan_of, read_plan, read_runs, run_one, runner
+from baryscope.study.campaign import begin, read_plan, read_runs, runner
 from baryscope.study.campaign.folder import HEADER, RUNS
-from baryscope.study.campaign.pool import THREADS, results_of
-from malformed import GOOD_SCENARIO
 
 COMMAND = [sys.executable, "-m", "baryscope.scripts.cli.app"]
-
-
-@pytest.fixture(scope="module")
-def scenario_file(tmp_path_factory):
-    """A small body whose features are all seen for 60 s, a tenth of them wrong."""
-    head, rest = GOOD_SCENARIO.split("[tracking]")
-    sensor = rest[rest.index("[sensor]") :].replace("duration = 100.0", "duration = 60.0")
-    text = head + sensor.replace("noise = 0.02", "noise = 0.02\noutliers = { share = 0.1 }")
-    path = tmp_path_factory.mktemp("scenario") / "small.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@pytest.fixture(scope="module")
-def unit(scenario_file, tmp_path_factory):
-    return build_fmu(load_scenario(str(scenario_file)), tmp_path_factory.mktemp("unit") / "unit.fmu")
-
-
-@pytest.fixture(scope="module")
-def plan(scenario_file):
-    return plan_of([str(scenario_file)], methods=["screw-gpa", "pivot"], draws=4, seed=3)
-
-
-def case_of(plan, unit, number):
-    return Case(plan.entries[0].data, number, plan.seed, plan.methods, plan.vary, str(unit))
 
 
 def without_wall(run):
@@ -69,85 +38,6 @@ def finished(scenario_file, unit, tmp_path_factory):
     return folder
 
 
-# ---- one run ----
-
-
-def test_a_run_is_pure(plan, unit):
-    first, again, other = (run_one(case_of(plan, unit, number)) for number in (2, 2, 1))
-    assert json.dumps(without_wall(first)) == json.dumps(without_wall(again))
-    assert without_wall(first)["methods"] != without_wall(other)["methods"]
-
-
-def test_a_run_says_how_far_off_each_method_is(plan, unit):
-    run = run_one(case_of(plan, unit, 0))
-    assert (run["scenario"], run["case"]) == ("small", 0)
-    assert set(run["methods"]) == {"screw-gpa", "screw-gpa-lvlh", "pivot"}
-    found = run["methods"]["pivot"]
-    assert 0.2 < found["rmse"] / run["bound"]["path_rmse"] < 5
-    assert found["max_error"] >= found["rmse"]
-    assert 0.05 < found["rejected_share"] < 0.15
-    assert len(found["nees"]) == 3
-    assert max(*found["nees"], found["body_nees"]) < 30
-    assert run["bound"]["path_rmse_clean"] < run["bound"]["path_rmse"]
-    assert run["methods"]["screw-gpa"].get("nees") is None
-    assert run["wall"].keys() == {"flight", "bound", "screw-gpa", "screw-gpa-lvlh", "pivot"}
-
-
-def test_draws_have_attitudes_of_their_own_and_are_alike_in_all_scenarios(plan, unit):
-    draws = [drawn(case_of(plan, unit, number)) for number in range(300)]
-    quaternions = np.array([draw.target.attitude for draw in draws])
-    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1)
-    # Uniform over all rotations: q qᵀ has the mean ¼ I; its elements deviate by 0.02 over 300 draws.
-    np.testing.assert_allclose(quaternions.T @ quaternions / 300, np.eye(4) / 4, atol=0.08)
-    assert len({draw.run.seed for draw in draws}) == 300
-    assert {draw.target.angular_rate_deg for draw in draws} == {(1.0, 2.0, 3.0)}
-    other = replace(case_of(plan, unit, 7), scenario=case_of(plan, unit, 7).scenario | {"name": "other"})
-    assert (drawn(other).target, drawn(other).run) == (draws[7].target, draws[7].run)
-
-
-@pytest.mark.parametrize("vary", [(), ("attitude",), ("anomaly",)])
-def test_only_what_is_to_vary_varies(plan, unit, vary):
-    base = load_scenario(plan.source.split()[-1])
-    draw = drawn(replace(case_of(plan, unit, 0), vary=vary))
-    assert (draw.target != base.target) == ("attitude" in vary)
-    assert (draw.orbit != base.orbit) == ("anomaly" in vary)
-    assert draw.run.seed != base.run.seed
-    assert draw.features == base.features
-
-
-@pytest.mark.parametrize("scenario, number", [("slow-clusters", 5), ("slow-outliers-30", 94)])
-def test_draws_on_which_the_peer_took_a_poor_inertia_for_path_noise(scenario, number, tmp_path):
-    """It chose metres of process noise, from where no pass came back: 26 and 0.14 m off on a path that has none."""
-    plan = plan_of([scenario], "reach", ["ekf"])
-    case = case_of(plan, tmp_path / "unit.fmu", number)
-    build_fmu(drawn(case), tmp_path / "unit.fmu")
-    run = run_one(case)
-    assert run["methods"]["ekf"]["rmse"] < 3 * run["bound"]["path_rmse"]
-    assert run["methods"]["ekf"]["converged"]
-
-
-def test_a_method_that_fails_is_a_value(plan, unit, monkeypatch):
-    def refused(*_, **__):
-        raise ComputationError("too little turns")
-
-    def broken(*_, **__):
-        raise ZeroDivisionError("oh")
-
-    for error, words in ((refused, "too little turns"), (broken, "internal error, ZeroDivisionError: oh")):
-        monkeypatch.setattr("baryscope.study.campaign.case.estimate", error)
-        assert run_one(case_of(plan, unit, 0))["methods"]["pivot"] == {"failure": words}
-
-
-def test_a_scenario_that_a_draw_makes_impossible_is_a_value(plan, unit):
-    data = plan.entries[0].data | {"sensor": {"noise": -1.0}}
-    run = run_one(replace(case_of(plan, unit, 0), scenario=data))
-    assert "sensor.noise" in run["methods"]["pivot"]["failure"]
-    assert run["bound"] == {}
-
-
-# ---- workers ----
-
-
 def test_the_result_does_not_depend_on_the_number_of_workers(finished, scenario_file, tmp_path, capsys):
     assert app.main(options(scenario_file, tmp_path / "two", "--workers", "2")) == 0
     lines = []
@@ -160,30 +50,6 @@ def test_the_result_does_not_depend_on_the_number_of_workers(finished, scenario_
     without_times = [[line.rsplit("|", 2)[0] for line in table.splitlines()] for table in tables]
     assert without_times[0] == without_times[1]
     assert max(map(len, capsys.readouterr().out.split("NEES should be")[0].splitlines())) <= 90
-
-
-def test_a_worker_has_one_thread_and_the_parent_keeps_its_own(monkeypatch):
-    monkeypatch.setenv(THREADS[0], "7")
-    assert set(results_of(os.getenv, THREADS, 1)) == {"1"}
-    assert os.environ[THREADS[0]] == "7"
-
-
-def test_a_worker_that_is_killed_does_not_keep_us_waiting():
-    with pytest.raises(ComputationError, match="a worker process has ended with the code 9"):
-        list(results_of(os._exit, [9, 9], 1))
-    assert not multiprocessing.active_children()
-
-
-def test_closing_ends_the_workers():
-    results = results_of(time.sleep, [0, 60, 60], 2)
-    assert next(results) is None
-    begin = time.perf_counter()
-    results.close()
-    assert time.perf_counter() - begin < 3
-    assert not multiprocessing.active_children()
-
-
-# ---- going on ----
 
 
 def copied(finished, folder, lines):
@@ -362,13 +228,3 @@ def test_a_full_disk_says_what_is_kept_and_what_to_do(
     assert "the same command goes on when there is room" in line
     assert app.main(options(scenario_file, folder)) == 0
     assert len(read_runs(folder, read_plan(folder))) == 4
-
-
-def refused(number):
-    raise DiskError(f"no room for {number}")
-
-
-def test_what_a_worker_raises_is_raised_here_and_ends_the_others():
-    with pytest.raises(DiskError, match="no room for 7"):
-        list(results_of(refused, [7, 7], 2))
-    assert not multiprocessing.active_children()

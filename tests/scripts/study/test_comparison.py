@@ -1,0 +1,137 @@
+"""Flights and comparisons as a notebook calls them: values, tables, figures, and nothing printed."""
+
+import re
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import METHODS, FeatureTracks
+from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.models.errors import InputError
+from baryscope.models.scenario import Scenario, load_orbit
+from baryscope.study import Grid, bound_table, compare, comparison_figure, fly, outcome_figure, write_flight
+from malformed import GOOD_SCENARIO
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scenario") / "small.toml"
+    path.write_text(GOOD_SCENARIO.replace("noise = 0.02", "noise = 0.002"), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def told():
+    """What a progress callback is told."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def comparison(scenario, told):
+    return compare(scenario, methods=["pivot", "screw-gpa"], progress=lambda work, share: told.append((work, share)))
+
+
+def test_nothing_is_printed(scenario, capfd):
+    compare(scenario, methods=["pivot"]).table()
+    bound_table(scenario, Grid(durations=[50.0, 100.0]))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_comparison_holds_its_numbers(comparison):
+    """Against the definitions, from the paths themselves."""
+    assert [outcome.label for outcome in comparison.outcomes] == ["pivot", "screw-gpa", "screw-gpa-lvlh"]
+    truth = comparison.flight.truth["target.position"]
+    for outcome in comparison.outcomes:
+        squares = ((outcome.estimate.position - truth) ** 2).sum(axis=1)
+        assert outcome.rmse == pytest.approx(np.sqrt(squares.mean()))
+        assert outcome.max_error == pytest.approx(np.sqrt(squares.max()))
+        assert 0 < outcome.coverage <= 1
+        assert outcome.wall_time > 0
+    pivot = comparison["pivot"]
+    assert pivot.predicted_rmse == pytest.approx(np.sqrt(np.trace(pivot.estimate.covariance, axis1=1, axis2=2).mean()))
+    assert comparison["screw-gpa"].predicted_rmse is None
+    assert comparison.bound.position_deviation == cramer_rao_bound(comparison.scenario).position_deviation
+    with pytest.raises(InputError, match="ml: not compared, expected one of pivot, screw-gpa, screw-gpa-lvlh"):
+        comparison["ml"]
+
+
+def test_its_table_shows_them(comparison):
+    table = comparison.table()
+    assert table.headings == (
+        "method", "axes or path", "RMSE, mm", "max, mm", "predicted RMSE, mm", "coverage", "time",
+    )  # fmt: skip
+    assert [row[:2] for row in table.rows] == [
+        ("pivot", "relative-orbit"), ("screw-gpa", "inertial"), ("screw-gpa", "lvlh"),
+        ("Cramér–Rao bound", "relative-orbit"),
+    ]  # fmt: skip
+    for row, outcome in zip(table.rows, comparison.outcomes, strict=False):
+        assert row[2] == f"{1000 * outcome.rmse:.2f}"
+        assert row[5] == f"{100 * outcome.coverage:.0f} %"
+    assert table.rows[1][4] == "-"
+
+
+def test_a_table_in_markdown_and_in_columns(comparison):
+    table = comparison.table()
+    lines = table.markdown().splitlines()
+    assert lines[1] == "| --- | --- | ---: | ---: | ---: | ---: | ---: |"
+    assert [tuple(line[2:-2].split(" | ")) for line in [lines[0], *lines[2:]]] == [table.headings, *table.rows]
+    title, *columns = str(table).splitlines()
+    assert title == "Error of the centre of mass, small, 100 s"
+    assert [tuple(re.split(r" {2,}", line.strip())) for line in columns] == [table.headings, *table.rows]
+    assert table._repr_markdown_() == f"{title}\n\n{table.markdown()}"
+
+
+def test_figures_show_all_methods(comparison):
+    legend = comparison_figure(comparison).axes[0].get_legend_handles_labels()[1]
+    methods = ["pivot, relative-orbit", "screw-gpa, inertial axes", "screw-gpa, lvlh axes"]
+    assert [label.split(":")[0] for label in legend[:3]] == methods
+    assert any(label.startswith("Cramér–Rao bound on path RMSE") for label in legend)
+    panels = outcome_figure(comparison.flight, comparison["pivot"]).axes
+    np.testing.assert_array_equal(panels[0].lines[0].get_ydata(), comparison.flight.true_path[:, 0])
+
+
+def test_progress_has_a_beginning_and_an_end_for_each_piece_of_work(comparison, told):
+    """And the whole of the methods has shares in between, from which the time left follows."""
+    works = list(dict.fromkeys(work for work, _ in told))
+    assert any(work.startswith("simulating 100 s") for work in works)
+    assert {"estimating by pivot", "estimating by screw-gpa-lvlh", "Cramér–Rao bound"} <= set(works)
+    for work in works:
+        shares = [share for name, share in told if name == work]
+        assert shares[0] == 0
+        assert shares[-1] == 1
+        assert shares == sorted(shares)
+        assert shares.count(1) == 1
+    between = [share for work, share in told if work == "estimating by 3 methods"]
+    assert between == pytest.approx([0, 1 / 3, 2 / 3, 1])
+
+
+def test_a_method_that_cannot_is_a_value(scenario):
+    still = Scenario.parse(
+        fly(scenario).scenario.model_dump(mode="json", exclude_unset=True)
+        | {"target": {"inertia": [[2, 0, 0], [0, 2, 0], [0, 0, 2]], "angular_rate_deg": [0, 0, 0]}},
+        "still",
+    )
+    outcome = compare(still, methods=["screw-raw"])["screw-raw"]
+    assert outcome.estimate is None
+    assert outcome.failure
+    assert (outcome.rmse, outcome.coverage, outcome.axes) == (None, None, "inertial")
+    with pytest.raises(InputError, match="screw-raw: has no result to draw"):
+        outcome_figure(fly(still), outcome)
+
+
+@pytest.mark.parametrize("methods, words", [(["magic"], "found 'magic'"), ([], "found none")])
+def test_unknown_methods(methods, words):
+    with pytest.raises(InputError, match=f"methods: {words}, expected some of {', '.join(METHODS)}"):
+        compare("envisat", methods=methods)
+
+
+def test_a_flight_is_written_as_it_is(scenario, tmp_path):
+    flight = fly(scenario)
+    tracks, truth, orbit = write_flight(flight, tmp_path / "small.csv")
+    assert [path.name for path in (tracks, truth, orbit)] == ["small.csv", "small.truth.csv", "small.orbit.toml"]
+    np.testing.assert_array_equal(FeatureTracks.read_csv(tracks).position, flight.tracks.position)
+    assert load_orbit(orbit) == flight.scenario.orbit
+    columns = np.loadtxt(truth, delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(columns[:, 1:4], flight.true_path)
+    with pytest.raises(InputError, match=r"ends in '\.nc', expected \.csv"):
+        write_flight(flight, "small.nc")
