@@ -57,6 +57,7 @@ def test_casadi_evaluates_and_differentiates_the_unit(envisat, envisat_fmu, tmp_
         np.testing.assert_allclose(np.array(ca.densify(found)), dense, rtol=1e-12, atol=1e-12 * np.abs(dense).max())
 
 
+@pytest.mark.filterwarnings("ignore:'ctypes.POINTER with string':DeprecationWarning")  # its, on 3.14
 def test_libcosim_steps_the_unit(envisat_fmu, expected):
     package = "libcosimpy"
     pytest.importorskip(package, reason=f"{package} has wheels for Linux and Windows on x86-64")
