@@ -1,7 +1,7 @@
-"""The degree of a polynomial path, which the observations choose by an information criterion.
+"""The degree of a polynomial path, chosen from the observations by an information criterion.
 
 A polynomial of a lower degree is one of a higher degree whose last coefficients are zero. So one Gauss–Newton step at a
-high degree tells the sum of squares at every lower one, without a fit of its own, and holds the attitudes free in all.
+high degree gives the sum of squares at every lower degree without a fit of its own, with free attitudes in all of them.
 """
 
 from collections.abc import Callable
@@ -15,12 +15,12 @@ from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.drift import squares_by_size
 from baryscope.estimator.pivot.free_attitudes import Solution, gauss_newton_step
 from baryscope.estimator.pivot.refinement import (
-    FEW_FRAMES,
     ROUNDING,
-    in_few,
+    SUBSAMPLE_FRAMES,
+    in_subsample,
     least_variance,
     linear_solution,
-    thinned,
+    subsampled,
     values_for_path,
 )
 from baryscope.estimator.registration.body import Body
@@ -30,19 +30,19 @@ FloatArray = NDArray[np.float64]
 
 Criterion = Callable[[float, FloatArray, FloatArray], FloatArray]
 
-HIGHEST_CHOSEN = 14  # degree of a polynomial that the data may ask for
-PATIENCE = 3  # degrees that may fail to be better before the search ends
-GROSS = 10.0  # sum of squares over that of the highest degree, held attitudes, above which a degree is too low
+HIGHEST_CHOSEN = 14  # highest degree that the data may choose
+LOOKAHEAD = 3  # higher degrees without an improvement after which the search ends
+IMPLAUSIBLE = 10.0  # sum of squares over that of the highest degree, attitudes fixed, above which a degree is too low
 
 
 def akaike_unbiased(values: float, squares: FloatArray, unknowns: FloatArray) -> FloatArray:
     """AICu, lower is better: n ln(s²) + 2 n (k + 1)/(n − k − 2) with the unbiased variance s² = squares/(n − k).
 
-    Of McQuarrie, Shumway and Tsai, Statistics & Probability Letters 34, 1997. AICc takes squares/n for s²; so an
-    unknown costs about 3 here, 2 in AIC and AICc, ln n in BIC.
+    Source: McQuarrie, Shumway and Tsai, Statistics & Probability Letters 34, 1997. AICc has squares/n for s². The
+    penalty of an unknown is about 3 here, 2 in AIC and AICc, ln n in BIC.
 
-    values: n, the number of values that are fitted; squares (d,): the models' sums of squared residuals, in any unit;
-    unknowns (d,): k, how many each of them fits. Infinite where k + 2 >= n.
+    values: n, the number of fitted values; squares (d,): the models' sums of squared residuals, in any unit;
+    unknowns (d,): k, the number of unknowns of each model. Infinite where k + 2 >= n.
     """
     left = values - unknowns
     variance = squares / np.where(left > 2, left, 1.0)
@@ -57,25 +57,25 @@ def choose_degree(
     span: tuple[float, float],
     criterion: Criterion = akaike_unbiased,
 ) -> int:
-    """The degree at the first minimum of the criterion that PATIENCE higher degrees do not beat.
+    """The degree at the first minimum of the criterion that none of the next LOOKAHEAD degrees improves.
 
-    Each step is taken at the degree of the last choice, with a few more coefficients, until a choice comes again. The
-    first degree is a low one: where the body turns little, the steps from a high degree would stay at high degrees.
+    Each Gauss–Newton step starts from the degree chosen last, with a few more coefficients, until a degree is chosen
+    again. The first degree is a low one: if the body turns little, steps from a high degree would stay there.
 
-    registered: bodies and the images of their origins; observations (n, m) with their first weights; time (n,) in s;
-    span: when the path begins and ends, s.
+    registered: bodies and their origins in C; observations (n, m) with their initial weights; time (n,) in s; span:
+    begin and end of the path, s.
     """
-    thin = thinned(registered.bodies, observations, FEW_FRAMES)
-    some, few, seen = in_few(registered, thin), thin.observations, time[thin.rows]
-    # Beyond, path and offsets fit any positions.
-    highest = max(0, min(HIGHEST_CHOSEN, len(seen) - len(some.bodies) - 2))
-    degree = _lowest_plausible(some, Polynomial(highest, *span).at(seen))
-    bodies, x = linear_solution(some, few, Polynomial(degree, *span).at(seen))
+    subsample = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
+    few_bodies, few, seen = in_subsample(registered, subsample), subsample.observations, time[subsample.rows]
+    # At higher degrees path and offsets fit any positions.
+    highest = max(0, min(HIGHEST_CHOSEN, len(seen) - len(few_bodies.bodies) - 2))
+    degree = _lowest_plausible(few_bodies, Polynomial(highest, *span).at(seen))
+    bodies, x = linear_solution(few_bodies, few, Polynomial(degree, *span).at(seen))
     values = values_for_path(bodies, few)
     least = values * least_variance(few, ROUNDING)
     tried: set[int] = set()
     while True:
-        sampled = Polynomial(min(highest, degree + PATIENCE + 1), *span).at(seen)
+        sampled = Polynomial(min(highest, degree + LOOKAHEAD + 1), *span).at(seen)
         solution = gauss_newton_step(bodies, few, sampled, np.pad(x, (0, sampled.jacobian.shape[2] - len(x))))
         squares = np.maximum(squares_by_degree(solution), least)
         unknowns = np.linspace(3.0, 3.0 * len(squares), len(squares))
@@ -87,41 +87,45 @@ def choose_degree(
 
 
 def squares_by_degree(solution: Solution) -> FloatArray:
-    """The sums of squares that a step in a polynomial's coefficients (3 (d + 1),) promises at degrees 0 … d, (d + 1,).
+    """The sums of squares (d + 1,) that the linearised problem predicts at degrees 0 … d.
 
-    At each degree the coefficients beyond are held at zero, and all else is at its best for that.
+    The solution is a step in the coefficients (3 (d + 1),) of degree d. At each lower degree the higher coefficients
+    are fixed to zero, and all other unknowns are at their conditional optimum.
     """
     least = float(solution.squares.sum()) - solution.step
-    return np.array([least + _hold(solution, degree)[0] for degree in range(len(solution.x) // 3)])
+    return np.array([least + _constraint(solution, degree)[0] for degree in range(len(solution.x) // 3)])
 
 
 def at_degree(solution: Solution, degree: int) -> tuple[tuple[Body, ...], FloatArray]:
-    """Bodies and coefficients (3 (degree + 1),) of the step to the best polynomial of a lower degree."""
-    change = _hold(solution, degree)[1]
+    """Bodies and coefficients (3 (degree + 1),) after the step with the coefficients above `degree` fixed to zero."""
+    change = _constraint(solution, degree)[1]
     bodies = tuple(
         body.moved(by_path @ change) for body, by_path in zip(solution.bodies, solution.points_path, strict=True)
     )
     return bodies, (solution.x - change)[: 3 * (degree + 1)]
 
 
-def _hold(solution: Solution, degree: int) -> tuple[float, FloatArray]:
-    """What holding the coefficients beyond a degree at zero adds to the squares, and takes off all coefficients."""
-    beyond = slice(3 * (degree + 1), None)
-    force = symmetric_pseudo_inverse(solution.covariance[beyond, beyond]) @ solution.x[beyond]
-    return float(solution.x[beyond] @ force), solution.covariance[:, beyond] @ force
+def _constraint(solution: Solution, degree: int) -> tuple[float, FloatArray]:
+    """The constraint that the coefficients above a degree are zero.
+
+    Returns the increase of the sum of squares, and the vector to subtract from all coefficients.
+    """
+    higher = slice(3 * (degree + 1), None)
+    multiplier = symmetric_pseudo_inverse(solution.covariance[higher, higher]) @ solution.x[higher]
+    return float(solution.x[higher] @ multiplier), solution.covariance[:, higher] @ multiplier
 
 
 def _lowest_plausible(registered: Registered, sampled: SampledPath) -> int:
-    """The lowest degree whose fit to the images of the bodies' origins is not much worse than that of the highest."""
+    """The lowest degree whose linear fit to the bodies' origins is at most IMPLAUSIBLE times that of the highest."""
     squares = squares_by_size(registered, sampled, range(3, sampled.jacobian.shape[2] + 1, 3))
-    return int(np.argmax(squares <= GROSS * squares[-1]))
+    return int(np.argmax(squares <= IMPLAUSIBLE * squares[-1]))
 
 
 def _first_minimum(criterion: FloatArray) -> int:
-    """The first index that the next PATIENCE ones are not below."""
+    """The first index whose value none of the next LOOKAHEAD values is below."""
     best = 0
     for index in range(1, len(criterion)):
-        if index > best + PATIENCE:
+        if index > best + LOOKAHEAD:
             break
         if criterion[index] < criterion[best]:
             best = index

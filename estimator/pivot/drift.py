@@ -1,6 +1,7 @@
-"""The drifting pivot by one linear least squares: c_k = g(t_k; x) + R_k d in all posed frames, for a first path.
+"""The drifting pivot as one linear least-squares problem, for an initial path: c_k = g(t_k; x) + R_k d.
 
-c_k is the image of a body's origin in its axes S, d where that lies from the centre of mass.
+It has one equation for each frame with an attitude. c_k is the origin of the body's axes S in C, d its offset from the
+centre of mass in S, g the path.
 """
 
 from collections.abc import Sequence
@@ -18,19 +19,19 @@ from baryscope.estimator.registration.clusters import Registered
 
 FloatArray = NDArray[np.float64]
 
-ROUNDING = 1e-14  # of Σ c²: what is left of the difference of two such sums
+ROUNDING = 1e-14  # relative to Σ c²: the rounding error of the difference of two such sums
 
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """x (p,) and each body's offset d (3,) in its axes S."""
+    """The path's unknowns x (p,) and each body's offset d (3,) in its axes S, m."""
 
     x: FloatArray
     offsets: tuple[FloatArray, ...]
 
 
 def solve_drift(registered: Registered, weights: list[FloatArray], path: SampledPath) -> Drift:
-    """The least squares of c_k = g + R_k d with a weight (n,) for each body's frames."""
+    """The least-squares solution of c_k = g + R_k d; weights has an array (n,) for the frames of each body."""
     matrix, rhs, _ = _normal_equations(registered, weights, path)
     found = symmetric_pseudo_inverse(matrix) @ rhs
     d = 3 * len(registered.bodies)
@@ -38,7 +39,7 @@ def solve_drift(registered: Registered, weights: list[FloatArray], path: Sampled
 
 
 def squares_by_size(registered: Registered, path: SampledPath, sizes: Sequence[int]) -> FloatArray:
-    """The least sum of squares of c_k − g − R_k d, m², with only so many of the path's first unknowns."""
+    """The minimal sums of squares of c_k − g − R_k d, m², with the first `size` unknowns of the path for each size."""
     weights = [np.ones(len(body.frames)) for body in registered.bodies]
     matrix, rhs, total = _normal_equations(registered, weights, path)
     ends = [3 * len(registered.bodies) + size for size in sizes]
@@ -49,28 +50,28 @@ def squares_by_size(registered: Registered, path: SampledPath, sizes: Sequence[i
 def _normal_equations(
     registered: Registered, weights: list[FloatArray], path: SampledPath
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Matrix (3 k + p, 3 k + p) and right-hand side of the k bodies' offsets, then of x, and the weighted Σ c_k²."""
+    """Matrix (3 k + p, 3 k + p) and right-hand side for the k bodies' offsets and then x, and the weighted Σ c_k²."""
     p, d = path.jacobian.shape[2], 3 * len(registered.bodies)
     matrix, rhs, total = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0
     for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
-        own = slice(3 * index, 3 * index + 3)
+        parallel_axis = slice(3 * index, 3 * index + 3)
         rows = np.concatenate([body.attitude, path.jacobian[body.frames], origin[:, :, None]], axis=2)
         scaled = (rows * np.sqrt(weight)[:, None, None]).reshape(-1, 4 + p)
         outer = scaled.T @ scaled
-        matrix[own, own] = outer[:3, :3]
-        matrix[own, d:] += outer[:3, 3:-1]
-        matrix[d:, own] += outer[3:-1, :3]
+        matrix[parallel_axis, parallel_axis] = outer[:3, :3]
+        matrix[parallel_axis, d:] += outer[:3, 3:-1]
+        matrix[d:, parallel_axis] += outer[3:-1, :3]
         matrix[d:, d:] += outer[3:-1, 3:-1]
-        rhs[own] = outer[:3, -1]
+        rhs[parallel_axis] = outer[:3, -1]
         rhs[d:] += outer[3:-1, -1]
         total += float(outer[-1, -1])
     return matrix, rhs, total
 
 
 def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]) -> list[FloatArray]:
-    """One weight for each posed frame: the inverse mean variance of c_k − R_k d, for observations of weight (n, m).
+    """A weight for each frame of each body: the inverse mean variance of c_k − R_k d, for weights (n, m).
 
-    The centroid of n points has the variance 1/n, and the noise of the rotation acts on d by its lever.
+    It adds the variance of the centroid, 1/n for n points of weight 1, and that of the attitude times the lever arm.
     """
     found = []
     for body, offset in zip(bodies, offsets, strict=True):
@@ -78,13 +79,13 @@ def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[F
         arms = cross_matrices(body.points)
         total = np.maximum(w.sum(axis=1), 1e-300)
         centroid = (w @ body.points) / total[:, None]
-        # Σ w [b]× [b]×ᵀ about the centroid: less that of the centroid itself, a·a 1 − a aᵀ.
-        own = (
+        # Σ w [b]× [b]×ᵀ about the centroid a: subtract total · (a·a 1 − a aᵀ).
+        parallel_axis = (
             np.einsum("ki,ki->k", centroid, centroid)[:, None, None] * np.eye(3)
             - centroid[:, :, None] * centroid[:, None]
         )
-        turn = turn_information(w, arms) - total[:, None, None] * own
-        # c_k is the centroid's image less R_k times the centroid: the rotation acts on both together.
+        turn = turn_information(w, arms) - total[:, None, None] * parallel_axis
+        # c_k is the centroid in C less R_k times the centroid in S: the attitude acts on the sum of both arms.
         arm, C = offset + centroid, symmetric_inverses(turn)
         # tr([a]× C [a]×ᵀ) = a·a tr C − a·C a
         across = np.einsum("ki,ki->k", arm, arm) * (C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2])

@@ -1,9 +1,9 @@
-"""Least squares of rigid bodies whose common centre moves on a path and whose attitudes are free in every frame.
+"""Least squares of rigid bodies whose common centre of mass moves on a path; the attitude is free in every frame.
 
-Unknowns are the path's x, each body's points b (axes S of its own, origin at the centre of mass), and one rotation per
-frame. The rotations are eliminated frame by frame and the points body by body, so that a system of the path's few
-unknowns is left: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights that make it efficient.
-A body's axes S can be turned at will: that freedom is fixed by the least change.
+Unknowns are the path's x, each body's points b (in its own axes S, origin at the centre of mass), and one rotation per
+frame. The rotations are eliminated frame by frame and the points body by body, which leaves a system in the path's few
+unknowns: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights of the joint adjustment.
+The orientation of S is arbitrary; this gauge freedom is fixed by the minimum-norm change of the points.
 """
 
 from collections.abc import Iterator
@@ -25,20 +25,19 @@ from baryscope.models.errors import ComputationError, Reason
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-LOST = 1e12  # m from the chaser, or from the centre of mass: a thousand times farther than any observation
+MAX_LENGTH = 1e12  # m from the chaser, or from the centre of mass: a thousand times farther than any observation
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Bodies and path where one step led.
+    """Bodies and path after one Gauss–Newton step. Covariances are for weights that are inverse variances.
 
-    x (p,) and its covariance (p, p) for observations whose weights are inverse variances. For each body
-    points_covariance (3 m, 3 m) for known x, and points_path (3 m, p): b follows x by −points_path δx.
-    offset_covariance (3 k, 3 k): that of the k bodies' offsets, where the centroid of a body's points is seen from the
-    centre of mass in axes that these hold; offset_path (3 k, p): the same with x. null_space (p, d) and
-    offset_null_space (3 k, d): directions of which nothing is seen, which are not in the covariances. squares (n, m):
-    the weighted squared residuals before the step, 0 where nothing is used; step: what it promises to take off their
-    sum.
+    x (p,) and its covariance (p, p). For each body points_covariance (3 m, 3 m), conditional on x, and points_path
+    (3 m, p): a change δx changes the points by −points_path δx. offset_covariance (3 k, 3 k): covariance of the offsets
+    of the k bodies, their points' centroids from the centre of mass in axes attached to the points; offset_path
+    (3 k, p): their covariance with x. null_space (p, d) and offset_null_space (3 k, d): unobserved directions, which
+    the covariances leave out. squares (n, m): the weighted squared residuals before the step, 0 where nothing is used;
+    step: the predicted decrease of their sum.
     """
 
     bodies: tuple[Body, ...]
@@ -56,12 +55,12 @@ class Solution:
 
 @dataclass(eq=False)
 class _Sums:
-    """Normal equations of one body after its rotations are eliminated."""
+    """Normal equations of one body after the elimination of its rotations."""
 
     path: FloatArray
     path_points: FloatArray
     points: FloatArray
-    path_sizes: FloatArray  # diagonals before
+    path_sizes: FloatArray  # diagonals before the elimination
     points_sizes: FloatArray
     path_rhs: FloatArray
     points_rhs: FloatArray
@@ -70,10 +69,12 @@ class _Sums:
 def gauss_newton_step(
     bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray
 ) -> Solution:
-    """One Gauss–Newton step in x and all points, with the rotations at their best before it.
+    """One Gauss–Newton step in x and all points, after one in the rotations at fixed x and points.
+
+    bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames.
 
     Raises:
-        ComputationError: the step leads LOST, or nowhere.
+        ComputationError: x or a point is larger than MAX_LENGTH after the step, or not finite.
     """
     origin = path.position(x)
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
@@ -97,16 +98,16 @@ def gauss_newton_step(
     covariance = symmetric_pseudo_inverse(matrix, sizes)
     change = covariance @ rhs
     null_space = null_space_of(matrix, sizes)
-    moved, offsets, by_x, length = [], [], [], float(change @ rhs)
+    moved, offsets, by_x, decrease = [], [], [], float(change @ rhs)
     for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
         points_change = inverse @ (own_sums.points_rhs - own_sums.path_points.T @ change)
-        length += float(own_sums.points_rhs @ inverse @ own_sums.points_rhs)
+        decrease += float(own_sums.points_rhs @ inverse @ own_sums.points_rhs)
         moved.append(body.moved(points_change))
-        held = offset_by_points(body.points)
-        offsets.append(held @ inverse @ held.T)
-        by_x.append(held @ by_path)
-    farthest = np.concatenate([x + change, *(body.points.ravel() for body in moved)])
-    if not np.abs(farthest).max() <= LOST:
+        attached = offset_by_points(body.points)
+        offsets.append(attached @ inverse @ attached.T)
+        by_x.append(attached @ by_path)
+    unknowns = np.concatenate([x + change, *(body.points.ravel() for body in moved)])
+    if not np.abs(unknowns).max() <= MAX_LENGTH:
         raise ComputationError(
             "the least squares of path and points diverge: the features do not move as rigid bodies or hardly turn",
             Reason.DIVERGED,
@@ -123,12 +124,12 @@ def gauss_newton_step(
         null_space=null_space,
         offset_null_space=-offset_by_x @ null_space,
         squares=squares,
-        step=length,
+        step=decrease,
     )
 
 
 def _chunks(body: Body) -> Iterator[slice]:
-    """Slices of a body's frames whose work fits the cache."""
+    """Slices of a body's frames whose arrays fit the cache."""
     size = max(64, CHUNK_SIZE // (9 * len(body.features)))
     return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
@@ -153,7 +154,7 @@ def _sum(body: Body, own: Observations, path: SampledPath, origin: FloatArray, s
         total.points_rhs += found.point_rhs.ravel()
         for index, block in enumerate(found.point):
             total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
-        # Take out the frames' rotations.
+        # Eliminate the frames' rotations.
         coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
         solved = symmetric_inverses(found.turn) @ coupling
         outer = coupling.reshape(-1, p + q + 1).T @ solved.reshape(-1, p + q + 1)
@@ -167,7 +168,7 @@ def _sum(body: Body, own: Observations, path: SampledPath, origin: FloatArray, s
 
 
 def _points_inverse(points: FloatArray, matrix: FloatArray, sizes: FloatArray) -> FloatArray:
-    """The inverse of the points' matrix, which a turn of S leaves as it is: of all answers, the least turned."""
+    """The inverse of the points' matrix (3 m, 3 m) with zero change along rotations of S, for which it is singular."""
     turns = np.swapaxes(cross_matrices(points), 1, 2).reshape(-1, 3)  # δb = φ × b
     turns, _ = np.linalg.qr(turns)
     weight = float(sizes.mean())

@@ -1,7 +1,7 @@
 """pivot: the drifting pivot. Bodies from the tracks, one linear least squares, and its refinement with free attitudes.
 
-The attitude of every frame is free, so nothing needs to be known of how the target turns; what is known of the path of
-its centre of mass ties the frames together.
+The attitude is free in every frame, so no model of the rotation is needed; the model of the path of the centre of mass
+connects the frames.
 """
 
 import time as clock
@@ -49,15 +49,15 @@ from baryscope.models.words import counted
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MISFIT = 1.5  # variance over that of the registration, from which on the path is said not to fit
+MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
 
 def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
     """The centre of mass by the drifting pivot.
 
     Raises:
-        InputError: options that do not go together.
-        ComputationError: the tracks do not hold what it takes.
+        InputError: an invalid combination of options, or a singular covariance.
+        ComputationError: the tracks do not determine the unknowns.
     """
     begin = clock.perf_counter()
     found = solve_pivot(tracks, orbit, options)
@@ -99,7 +99,7 @@ def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
 
 
 def _motion(found: Pivot, of_x: FloatArray, time: FloatArray) -> Motion:
-    """Velocity of the centre of mass, and the attitude of the body that has one in most frames."""
+    """Velocity of the centre of mass, and the attitude of the body with an attitude in the most frames."""
     rate = found.path.rate_at(time)
     body = max(found.bodies, key=lambda one: len(one.frames))
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
@@ -116,7 +116,12 @@ def _motion(found: Pivot, of_x: FloatArray, time: FloatArray) -> Motion:
 
 
 def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
-    """Bodies, path and points at their least squares."""
+    """The least-squares solution for bodies and path, with its findings.
+
+    Raises:
+        InputError: an invalid combination of options, or a singular covariance.
+        ComputationError: the tracks do not determine the unknowns.
+    """
     trajectory = trajectory_of(options.trajectory, orbit)
     inliers = screen(tracks.position, tracks.seen)
     registered = find_bodies(tracks.position, inliers)
@@ -142,22 +147,22 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
 
 
 def _findings(found: Pivot, noise: float, measured: Observations, tracks: FeatureTracks) -> tuple[Finding, ...]:
-    """What speaks against labels and path; noise: of a coordinate, as registration shows it."""
+    """Findings against labels and path; noise: standard deviation of a coordinate from the registration, m."""
     findings: list[Finding] = [
         DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
         for points in found.refused
     ]
     ratio = found.residual_variance / max(noise**2, 1e-300)
     if found.residual_variance > least_variance(measured, ROUNDING):
-        if measured.precision is None and ratio > MISFIT:
+        if measured.precision is None and ratio > MAX_VARIANCE_RATIO:
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
-        elif departure := lack_of_fit(found, tracks.time):
-            findings.append(departure)
+        elif finding := lack_of_fit(found, tracks.time):
+            findings.append(finding)
     return tuple(findings)
 
 
 def _restricted(measured: Observations, bodies: tuple[Body, ...], inliers: BoolArray) -> Observations:
-    """Only what some body could explain; an outlier keeps a negligible weight, so that its residual is seen."""
+    """The observations of the bodies in their frames; outliers keep a negligible weight, for their residuals."""
     weight = np.zeros_like(measured.weight)
     for body in bodies:
         block = np.ix_(body.frames, body.features)

@@ -1,4 +1,4 @@
-"""Bodies and path at the least squares of all observations, with an attitude for each frame: from a start to rest."""
+"""Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from dataclasses import dataclass, replace
 
@@ -23,24 +23,24 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-ROUNDS = 30
-SETTLED = 0.1  # a step this long, squared, in units of the covariance of all unknowns, is the last
-# The first step from the start leaves less than this share of its own length, squared: with more frames than
-# unknowns by far there is no need for a second one to see it.
+MAX_ROUNDS = 30
+STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
+# Squared length of the second step over that of the first, at most: a short first step needs no second one to confirm
+# convergence.
 CONTRACTION = 1e-5
-ROUNDING = 1e-10  # of the distance: residuals smaller than this are none
-HASTY = 6  # rounds in which weights may change at will
-UNRULY = 1e-2  # share of the cost that the last change of weights may take away
-FEW_FRAMES = 3000  # frames at most, or so, that a start is found by, a degree, and what attitude noise seems to show
-LEAST_FRAMES = 20  # of a body, that are not left out for another's sake
+ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
+FREE_ROUNDS = 6  # iterations after which changes of the weights are damped
+WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
+SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
+MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """What the refinement starts from.
+    """The initial solution of the refinement.
 
-    path, sampled at the tracks' times; bodies with points seen from the centre of mass, and the path's x; measured: the
-    observations as they came; observations: those that bodies can explain; inliers (n, m): which passed the screening.
+    path, and sampled at the tracks' times; bodies with points from the centre of mass, and the path's x; measured: all
+    observations; observations: those of bodies in their frames; inliers (n, m): which passed the screening.
     """
 
     path: Path
@@ -54,12 +54,13 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Pivot:
-    """What `pivot` finds, for `ml` to start from.
+    """The solution of `pivot`, from which `ml` starts.
 
-    path and its unknowns x; inliers (n, m): which observations passed the screening; bodies with points seen from the
-    centre of mass; observations with their weights, all (n, m); variance of an observation of weight 1, as given or as
-    the residuals show it, over the given covariance or in m²; residual_variance: as they show it. tie_points between
-    bodies that share features, and those refused because the features differ; findings: what does not fit.
+    path, and sampled at the tracks' times; inliers (n, m): which observations passed the screening; solution: bodies
+    with points from the centre of mass, and the path's x; observations (n, m) with their final weights; variance of an
+    observation of weight 1, as given or from the residuals: in m², or as a factor on the given covariances;
+    residual_variance: that from the residuals. tie_points between bodies that share features, and those refused as the
+    labels belong to different points; findings against the models.
     """
 
     path: Path
@@ -77,13 +78,13 @@ class Pivot:
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """The bodies, points in m from the centre of mass."""
+        """The bodies, with points in m from the centre of mass."""
         return self.solution.bodies
 
 
 @dataclass(frozen=True, eq=False)
-class Thinned:
-    """Bodies and observations in a few of their frames: rows (k,), every steps-th of each body."""
+class Subsample:
+    """A subsample of bodies and observations: rows (k,) are the frames kept, every steps-th of each body."""
 
     bodies: tuple[Body, ...]
     observations: Observations
@@ -94,10 +95,10 @@ class Thinned:
 def linear_start(
     registered: Registered, observations: Observations, path: Path, time: FloatArray
 ) -> tuple[tuple[Body, ...], FloatArray]:
-    """Bodies and path to refine: by linear least squares; of many frames, some are solved, and refined once."""
-    few = thinned(registered.bodies, observations, FEW_FRAMES)
+    """Initial bodies and x (p,) by linear least squares; of many frames, a subsample and one Gauss–Newton step."""
+    few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
     sampled = path.at(time[few.rows])
-    bodies, x = linear_solution(in_few(registered, few), few.observations, sampled)
+    bodies, x = linear_solution(in_subsample(registered, few), few.observations, sampled)
     if len(few.rows) < sum(len(body.frames) for body in registered.bodies):
         solution = gauss_newton_step(bodies, few.observations, sampled, x)
         bodies, x = solution.bodies, solution.x
@@ -105,8 +106,8 @@ def linear_start(
     return tuple(replace(body, points=refined.points) for body, refined in both), x
 
 
-def in_few(registered: Registered, few: Thinned) -> Registered:
-    """What registration found, in a few of the frames only."""
+def in_subsample(registered: Registered, few: Subsample) -> Registered:
+    """The registered bodies in the frames of a subsample."""
     origins = zip(registered.origins, few.steps, strict=True)
     return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
 
@@ -114,7 +115,7 @@ def in_few(registered: Registered, few: Thinned) -> Registered:
 def linear_solution(
     registered: Registered, observations: Observations, sampled: SampledPath
 ) -> tuple[tuple[Body, ...], FloatArray]:
-    """The path and the bodies seen from the centre of mass, by linear least squares, weighted the second time."""
+    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted, then weighted."""
     first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled)
     drift = solve_drift(registered, frame_weights(registered.bodies, observations.weight, first.offsets), sampled)
     moved = zip(registered.bodies, drift.offsets, strict=True)
@@ -122,7 +123,7 @@ def linear_solution(
 
 
 def refined(start: Start, options: PathOptions) -> Pivot:
-    """Gauss–Newton steps until they are short and the weights at rest, then the tie points.
+    """The solution of Gauss–Newton steps until steps and changes of the weights are small, with tie points applied.
 
     Raises:
         ComputationError: too few values for the unknowns.
@@ -130,7 +131,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     sampled, measured, observations = start.sampled, start.measured, start.observations
     bodies, x = start.bodies, start.x
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
-    while not converged and rounds < ROUNDS:
+    while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
@@ -140,17 +141,19 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         cost = float(solution.squares.sum())
         variance = cost / dof
         weight = reweighted(solution.squares, observations.weight, dof, floor)
-        if rounds > HASTY:  # weights that swing to and fro come to rest in between
+        if rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
             weight = np.sqrt(weight * observations.weight)
         least = max(variance, floor)
-        short = solution.step <= SETTLED * least
+        short_step = solution.step <= STEP_TOLERANCE * least
         if rounds == 1 and measured.precision is None:
-            short = CONTRACTION * solution.step <= SETTLED * least
-        plain = solution.squares / np.where(weight > 0, observations.weight, 1.0)
-        converged = short and abs(float(np.vdot(plain, weight)) - cost) <= UNRULY * max(cost, floor * dof)
+            short_step = CONTRACTION * solution.step <= STEP_TOLERANCE * least
+        unweighted = solution.squares / np.where(weight > 0, observations.weight, 1.0)
+        converged = short_step and abs(float(np.vdot(unweighted, weight)) - cost) <= WEIGHT_CHANGE_TOLERANCE * max(
+            cost, floor * dof
+        )
         observations = observations.weighted(weight)
     scale = options.sigma**2 if options.sigma is not None else variance
-    solution, made, refused = tie_bodies(solution, max(scale, floor))
+    solution, tied, refused = tie_bodies(solution, max(scale, floor))
     return Pivot(
         path=start.path,
         sampled=sampled,
@@ -161,21 +164,23 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         residual_variance=variance,
         converged=converged,
         rounds=rounds,
-        tie_points=made,
+        tie_points=tied,
         refused=refused,
     )
 
 
 def values_for_path(bodies: tuple[Body, ...], observations: Observations) -> float:
-    """Values less all unknowns but the path's: a frame's rotation takes three, a body's points three each but for its
-    turn."""
+    """Number of values less all unknowns except the path's.
+
+    A frame has three unknowns of its rotation, a body three of each point less three of its orientation.
+    """
     frames = sum(len(body.frames) for body in bodies)
     points = sum(3 * len(body.features) - 3 for body in bodies)
     return 3 * float(observations.weight.sum()) - 3 * frames - points
 
 
 def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -> float:
-    """Values less all unknowns."""
+    """The degrees of freedom: number of values less that of all unknowns."""
     dof = values_for_path(bodies, observations) - path_size
     if dof <= 0:
         frames = sum(len(body.frames) for body in bodies)
@@ -188,7 +193,7 @@ def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -
 
 
 def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Observations) -> FloatArray:
-    """Where the points are estimated to be, (n, m, 3) in C; where they were measured if no body has them."""
+    """The estimated positions (n, m, 3) in C, m; the measured ones where no body has the feature."""
     estimated = measured.position.copy()
     for body in bodies:
         image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
@@ -197,20 +202,20 @@ def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Observa
 
 
 def least_variance(observations: Observations, rounding: float) -> float:
-    """Of an observation of weight 1, that of rounding to this share of the farthest distance."""
+    """The variance of rounding for an observation of weight 1; rounding: relative to the greatest distance."""
     if observations.precision is not None:
         return 1e-9
     position = observations.position
     return rounding**2 * float(np.einsum("kmi,kmi->km", position, position).max(initial=0.0))
 
 
-def thinned(bodies: tuple[Body, ...], observations: Observations, most: int) -> Thinned:
-    """Bodies and observations in `most` of their frames or a few more: of each body some."""
+def subsampled(bodies: tuple[Body, ...], observations: Observations, most: int) -> Subsample:
+    """A subsample of about `most` of the bodies' frames, with at least MIN_BODY_FRAMES of each body."""
     every = max(1, sum(len(body.frames) for body in bodies) // most)
-    steps = tuple(max(1, min(every, len(body.frames) // LEAST_FRAMES)) for body in bodies)
+    steps = tuple(max(1, min(every, len(body.frames) // MIN_BODY_FRAMES)) for body in bodies)
     rows = np.sort(np.concatenate([body.frames[::step] for body, step in zip(bodies, steps, strict=True)]))
     few = tuple(
         replace(body, frames=np.searchsorted(rows, body.frames[::step]), attitude=body.attitude[::step])
         for body, step in zip(bodies, steps, strict=True)
     )
-    return Thinned(few, observations.frames(rows), rows, steps)
+    return Subsample(few, observations.frames(rows), rows, steps)

@@ -8,10 +8,10 @@ from baryscope.estimator.screws.screws import Screws
 
 
 def screws(pairs: Pairs) -> Screws:
-    """Reuleaux's rule on the rigid body of each pose: its centroid, and a point at its radius on each of its axes.
+    """Screws by Reuleaux's rule for four points of the registered body: its centroid, and one on each of its axes.
 
-    These four points move with the registered features, but never lie in one plane with the axis, where the rule
-    applied to the features of a flat cluster would fail.
+    The points on the axes are at the shape's rms radius. The four points are never coplanar with the screw axis; the
+    features of a flat cluster can be, and the rule then fails.
     """
     motion = pairs.motion
     radius = motion.per_frame([fitted.radius for fitted in motion.registrations])

@@ -1,4 +1,4 @@
-"""Pseudo-intersection of pairs of lines: the middle of the shortest segment between them."""
+"""Pseudo-intersections of pairs of lines: the midpoint of the shortest segment between them."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,10 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Intersections:
-    """Of n pairs of lines: middle (n, 3) and length (n,) of the shortest segment, in m, and sine (n,) of their angle.
+    """Pseudo-intersections of n pairs of lines.
 
-    valid (n,) is False where the lines are too nearly parallel; there middle and length are NaN.
+    middle (n, 3) and length (n,) of the shortest segment, in m; sine (n,) of the angle between the lines; valid (n,),
+    False where they are nearly parallel, with NaN for middle and length.
     """
 
     middle: FloatArray
@@ -24,9 +25,10 @@ class Intersections:
 def intersect(
     axis_1: FloatArray, point_1: FloatArray, axis_2: FloatArray, point_2: FloatArray, least_sine: FloatArray
 ) -> Intersections:
-    """Intersect lines given by unit axes (n, 3) and points (n, 3) in m; below `least_sine` (n,) they count as parallel.
+    """Intersect lines given by unit axes (n, 3) and points (n, 3) in m.
 
-    The error of the middle along the axes grows as 1/sine.
+    Lines count as parallel if the sine of their angle is at most `least_sine` (n,): the error of the midpoint along the
+    axes is proportional to 1/sine.
     """
     normal = np.cross(axis_1, axis_2)
     sine = np.linalg.norm(normal, axis=1)

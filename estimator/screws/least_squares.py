@@ -1,8 +1,8 @@
-"""screw-ls: the baseline by least squares. CasADi fits a screw to all features of each pair of frames.
+"""screw-ls: the least-squares baseline. CasADi fits a screw to all features of each pair of frames.
 
-Unknowns of a pair: two small turns of the axis, two shifts of the pole in the plane normal to it, the angle and the
+Unknowns of a pair: two small rotations of the axis, two shifts of the pole in the plane normal to it, the angle and the
 translation. Four damped Gauss–Newton steps (Levenberg–Marquardt) are one CasADi function, mapped over thousands of
-pairs: a handful of calls for a run, not one per frame.
+pairs, so that a run needs a few calls instead of one per frame.
 """
 
 from functools import cache
@@ -25,28 +25,28 @@ FloatArray = NDArray[np.float64]
 
 CHUNK = 2048  # pairs per mapped call
 STEPS_PER_CALL = 4
-CALLS = 40  # at most; most pairs rest after two or three, and each call takes only those that do not
-TOLERANCE = 1e-10  # of the last step, in rad and in arms' lengths
+MAX_CALLS = 40  # most pairs converge after two or three; each call has only the others
+TOLERANCE = 1e-10  # of the last step, in rad and relative to the points' rms radius
 UNKNOWNS = 6
 
 
 def screws(pairs: Pairs) -> Screws:
-    """Least-squares screws of all features seen in both frames; what has not converged is flagged."""
+    """Least-squares screws from all features seen in both frames; the status tells which have not converged."""
     before, after, weights = _common_points(pairs)
     return least_squares_screws(before, after, weights)
 
 
 def least_squares_screws(before: FloatArray, after: FloatArray, weights: FloatArray) -> Screws:
-    """Screws (k) that carry the points before (k, m, 3) to after (k, m, 3) best, weights (k, m), 0 = not seen."""
-    enough = (weights > 0).sum(axis=1) >= 3
-    w = np.where(enough[:, None], weights, 1.0)
+    """The k least-squares screws from points before (k, m, 3) to after (k, m, 3) in m; weights (k, m), 0 = not seen."""
+    sufficient = (weights > 0).sum(axis=1) >= 3
+    w = np.where(sufficient[:, None], weights, 1.0)
     total = w.sum(axis=1)[:, None]
     before, after = np.nan_to_num(before), np.nan_to_num(after)
     origin = np.einsum("kmi,km->ki", before + after, w) / (2 * total)
     p, q = before - origin[:, None], after - origin[:, None]
     size = np.sqrt(np.einsum("km,kmi,kmi->k", w, p, p) / total[:, 0])
     size = np.where(size > 0, size, 1.0)
-    # In units of the points' own size all six unknowns are numbers of the order of one.
+    # In units of the points' rms radius all six unknowns are of the order of one.
     p, q = p / size[:, None, None], q / size[:, None, None]
     state, converged = _iterate(_start(p, q, w), p, q, w)
     axis, pole, angle, translation = state[:, :3], state[:, 3:6], state[:, 6], state[:, 7]
@@ -56,14 +56,14 @@ def least_squares_screws(before: FloatArray, after: FloatArray, weights: FloatAr
     status = np.full(len(p), SOUND)
     status[~converged] = NOT_CONVERGED
     status[np.abs(angle) < 1e-9] = TOO_LITTLE_ROTATION
-    status[~enough] = TOO_FEW_POINTS
+    status[~sufficient] = TOO_FEW_POINTS
     return screws_or_nan(
         sign[:, None] * axis, origin + size[:, None] * pole, np.abs(angle), sign * size * translation, status
     )
 
 
 def _common_points(pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points of the features seen in both frames, moved to the front; the weights tell how many there are."""
+    """Points (k, m, 3) before and after, those of features seen in both frames first; weights (k, m), 1 for these."""
     position = pairs.motion.position
     before, after = position[pairs.first], position[pairs.second]
     both = ~np.isnan(before[..., 0]) & ~np.isnan(after[..., 0])
@@ -73,10 +73,10 @@ def _common_points(pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _start(p: FloatArray, q: FloatArray, w: FloatArray) -> FloatArray:
-    """States (k, 9) to start from: axis, pole, angle, translation, damping.
+    """Initial states (k, 9): axis, pole, angle, translation, damping.
 
-    The axis is that of the points' common sense of rotation, Σ p × q, and the angle what they turn about it: rough,
-    and not the closed-form answer. Near 180° the sum fades; any axis will do then, damping finds the way.
+    The axis is the direction of Σ p × q, and the angle the rotation of the points about it: an approximation, not the
+    closed-form solution. Near 180° the sum vanishes and the axis is arbitrary; the damping makes the steps converge.
     """
     weight = (w / w.sum(axis=1, keepdims=True))[..., None]
     centre_p, centre_q = (weight * p).sum(axis=1), (weight * q).sum(axis=1)
@@ -94,9 +94,9 @@ def _start(p: FloatArray, q: FloatArray, w: FloatArray) -> FloatArray:
 
 
 def _iterate(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Damped Gauss–Newton over all pairs; those that rest are left out of the next call."""
+    """States and convergence of all pairs after damped Gauss–Newton steps; converged pairs leave the iteration."""
     converged = np.zeros(len(p), dtype=bool)
-    for _ in range(CALLS):
+    for _ in range(MAX_CALLS):
         active = np.nonzero(~converged)[0]
         if not active.size:
             break
@@ -108,7 +108,7 @@ def _iterate(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> 
 
 
 def _call(state: FloatArray, p: FloatArray, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A few steps of up to CHUNK pairs; padded to full chunks, so that one compiled map serves all."""
+    """States and last steps of up to CHUNK pairs after one call, padded to full chunks so that maps are reused."""
     k, m = w.shape
     size = CHUNK if k > CHUNK // 8 else CHUNK // 8
     rows = np.resize(np.arange(k), size)
@@ -137,7 +137,7 @@ def _step_function(m: int) -> ca.Function:
     x = ca.SX.sym("x", UNKNOWNS)
     trial = _moved(state, x)
     root = ca.sqrt(w)
-    residual = ca.vertcat(*(root[i] * (_screwed(trial, p[3 * i : 3 * i + 3]) - q[3 * i : 3 * i + 3]) for i in range(m)))
+    residual = ca.vertcat(*(root[i] * (_image(trial, p[3 * i : 3 * i + 3]) - q[3 * i : 3 * i + 3]) for i in range(m)))
     at = ca.Function("residual", [x, state, p, q, w], [residual, ca.jacobian(residual, x)])
     r, jacobian = at(ca.SX.zeros(UNKNOWNS), state, p, q, w)
     normal, gradient = jacobian.T @ jacobian, jacobian.T @ r
@@ -146,7 +146,7 @@ def _step_function(m: int) -> ca.Function:
     r_new, _ = at(dx, state, p, q, w)
     size = ca.norm_2(dx)
     before, after = ca.sumsqr(r), ca.sumsqr(r_new)
-    # Within rounding of the minimum the costs tell nothing any more, and the step is taken.
+    # At the minimum the difference of the costs is rounding error, so short steps are always taken.
     better = ca.logic_or(after < before, size < 1e-6)
     moved = _moved(state, dx)
     kept = ca.vertcat(state[:8], damping * 10)
@@ -155,9 +155,9 @@ def _step_function(m: int) -> ca.Function:
 
 
 def _moved(state: ca.SX, x: ca.SX) -> ca.SX:
-    """The state with the axis turned by x₀, x₁, the pole shifted by x₂, x₃, angle and translation x₄, x₅ more."""
+    """The state with the axis rotated by x₀, x₁, the pole shifted by x₂, x₃, and x₄, x₅ added to angle, translation."""
     axis = state[:3]
-    # A tangent of the axis that stays well defined: crossed with the coordinate axis it is farthest from.
+    # Tangents from the cross product with a coordinate axis that is not near the screw axis.
     far_from_x = ca.fabs(axis[0]) < 0.6
     helper = ca.vertcat(ca.if_else(far_from_x, 1.0, 0.0), ca.if_else(far_from_x, 0.0, 1.0), 0.0)
     one = ca.cross(axis, helper)
@@ -168,8 +168,8 @@ def _moved(state: ca.SX, x: ca.SX) -> ca.SX:
     return ca.vertcat(turned / ca.norm_2(turned), pole, state[6] + x[4], state[7] + x[5], state[8])
 
 
-def _screwed(state: ca.SX, point: ca.SX) -> ca.SX:
-    """Where a screw takes a point: u + R(a, θ)(p − u) + τ a, by Rodrigues' formula."""
+def _image(state: ca.SX, point: ca.SX) -> ca.SX:
+    """The image of a point under a screw: u + R(a, θ)(p − u) + τ a, by Rodrigues' formula."""
     axis, pole, angle, translation = state[:3], state[3:6], state[6], state[7]
     arm = point - pole
     across = ca.cross(axis, arm)

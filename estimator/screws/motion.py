@@ -1,4 +1,4 @@
-"""The rigid motion of the target over all intervals: where every screw method starts."""
+"""The registered rigid motion of the target over all intervals, from which the screw methods start."""
 
 from dataclasses import dataclass
 
@@ -24,8 +24,8 @@ IntArray = NDArray[np.intp]
 class RegisteredMotion:
     """Tracks in working axes W (inertial or LVLH, origin at the chaser) and the poses registered from them.
 
-    time (n,) in s; position (n, m, 3) in m, NaN = not seen; interval (n,), the number of each frame's interval or -1;
-    rotation (n, 3, 3) R_W_S and centre (n, 3) in m of the interval's shape, NaN where there is no pose.
+    time (n,) in s; position (n, m, 3) in m, NaN = not seen; interval (n,), the index of each frame's interval or -1;
+    rotation (n, 3, 3) R_W_S and centre (n, 3) in m of the interval's shape, NaN in frames without a pose.
     """
 
     time: FloatArray
@@ -38,26 +38,26 @@ class RegisteredMotion:
 
     @property
     def posed(self) -> NDArray[np.bool_]:
-        """Which frames have a pose, (n,)."""
+        """The frames with a pose, (n,)."""
         return np.asarray(np.isfinite(self.centre[:, 0]))
 
     @property
     def rms(self) -> float:
-        """Noise of a coordinate in m: what registration leaves over, all intervals together."""
+        """Standard deviation of a coordinate in m, from the residuals of the registration in all intervals."""
         frames = np.array([interval.length for interval in self.intervals], dtype=np.float64)
         squares = np.array([registration.rms**2 for registration in self.registrations])
         return float(np.sqrt(frames @ squares / frames.sum()))
 
     def per_frame(self, values: list[float]) -> FloatArray:
-        """One value per interval, handed to each of its frames, (n,); NaN outside."""
+        """Values per interval as values per frame, (n,); NaN outside the intervals."""
         return np.asarray(np.array([*values, np.nan])[self.interval])
 
 
 def register_motion(tracks: FeatureTracks, R_W_C: FloatArray | None, reference: Reference) -> RegisteredMotion:
-    """Find the intervals of the tracks, turn the tracks into W by R_W_C (n, 3, 3) if given, and register each interval.
+    """Register each interval of the tracks, in W if R_W_C (n, 3, 3) is given, else in C.
 
     Raises:
-        ComputationError: in no frame three features are seen, or they always lie in a line.
+        ComputationError: no frame sees three features, or they are collinear in all frames.
     """
     intervals = find_intervals(tracks)
     if not intervals:
@@ -93,7 +93,7 @@ class Pairs:
 
     @property
     def deviation(self) -> FloatArray:
-        """Noise of a coordinate in m in each pair's interval, (k,)."""
+        """Standard deviation of a coordinate in m in each pair's interval, (k,)."""
         return self.motion.per_frame([fitted.rms for fitted in self.motion.registrations])[self.first]
 
     @property
@@ -104,7 +104,7 @@ class Pairs:
 
 
 def pairs_of(motion: RegisteredMotion, lag: int) -> Pairs:
-    """All pairs of posed frames `lag` frames apart within an interval."""
+    """All pairs of frames with poses, `lag` frames apart within an interval."""
     n = len(motion.time)
     first = np.arange(max(n - lag, 0))
     second = first + lag

@@ -1,4 +1,4 @@
-"""What all screw methods share: tracks → axes → motion → screws → low-pass → pseudo-intersections → polynomial."""
+"""The pipeline of all screw methods: tracks → axes → motion → screws → low-pass → pseudo-intersections → polynomial."""
 
 import time as clock
 from collections.abc import Callable, Iterator
@@ -27,13 +27,15 @@ IntArray = NDArray[np.intp]
 
 ScrewFunction = Callable[[Pairs], Screws]
 
-CLEAR = 3.0  # standard deviations of noise above which an angle counts as seen
+SIGNIFICANT = 3.0  # standard deviations above which an angle is significant
 
 
 @dataclass(frozen=True)
 class Axes:
-    """Low-passed axes of the sound screws: frames first and second (k,), axis (k, 3), point (k, 3) in m, and
-    deviation (k,), the expected noise of the axis in rad per direction, raw_deviation (k,) before the low-pass.
+    """Filtered axes of the valid screws.
+
+    first, second (k,): frames; axis (k, 3), unit; point (k, 3) in m; deviation (k,): expected standard deviation of the
+    axis in rad per direction; raw_deviation (k,): that before the low-pass.
     """
 
     first: IntArray
@@ -47,11 +49,11 @@ class Axes:
 def estimate_by_screws(
     name: str, screws_of: ScrewFunction, tracks: FeatureTracks, orbit: Orbit | None, options: ScrewOptions
 ) -> Estimate:
-    """The centre of mass from screws that `screws_of` finds for pairs of frames.
+    """The centre of mass from the screws that `screws_of` computes for pairs of frames.
 
     Raises:
         InputError: LVLH axes without an orbit.
-        ComputationError: the tracks do not hold what it takes, in a sentence that says what is missing.
+        ComputationError: the tracks do not determine the centre of mass; the message names the reason.
     """
     begin = clock.perf_counter()
     R_C_W = None
@@ -68,7 +70,7 @@ def estimate_by_screws(
             f"no two frames {counted(trial.lag, 'frame')} apart have an attitude each, in the same interval",
             Reason.SHORT_INTERVALS,
         )
-    screws = without_faint(pairs, screws_of(pairs))
+    screws = with_significant_rotation(pairs, screws_of(pairs))
     axes = smooth_axes(pairs, screws, cutoff)
     one, two = successive(axes)
     crossings = intersect(
@@ -76,7 +78,7 @@ def estimate_by_screws(
         axes.point[one],
         axes.axis[two],
         axes.point[two],
-        CLEAR * np.hypot(axes.deviation[one], axes.deviation[two]),
+        SIGNIFICANT * np.hypot(axes.deviation[one], axes.deviation[two]),
     )
     spread = axis_spread(axes)
     _check_observable(axes, spread, crossings)
@@ -126,7 +128,7 @@ def _in_C(path: PathFit, time: FloatArray, lvlh: tuple[FloatArray, FloatArray] |
 
 
 def _residuals(motion: RegisteredMotion, R_C_W: FloatArray | None) -> FloatArray:
-    """What registration leaves over, (n, m, 3) in C."""
+    """Residuals of the registration, (n, m, 3) in C, m."""
     residual = np.full_like(motion.position, np.nan)
     for interval, fitted in zip(motion.intervals, motion.registrations, strict=True):
         columns = list(interval.features)
@@ -147,58 +149,62 @@ def _given_lag(motion: RegisteredMotion, lag: float) -> Trial:
     return try_lag(motion, frames)
 
 
-def without_faint(pairs: Pairs, screws: Screws) -> Screws:
-    """The screws, with those flagged whose rotation does not stand out of the noise.
+def with_significant_rotation(pairs: Pairs, screws: Screws) -> Screws:
+    """The screws, with status TOO_LITTLE_ROTATION where the rotation is not significant.
 
     Raises:
-        ComputationError: hardly any rotation stands out.
+        ComputationError: the median rotation is not above twice that threshold.
     """
     chord, noise = 2 * np.sin(screws.angle / 2), pairs.angle_deviation
-    faint = screws.valid & ~(chord > CLEAR * noise)
-    if screws.valid.any() and np.nanmedian(chord) <= 2 * CLEAR * np.median(noise):
+    insignificant = screws.valid & ~(chord > SIGNIFICANT * noise)
+    if screws.valid.any() and np.nanmedian(chord) <= 2 * SIGNIFICANT * np.median(noise):
         raise ComputationError(
             f"too little rotation: the body turns by {np.rad2deg(np.nanmedian(chord)):.2g}° "
             f"in {counted(pairs.lag, 'frame')}, "
             f"and the noise of that is {np.rad2deg(np.median(noise)):.2g}°",
             Reason.TOO_LITTLE_ROTATION,
         )
-    status = np.where(faint, TOO_LITTLE_ROTATION, screws.status)
+    status = np.where(insignificant, TOO_LITTLE_ROTATION, screws.status)
     return screws_or_nan(screws.axis, screws.point, screws.angle, screws.translation, status)
 
 
 def smooth_axes(pairs: Pairs, screws: Screws, cutoff: float) -> Axes:
-    """Low-pass the axes in each run of sound screws at successive frames of one interval."""
-    sound = np.nonzero(screws.valid)[0]
-    if not sound.size:
+    """Low-pass the axes in each run of valid screws at consecutive frames of one interval.
+
+    Raises:
+        ComputationError: there is no valid screw.
+    """
+    valid = np.nonzero(screws.valid)[0]
+    if not valid.size:
         raise ComputationError(
-            f"no sound screw between poses {counted(pairs.lag, 'frame')} apart: {_why(screws)}",
+            f"no valid screw between poses {counted(pairs.lag, 'frame')} apart: {_invalid_counts(screws)}",
             Reason.DEGENERATE_SCREWS,
         )
-    first, motion = pairs.first[sound], pairs.motion
+    first, motion = pairs.first[valid], pairs.motion
     number = motion.interval[first]
     breaks = np.nonzero((np.diff(first) != 1) | (np.diff(number) != 0))[0] + 1
-    axis, point = screws.axis[sound], screws.point[sound]
+    axis, point = screws.axis[valid], screws.point[valid]
     step = step_of(motion)
-    for run in np.split(np.arange(len(sound)), breaks):
+    for run in np.split(np.arange(len(valid)), breaks):
         axis[run], point[run] = low_pass_axes(axis[run], point[run], step, cutoff)
-    passed = min(1.0, 2 * cutoff * step)  # of the variance of white noise
-    deviation = pairs.angle_deviation[sound] / (2 * np.sin(screws.angle[sound] / 2))
+    passed = min(1.0, 2 * cutoff * step)  # share of white noise's variance
+    deviation = pairs.angle_deviation[valid] / (2 * np.sin(screws.angle[valid] / 2))
     if passed < 1:
-        # What the filter took away shows how noisy this method's axes are; √(2 ln 2) is Rayleigh's median.
-        taken = np.linalg.norm(axis - screws.axis[sound], axis=1) / np.sqrt(2 * np.log(2) * (1 - passed))
-        deviation = deviation * max(1.0, float(np.median(taken) / max(np.median(deviation), 1e-300)))
-    return Axes(first, pairs.second[sound], axis, point, np.sqrt(passed) * deviation, deviation)
+        # The removed part measures the noise of this method's axes; √(2 ln 2) is the median of Rayleigh's distribution.
+        removed = np.linalg.norm(axis - screws.axis[valid], axis=1) / np.sqrt(2 * np.log(2) * (1 - passed))
+        deviation = deviation * max(1.0, float(np.median(removed) / max(np.median(deviation), 1e-300)))
+    return Axes(first, pairs.second[valid], axis, point, np.sqrt(passed) * deviation, deviation)
 
 
 def successive(axes: Axes) -> tuple[IntArray, IntArray]:
-    """Indices of the axes whose second frame is another axis's first frame, and of those others."""
+    """Indices of the axes whose second frame is the first frame of another axis, and the indices of the latter."""
     other = np.minimum(np.searchsorted(axes.first, axes.second), len(axes.first) - 1)
     found = np.nonzero(axes.first[other] == axes.second)[0]
     return found, other[found]
 
 
 def axis_spread(axes: Axes) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues, rising, and eigenvectors (columns) of the mean of 1 − a aᵀ: how well each direction is seen."""
+    """Eigenvalues, ascending, and eigenvectors (columns) of the mean of 1 − a aᵀ: the observability of directions."""
     mean = np.eye(3) - axes.axis.T @ axes.axis / len(axes.axis)
     values, vectors = np.linalg.eigh(mean)
     return np.maximum(values, 0.0), vectors
@@ -211,18 +217,18 @@ def _check_observable(axes: Axes, spread: tuple[FloatArray, FloatArray], crossin
             "followed are shorter than twice the lag",
             Reason.SHORT_INTERVALS,
         )
-    # Before the low-pass: near the ends of a run it passes more noise than its bandwidth says.
+    # The deviation before the low-pass, as the filter passes more than its nominal bandwidth near the ends of a run.
     noise = float(np.sqrt(2 * np.mean(axes.raw_deviation**2)))
-    turned = float(np.sqrt(spread[0][0]))
-    if turned <= max(CLEAR * noise, 1e-6) or not crossings.valid.any():
+    rms_angle = float(np.sqrt(spread[0][0]))
+    if rms_angle <= max(SIGNIFICANT * noise, 1e-6) or not crossings.valid.any():
         raise ComputationError(
-            f"the axis of rotation does not turn visibly ({np.rad2deg(turned):.2g}° rms, noise "
+            f"the axis of rotation does not turn visibly ({np.rad2deg(rms_angle):.2g}° rms, noise "
             f"{np.rad2deg(noise):.2g}°): in a pure spin the centre of mass cannot be found along the axis",
             Reason.PURE_SPIN,
         )
 
 
-def _why(screws: Screws) -> str:
+def _invalid_counts(screws: Screws) -> str:
     counts = np.bincount(screws.status, minlength=len(REASONS))
     reasons = [f"{REASONS[code]} ({counts[code]})" for code in np.argsort(-counts) if code and counts[code]]
     return ", ".join(reasons)
@@ -260,11 +266,11 @@ def _details(
 def _clusters(
     tracks: FeatureTracks, motion: RegisteredMotion, position_W: FloatArray
 ) -> Iterator[tuple[Cluster, FloatArray]]:
-    """Per interval: its features in the shape's axes with the mean centre of mass there, and its scatter (3,)."""
+    """For each interval its cluster, with the mean centre of mass in the shape's axes, and its scatter (3,) in m."""
     for interval, fitted in zip(motion.intervals, motion.registrations, strict=True):
-        good = fitted.valid
+        valid = fitted.valid
         com_S = np.einsum(
-            "nji,nj->ni", fitted.rotation[good], position_W[interval.frames][good] - fitted.translation[good]
+            "nji,nj->ni", fitted.rotation[valid], position_W[interval.frames][valid] - fitted.translation[valid]
         )
         none = np.full(3, np.nan)
         yield (

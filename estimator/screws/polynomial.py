@@ -10,13 +10,13 @@ from baryscope.estimator.options import HIGHEST_DEGREE
 
 FloatArray = NDArray[np.float64]
 
-LONGEST = 2000  # rows of a least-squares problem: longer series are averaged first
-BLOCKS = 20  # contiguous stretches that cross-validation leaves out one at a time
-ROUNDS = 10  # of reweighting
-FARTHEST = 3.0  # how far a path may lead from the centre of the samples, over how far the farthest of them lies
-ROUNDING = 1e-9  # of the positions: closer to the path than this, no sample is told from another
-# Deviations beyond which a sample has no weight. Wider than the usual 4.7: the bias of a moving target swings about the
-# path with heavy tails, and cutting these on one side shifts the path (measured: see tests and docs).
+MAX_ROWS = 2000  # of a least-squares problem: longer series are averaged first
+BLOCKS = 20  # contiguous blocks that cross-validation leaves out one at a time
+MAX_ROUNDS = 10  # of reweighting
+MAX_EXCURSION = 3.0  # greatest distance of the path from the samples' centre over that of the samples
+ROUNDING = 1e-9  # relative to the positions: residuals below this are rounding errors
+# Standard deviations beyond which a sample has no weight. Wider than the customary 4.7: the bias of a moving target
+# oscillates about the path with heavy tails, and cutting these on one side shifts the path (see tests and docs).
 TUKEY = 8.0
 
 
@@ -49,11 +49,11 @@ class PathFit:
 def fit_path(
     time: FloatArray, position: FloatArray, weights: FloatArray, span: tuple[float, float], degree: int | None
 ) -> PathFit:
-    """Fit samples position (n, 3) at time (n,) with weights (n,) >= 0; `span` is the time that will be asked for.
+    """Fit samples position (n, 3) in m at time (n,) in s with weights (n,) >= 0; `span`: begin and end of the path, s.
 
-    Without a degree, 20 stretches of time are left out one after the other; of the degrees, the lowest is taken
-    that predicts them as well as the best does, within one standard error, so that gaps are not overshot.
-    Samples far off lose their weight (Tukey's biweight on the distance, scaled by its median).
+    Without a degree, BLOCKS blocks of time are left out one after the other. The lowest degree is chosen whose
+    prediction error is within one standard error of the best, and whose path does not overshoot in gaps.
+    Outliers are weighted down by Tukey's biweight of the distance, scaled by its median.
     """
     highest = HIGHEST_DEGREE if degree is None else degree
     highest = min(highest, len(np.unique(time)) - 1)
@@ -85,11 +85,11 @@ def _solve(basis: FloatArray, position: FloatArray, weights: FloatArray) -> Floa
     return np.asarray(np.linalg.lstsq(rows[:, :-3], rows[:, -3:], rcond=None)[0])
 
 
-def _rows(basis: FloatArray, position: FloatArray, weights: FloatArray, longest: int = LONGEST) -> FloatArray:
+def _rows(basis: FloatArray, position: FloatArray, weights: FloatArray, longest: int = MAX_ROWS) -> FloatArray:
     """Rows [basis | position] (k, columns + 3) times the root of their weights, for least squares.
 
-    Neighbours in a long series are averaged to a few thousand rows, basis and position alike: that keeps the equations
-    exact, and loses nothing on a path that hardly bends among them.
+    A long series is averaged in groups of neighbours to at most MAX_ROWS rows, basis and position alike, which keeps
+    the equations exact. The loss of information is negligible if the path hardly bends within a group.
     """
     rows = np.hstack([basis, position]) * weights[:, None]
     size = -(-len(rows) // longest)
@@ -100,9 +100,9 @@ def _rows(basis: FloatArray, position: FloatArray, weights: FloatArray, longest:
 
 
 def _reweighted(basis: FloatArray, position: FloatArray, weights: FloatArray) -> FloatArray:
-    """Weights times Tukey's biweight of the distance to the fit, found by repetition."""
+    """Weights times Tukey's biweight of the distance to the fit, by iteration."""
     robust = weights
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         residual = position - basis @ _solve(basis, position, robust)
         distance = np.sqrt(weights * np.einsum("ni,ni->n", residual, residual))
         used = distance[weights > 0]
@@ -118,12 +118,14 @@ def _reweighted(basis: FloatArray, position: FloatArray, weights: FloatArray) ->
 def _best_degree(
     time: FloatArray, basis: FloatArray, position: FloatArray, weights: FloatArray, span: tuple[float, float]
 ) -> int:
-    """The lowest degree whose error on left-out stretches is within one standard error of the best."""
+    """The lowest degree whose error in left-out blocks is within one standard error of the best."""
     blocks = _blocks(time, weights, span)
     if len(blocks) < 3:
         return 0
     columns = basis.shape[1]
-    triangles = [_triangle(_rows(basis[block], position[block], weights[block], LONGEST // BLOCKS)) for block in blocks]
+    triangles = [
+        _triangle(_rows(basis[block], position[block], weights[block], MAX_ROWS // BLOCKS)) for block in blocks
+    ]
     errors = np.full((columns, len(blocks)), np.inf)
     for index, block in enumerate(blocks):
         others = np.vstack([triangle for other, triangle in enumerate(triangles) if other != index])
@@ -136,32 +138,32 @@ def _best_degree(
             coefficients = np.linalg.solve(head, factor[:count, columns:])
             left = triangles[index] @ np.vstack([coefficients, np.zeros((columns - count, 3)), -np.eye(3)])
             errors[count - 1, index] = np.sum(left**2) / total
-    # As logarithms: the stretches at the ends are extrapolated, and their errors would drown those of all others.
+    # Logarithms, as the blocks at the ends are extrapolated, and their errors would dominate a mean.
     solved = np.isfinite(errors).all(axis=1)
     floor = (ROUNDING * np.abs(position).max()) ** 2
     logarithms = np.log(errors[solved] + max(floor, 1e-300))
     best = int(np.argmin(logarithms.mean(axis=1)))
     worse = logarithms - logarithms[best]
-    room = worse.std(axis=1, ddof=1) / np.sqrt(len(blocks))
-    return int(np.argmax(worse.mean(axis=1) <= room))
+    standard_error = worse.std(axis=1, ddof=1) / np.sqrt(len(blocks))
+    return int(np.argmax(worse.mean(axis=1) <= standard_error))
 
 
 def _bounded_degree(basis: FloatArray, position: FloatArray, weights: FloatArray, degree: int) -> int:
-    """The highest degree up to `degree` whose path keeps near the samples over all the span, gaps and ends included."""
+    """The highest degree up to `degree` whose path stays near the samples in the whole span, gaps and ends included."""
     used = position[weights > 0]
     centre = used.mean(axis=0)
-    reach = FARTHEST * np.linalg.norm(used - centre, axis=1).max()
+    limit = MAX_EXCURSION * np.linalg.norm(used - centre, axis=1).max()
     everywhere = np.linspace(-1, 1, 501)
     while degree > 0:
         path = chebyshev.chebval(everywhere, _solve(basis[:, : degree + 1], position, weights)).T
-        if np.linalg.norm(path - centre, axis=1).max() <= reach:
+        if np.linalg.norm(path - centre, axis=1).max() <= limit:
             break
         degree -= 1
     return degree
 
 
 def _triangle(rows: FloatArray) -> FloatArray:
-    """The triangle R of rows = Q R: all that least squares need of them."""
+    """The triangular factor R of rows = Q R, which has all the information of the least-squares problem."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 

@@ -1,4 +1,4 @@
-"""screw-raw: the baseline without registration. Reuleaux's rule on three points as they were measured."""
+"""screw-raw: the baseline without registration. Reuleaux's rule for three measured points."""
 
 from itertools import combinations
 
@@ -11,7 +11,7 @@ from baryscope.estimator.screws.screws import Screws
 
 IntArray = NDArray[np.intp]
 
-CANDIDATES = 12  # features among which triangles are sought
+CANDIDATES = 12  # features whose triangles are compared
 
 
 def screws(pairs: Pairs) -> Screws:
@@ -25,7 +25,7 @@ def screws(pairs: Pairs) -> Screws:
 
 
 def _triangles(pairs: Pairs) -> IntArray:
-    """For each pair the three features of the largest triangle that both frames see, (k, 3); -1 where there is none."""
+    """The three features of the largest triangle that both frames of a pair see, (k, 3); -1 if there is none."""
     motion = pairs.motion
     seen = ~np.isnan(motion.position[..., 0])
     both = seen[pairs.first] & seen[pairs.second]

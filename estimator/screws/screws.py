@@ -1,4 +1,4 @@
-"""Screws: the axis, angle and shift of a rigid displacement, and their closed form from a pair of poses."""
+"""Screws: axis, angle and translation of a rigid displacement, and their closed form from a pair of poses."""
 
 from dataclasses import dataclass
 
@@ -10,22 +10,24 @@ from baryscope.estimator.geometry.alignment import quaternion_from_matrix
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-# Why a screw is not to be used, as a value that can be tested; 0 is a sound one.
+# Status of a screw: SOUND (valid), or the reason why it is invalid.
 SOUND, TOO_FEW_POINTS, TOO_LITTLE_ROTATION, DEGENERATE_POINTS, NOT_CONVERGED = range(5)
 REASONS = (
     "sound",
     "fewer than three points in common",
     "too little rotation",
-    "displacements leave the axis open",
+    "displacements do not determine the axis",
     "not converged",
 )
 
 
 @dataclass(frozen=True)
 class Screws:
-    """n screws: axis (n, 3), unit, with the sense that makes angle (n,) in rad lie in [0, π]; point (n, 3) in m,
-    the point of the axis nearest the centroid of the points before and after; translation (n,) in m along the axis;
-    status (n,), one of the codes above, an index into REASONS. Where it is not SOUND the rest is NaN.
+    """n screws.
+
+    axis (n, 3), unit, with the sense of the rotation, so that angle (n,) in rad is in [0, π]; point (n, 3) in m, the
+    point of the axis nearest to the centroid of the points before and after; translation (n,) in m along the axis;
+    status (n,), one of the codes above, an index into REASONS. If it is not SOUND, all other values are NaN.
     """
 
     axis: FloatArray
@@ -36,14 +38,14 @@ class Screws:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which screws are sound, (n,)."""
+        """The valid screws, (n,)."""
         return np.asarray(self.status == SOUND)
 
 
 def screws_or_nan(
     axis: FloatArray, point: FloatArray, angle: FloatArray, translation: FloatArray, status: IntArray
 ) -> Screws:
-    """Screws with NaN wherever the status is not SOUND, so that nobody takes a number that means nothing."""
+    """Screws with NaN where the status is not SOUND."""
     bad = status != SOUND
     return Screws(
         axis=np.where(bad[:, None], np.nan, axis),
@@ -57,11 +59,11 @@ def screws_or_nan(
 def screws_of_poses(
     R_C_S1: FloatArray, centre_1: FloatArray, R_C_S2: FloatArray, centre_2: FloatArray, least_angle: float = 1e-9
 ) -> Screws:
-    """The screws that carry bodies from pose 1 to pose 2; rotations (n, 3, 3), centres (n, 3) of the same body point.
+    """The screws from pose 1 to pose 2; rotations (n, 3, 3), centres (n, 3) in C, m, of the same body point.
 
-    Axis and angle come from the quaternion of R₂ R₁ᵀ, which holds up to and at 180°, where R − Rᵀ vanishes. The
-    point is the chord's middle plus ½ cot(θ/2) a × d⊥, d the chord of the centre. There is no axis below
-    `least_angle` in rad.
+    Axis and angle come from the quaternion of R₂ R₁ᵀ, which is accurate up to and at 180°, where R − Rᵀ vanishes. The
+    point is the chord's midpoint plus ½ cot(θ/2) a × d⊥, d the chord of the centre. Screws with an angle up to
+    `least_angle` in rad have the status TOO_LITTLE_ROTATION.
     """
     quaternion = quaternion_from_matrix(R_C_S2 @ np.swapaxes(R_C_S1, 1, 2))
     quaternion = np.where(quaternion[:, :1] < 0, -quaternion, quaternion)

@@ -124,7 +124,7 @@ def test_irregular_times(method, kind):
     assert_as_few_frames(found_by(method, case.tracks), case, share=1.0)
 
 
-def thinned(kind):
+def subsampled(kind):
     """Positions of a case of 200 frames and 5 features, and the share of frames left."""
     case, rng = fixed_case(features=FEATURES[:5], seed=6), np.random.default_rng(6)
     position = case.tracks.position.copy()
@@ -149,7 +149,7 @@ def thinned(kind):
 @BOTH
 def test_frames_that_show_too_little_are_bridged(method, kind):
     """Also where a single frame between two others is all that an interval has."""
-    case, position, share = thinned(kind)
+    case, position, share = subsampled(kind)
     found = found_by(method, with_positions(case, position))
     assert len(found.position) == 200
     assert_as_few_frames(found, case, share * 5 / 8)

@@ -1,4 +1,4 @@
-"""The degree that the observations choose: the criterion itself, the sums of squares it is given, and the search."""
+"""The choice of the degree: the criterion, the sums of squares it is given, and the search."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.pivot.degree import (
-    PATIENCE,
+    LOOKAHEAD,
     akaike_unbiased,
     at_degree,
     choose_degree,
@@ -27,7 +27,7 @@ def design(values, unknowns):
 
 
 def sums_of_squares(Q, y):
-    """Of y (draws, n) after regression on the first k of the orthonormal columns of Q, (draws, p) for k = 1 … p."""
+    """Sums of squares (draws, p) of y (draws, n) after regression on the first k = 1 … p orthonormal columns of Q."""
     return np.sum(y**2, axis=1)[:, None] - np.cumsum((y @ Q) ** 2, axis=1)
 
 
@@ -46,8 +46,8 @@ def test_the_criterion_is_aicc_with_the_unbiased_variance():
         assert found == pytest.approx(aicc - constant + unbiased, rel=1e-12)
 
 
-def test_its_penalty_is_that_of_prediction_and_one_more_an_unknown():
-    """Monte Carlo: the deviance of new values n ln σ̂² + |y' − Qβ|²/σ̂², which AICc foretells without bias."""
+def test_the_penalty_is_aiccs_plus_one_per_unknown():
+    """Monte Carlo: the deviance of new values n ln σ̂² + |y' − Qβ|²/σ̂², of which AICc is an unbiased prediction."""
     n, p, draws, rng = 40, 6, 40_000, np.random.default_rng(2)
     Q = design(n, p)
     y = rng.normal(size=(draws, n))
@@ -62,8 +62,8 @@ def test_its_penalty_is_that_of_prediction_and_one_more_an_unknown():
         assert expected == pytest.approx(k, rel=0.1)
 
 
-def test_a_degree_too_many_is_as_rare_as_chi_squared_says():
-    """With many values three unknowns more cost 9: χ²₃ exceeds that in 2.9 % of draws, and Akaike's 6 in 11 %."""
+def test_overfitting_is_as_rare_as_chi_squared_predicts():
+    """With many values the penalty of three unknowns is 9: χ²₃ exceeds it in 2.9 % of draws, and AIC's 6 in 11 %."""
     n, draws, rng = 3000, 3000, np.random.default_rng(3)
     squares = sums_of_squares(design(n, 6), rng.normal(size=(draws, n)))[:, [2, 5]]
     criterion = akaike_unbiased(n, squares, np.array([3.0, 6.0]))
@@ -72,21 +72,21 @@ def test_a_degree_too_many_is_as_rare_as_chi_squared_says():
     assert share == pytest.approx(expected, abs=4 * np.sqrt(expected / draws))
 
 
-def test_units_do_not_matter():
+def test_the_criterion_does_not_depend_on_units():
     squares, unknowns = np.array([5.0, 4.0, 3.9]), np.array([3.0, 6.0, 9.0])
     metres = akaike_unbiased(50.0, squares, unknowns)
     millimetres = akaike_unbiased(50.0, 1e6 * squares, unknowns)
     np.testing.assert_allclose(np.diff(millimetres), np.diff(metres), atol=1e-11)
 
 
-def test_what_leaves_no_value_for_the_variance_is_never_chosen():
+def test_models_without_degrees_of_freedom_are_never_chosen():
     found = akaike_unbiased(11.0, np.array([2.0, 1.0, 1.0, 1.0]), np.array([6.0, 8.0, 9.0, 12.0]))
     assert np.isfinite(found[:2]).all()
     assert np.isposinf(found[2:]).all()
 
 
-def to_rest(bodies, observations, sampled, x):
-    """Gauss–Newton steps until nothing moves."""
+def converged(bodies, observations, sampled, x):
+    """The solution after eight Gauss–Newton steps, which has converged."""
     for _ in range(8):
         solution = gauss_newton_step(bodies, observations, sampled, x)
         bodies, x = solution.bodies, solution.x
@@ -103,24 +103,24 @@ def parabola():
     return registered, observations_of(tracks, tracks.seen), time, (time[0], time[-1])
 
 
-def test_one_step_tells_the_squares_that_a_fit_at_each_degree_ends_with(parabola):
-    """Against fits of their own, at every degree that is near the data; far ones are as far by either."""
+def test_one_step_predicts_the_squares_of_a_fit_at_each_degree(parabola):
+    """Against a separate fit at every degree; only roughly at degrees that do not fit."""
     registered, observations, time, span = parabola
     sampled = Polynomial(5, *span).at(time)
     bodies, x = linear_solution(registered, observations, sampled)
-    told = squares_by_degree(gauss_newton_step(bodies, observations, sampled, x))
+    predicted_squares = squares_by_degree(gauss_newton_step(bodies, observations, sampled, x))
     for degree in range(6):
         sampled = Polynomial(degree, *span).at(time)
         bodies, x = linear_solution(registered, observations, sampled)
-        fitted = to_rest(bodies, observations, sampled, x)
-        assert told[degree] == pytest.approx(fitted.squares.sum(), rel=1e-6 if degree >= 2 else 0.1)
+        fitted = converged(bodies, observations, sampled, x)
+        assert predicted_squares[degree] == pytest.approx(fitted.squares.sum(), rel=1e-6 if degree >= 2 else 0.1)
 
 
-def test_a_lower_degree_is_reached_by_the_same_step(parabola):
+def test_the_same_step_gives_the_solution_at_a_lower_degree(parabola):
     registered, observations, time, span = parabola
     sampled = Polynomial(5, *span).at(time)
     bodies, x = linear_solution(registered, observations, sampled)
-    solution = to_rest(bodies, observations, sampled, x)
+    solution = converged(bodies, observations, sampled, x)
     bodies, x = at_degree(solution, 2)
     assert x.shape == (9,)
     sampled = Polynomial(2, *span).at(time)
@@ -129,7 +129,7 @@ def test_a_lower_degree_is_reached_by_the_same_step(parabola):
     assert there.step < 1e-6 * there.squares.sum()
 
 
-def test_linear_squares_are_those_of_numpys_least_squares(parabola):
+def test_linear_squares_agree_with_numpys_least_squares(parabola):
     registered, _, time, span = parabola
     sampled = Polynomial(4, *span).at(time)
     (body,), (origin,) = registered.bodies, registered.origins
@@ -140,34 +140,34 @@ def test_linear_squares_are_those_of_numpys_least_squares(parabola):
         assert found == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("favourite", [0, 3, 9, 14])
-def test_the_search_ends_at_the_criterions_minimum(parabola, favourite):
-    """Whatever criterion has one minimum, from wherever the search starts."""
+@pytest.mark.parametrize("best_degree", [0, 3, 9, 14])
+def test_the_search_ends_at_the_criterions_minimum(parabola, best_degree):
+    """For criteria with a single minimum, wherever the search starts."""
 
     def criterion(values, squares, unknowns):
-        return np.abs(unknowns / 3 - 1 - favourite)
+        return np.abs(unknowns / 3 - 1 - best_degree)
 
-    assert choose_degree(*parabola, criterion) == favourite
+    assert choose_degree(*parabola, criterion) == best_degree
 
 
-def test_the_search_does_not_look_beyond_its_patience(parabola):
+def test_the_search_does_not_look_beyond_its_lookahead(parabola):
     def criterion(values, squares, unknowns):
         degree = unknowns / 3 - 1
-        return np.where(degree > PATIENCE, -1.0, degree / 10)
+        return np.where(degree > LOOKAHEAD, -1.0, degree / 10)
 
     assert choose_degree(*parabola, criterion) == 0
 
 
-def test_few_frames_take_a_degree_that_they_can_bear():
-    """Three frames: six values are left for path and offset together, so a fixed point is all that can be had."""
+def test_few_frames_choose_a_degree_that_they_determine():
+    """Three frames leave six values for path and offset, which allow a fixed point only."""
     time, R = turning(3, step=20.0)
     case = make_case(time, R, at_rest(time), FEATURES, noise=0.02)
     found = estimate(case.tracks)
     assert found.path == "fixed"
 
 
-def test_exact_tracks_take_no_degree_more_than_their_path():
-    """Residuals that are rounding do not choose."""
+def test_exact_tracks_choose_the_degree_of_their_path():
+    """Residuals that are rounding errors do not influence the choice."""
     time, R = turning(100)
     found = estimate(make_case(time, R, on_parabola(time), FEATURES).tracks)
     assert found.path == "polynomial:2"

@@ -1,4 +1,4 @@
-"""The drifting pivot's linear least squares: exact without noise; its weights by the variance of many draws."""
+"""The linear drifting pivot: exact without noise; its weights agree with the variance of many draws."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ OFFSETS = np.array([[3.0, -1, 0.5], [-2.0, 0.3, 4]])
 
 
 def registered(frames, offset, origin, seed):
-    """A body whose axes S are `offset` away from the centre of mass, in some frames, and its origin there."""
+    """A body in some frames, whose origin is `offset` from the centre of mass, and the origin in C in these frames."""
     attitude = Rotation.random(len(frames), random_state=seed).as_matrix()
     points = np.random.default_rng(seed).normal(size=(4, 3))
     translation = origin[frames] + attitude @ offset
@@ -23,7 +23,7 @@ def registered(frames, offset, origin, seed):
 
 
 @pytest.mark.parametrize("kind", ["fixed", "polynomial:3", "relative-orbit"])
-def test_exact_without_noise_whatever_the_weights(kind):
+def test_exact_without_noise_for_any_weights(kind):
     time = np.linspace(0.0, 3000.0, 60)
     orbit = Orbit(eccentricity=0.1).model()
     path = {
@@ -33,7 +33,7 @@ def test_exact_without_noise_whatever_the_weights(kind):
     }[kind]
     x = np.random.default_rng(0).normal(size=path.size) * 5
     sampled = path.at(time)
-    # By the Jacobian: relative motion is linear only where the chaser is close by.
+    # Computed with the Jacobian, as relative motion is linear only for small distances.
     origin = sampled.jacobian @ x
     bodies, origins = zip(
         *(
@@ -48,7 +48,7 @@ def test_exact_without_noise_whatever_the_weights(kind):
     np.testing.assert_allclose(found.offsets, OFFSETS, atol=1e-8)
 
 
-def test_same_as_numpys_least_squares_with_noise():
+def test_agrees_with_numpys_least_squares():
     time = np.linspace(0.0, 100.0, 40)
     sampled = Polynomial(1, 0.0, 100.0).at(time)
     rng = np.random.default_rng(0)
@@ -66,7 +66,7 @@ def test_same_as_numpys_least_squares_with_noise():
 @pytest.mark.parametrize("offset", [[0.0, 0, 0], [1.0, -2, 0.5], [30.0, 0, 10]])
 @pytest.mark.parametrize("weight", [[1.0, 1, 1, 1, 1], [1.0, 1, 1, 0, 0], [4.0, 1, 1, 0.25, 1]])
 def test_weight_of_a_frame_is_the_inverse_variance_of_its_pivot(offset, weight):
-    """c − R d of 20,000 noisy alignments: their variance has a deviation of √(2/20,000) = 1 %, if one axis rules."""
+    """c − R d of 20,000 noisy alignments: the relative error of their variance is at most √(2/20,000) = 1 %."""
     draws, noise = 20_000, 1e-3
     rng = np.random.default_rng(0)
     points = np.array([[2.0, 0, 0], [0, 1.5, 0], [0, 0, 1], [-1, -1, 2], [0.5, -0.5, -3]])

@@ -12,7 +12,7 @@ from baryscope.estimator.pivot.free_attitudes import _chunks, gauss_newton_step
 from baryscope.estimator.registration.body import Body
 from synthetic import differences, roots, turned_back
 
-N, M = 9, 7  # frames, features: two bodies that see frames and features of their own, and one feature both
+N, M = 9, 7  # frames, features: two bodies with different frames and features, and one feature in common
 FEATURES = [np.array([0, 1, 2, 3]), np.array([3, 4, 5, 6])]
 FRAMES = [np.arange(0, 5), np.arange(5, 9)]
 NOISE = 0.05
@@ -20,7 +20,7 @@ PATH = Polynomial(1, 0.0, 8.0)
 
 
 def scene(full, seed=0, start=0.02):
-    """Noisy observations, and bodies and path that are off by about `start`."""
+    """Noisy observations, and bodies and path with errors of about `start`."""
     rng = np.random.default_rng(seed)
     x = np.array([4.0, -19.0, 3.0, 0.5, 0.2, -0.3])
     sampled = PATH.at(np.arange(float(N)))
@@ -69,7 +69,7 @@ def distances(points):
 
 
 def points_of(bodies):
-    """Where the points of each body stand among the unknowns."""
+    """The indices of each body's points among the unknowns."""
     place, found = 6, []
     for body in bodies:
         m, n = len(body.features), len(body.frames)
@@ -79,11 +79,11 @@ def points_of(bodies):
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
-def test_a_step_is_that_of_the_dense_equations(full):
-    """With rotations, points and path stacked; the axes of a body are held by the pseudo-inverse."""
+def test_a_step_agrees_with_the_dense_normal_equations(full):
+    """With all rotations, points and path as unknowns; the pseudo-inverse fixes the gauge of the bodies' axes."""
     observations, sampled, bodies, x = scene(full)
     found = gauss_newton_step(bodies, observations, sampled, x)
-    # The rotations were turned to their best before the step: take these.
+    # Start from the attitudes after the step in the rotations.
     turned = tuple(
         Body(body.features, body.frames, body.points, new.attitude)
         for body, new in zip(bodies, found.bodies, strict=True)
@@ -98,16 +98,16 @@ def test_a_step_is_that_of_the_dense_equations(full):
     assert found.squares.sum() == pytest.approx(residual @ residual, rel=1e-9)
     offsets = []
     for body, new, own in zip(bodies, found.bodies, points_of(bodies), strict=True):
-        held = differences(lambda p, b=body: turned_back(p.reshape(-1, 3), b.points), body.points.ravel(), 1e-5)
-        # In the axes that the points hold after the step, if it turned them.
+        attached = differences(lambda p, b=body: turned_back(p.reshape(-1, 3), b.points), body.points.ravel(), 1e-5)
+        # In the axes attached to the points after the step.
         old, moved = (points - points.mean(axis=0) for points in (body.points, new.points))
-        held = Rotation.align_vectors(moved, old)[0].as_matrix() @ held
-        offsets.append(held @ np.eye(size)[own])
-        # The points themselves are free to turn; their distances are not.
+        attached = Rotation.align_vectors(moved, old)[0].as_matrix() @ attached
+        offsets.append(attached @ np.eye(size)[own])
+        # Points are compared by their distances, which do not depend on the gauge.
         step = (new.points - body.points).ravel()
         lengths = differences(distances, body.points.ravel())
         np.testing.assert_allclose(lengths @ step, lengths @ change[own], atol=1e-6)
-    # A finite turn is not quite that of the linear step: 0.02 rad squared.
+    # A finite rotation differs from the linear step by 0.02 rad squared.
     by_all = np.concatenate(offsets)
     expected = by_all @ covariance @ by_all.T
     np.testing.assert_allclose(found.offset_covariance, expected, atol=1e-3 * expected.max())
@@ -116,7 +116,7 @@ def test_a_step_is_that_of_the_dense_equations(full):
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
-def test_steps_end_where_scipys_least_squares_does(full):
+def test_steps_converge_to_scipys_least_squares(full):
     observations, sampled, bodies, x = scene(full, seed=1)
     function, size = whitened(observations, sampled, bodies, x)
     best = least_squares(function, np.zeros(size), xtol=1e-15, ftol=1e-15, gtol=1e-12)
@@ -130,7 +130,7 @@ def test_steps_end_where_scipys_least_squares_does(full):
     np.testing.assert_allclose(x, base + best.x[:6], atol=1e-5)
 
 
-def test_only_weights_relative_to_each_other_matter_for_the_step():
+def test_only_relative_weights_matter_for_the_step():
     observations, sampled, bodies, x = scene(full=False)
     one = gauss_newton_step(bodies, observations, sampled, x)
     two = gauss_newton_step(bodies, observations.weighted(1e-6 * observations.weight), sampled, x)
@@ -138,8 +138,8 @@ def test_only_weights_relative_to_each_other_matter_for_the_step():
     np.testing.assert_allclose(two.covariance, 1e6 * one.covariance, rtol=1e-6)
 
 
-def test_many_frames_are_summed_as_few():
-    """More frames than a chunk holds, against the same frames given as two bodies' worth of weight."""
+def test_many_frames_agree_with_few_of_more_weight():
+    """More frames than fit a chunk, against the 60 different ones among them with 100 times the weight."""
     rng = np.random.default_rng(0)
     n, points = 6000, rng.normal(size=(4, 3))
     attitude = Rotation.random(60, random_state=0).as_matrix()[np.arange(n) % 60]
@@ -163,18 +163,18 @@ def test_many_frames_are_summed_as_few():
     np.testing.assert_allclose(many.offset_covariance, few.offset_covariance, rtol=1e-8)
 
 
-def test_offset_by_points_is_the_difference_of_scipys_alignment():
+def test_offset_by_points_agrees_with_differences_of_scipys_alignment():
     points = np.random.default_rng(3).normal(size=(5, 3)) + np.array([3.0, -1, 2])
     expected = differences(lambda p: turned_back(p.reshape(-1, 3), points), points.ravel(), 1e-5)
     np.testing.assert_allclose(offset_by_points(points), expected, atol=1e-8)
-    # A turn of everything about the origin is not seen in held axes; a shift is seen as it is.
+    # In axes attached to the points a rotation of everything changes nothing; a shift changes the offset by itself.
     turn = np.cross([0.1, 0.2, -0.3], points).ravel()
     np.testing.assert_allclose(offset_by_points(points) @ turn, 0, atol=1e-12)
     np.testing.assert_allclose(offset_by_points(points) @ np.tile([1.0, 2, 3], 5), [1, 2, 3], atol=1e-12)
 
 
-def test_what_cannot_be_seen_is_named():
-    """Attitudes that never change: a shift of the path and one of all points are the same."""
+def test_the_null_space_of_a_constant_attitude():
+    """If the attitude never changes, a shift of the path cannot be distinguished from one of all points."""
     points = np.random.default_rng(0).normal(size=(4, 3))
     position = np.tile(np.array([4.0, -19, 3]) + points, (6, 1, 1))
     body = Body(np.arange(4), np.arange(6), points, np.tile(np.eye(3), (6, 1, 1)))
@@ -183,7 +183,7 @@ def test_what_cannot_be_seen_is_named():
         (body,), Observations(position, np.ones((6, 4))), path.at(np.arange(6.0)), np.array([4.0, -19, 3])
     )
     assert np.linalg.matrix_rank(found.null_space) == 3
-    # Where the path goes, the body's offset goes the other way; in held axes this is a shift.
+    # A shift of the path is the opposite shift of the body's offset.
     np.testing.assert_allclose(found.offset_null_space, -found.null_space, atol=1e-6 * np.abs(found.null_space).max())
     np.testing.assert_allclose(found.x, [4, -19, 3], atol=1e-9)
     observations, sampled, bodies, x = scene(full=False)

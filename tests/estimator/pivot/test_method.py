@@ -1,4 +1,4 @@
-"""The drifting pivot: wrong kinds of paths, degrees that the data choose, and a rig's noise."""
+"""The drifting pivot: lack of fit, degrees that the data choose, and the noise of a stereo rig."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def moving(degree):
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 4])
 def test_the_degree_is_chosen_by_the_data(tumbling, degree):
-    """A degree too many is as rare as χ²₃ > 9, and never one too few where each term is seen."""
+    """A degree too high is as rare as χ²₃ > 9; none is too low, as each term is significant."""
     excess = []
     for seed in range(8):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
@@ -45,33 +45,33 @@ def test_the_degree_is_chosen_by_the_data(tumbling, degree):
 
 
 @pytest.mark.parametrize("trajectory, degree", [("fixed", 1), ("fixed", 2), ("polynomial:1", 2)])
-def test_a_wrong_kind_of_path_is_noticed(tumbling, trajectory, degree):
+def test_a_wrong_path_model_is_reported(tumbling, trajectory, degree):
     case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02)
     found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=trajectory))
-    (remark,) = [sentence(finding) for finding in found.findings]
-    assert trajectory in remark
+    (finding_text,) = [sentence(finding) for finding in found.findings]
+    assert trajectory in finding_text
     right = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=f"polynomial:{degree}"))
     assert right.findings == ()
 
 
-def test_thrust_on_a_path_that_is_said_to_be_free_is_noticed(tumbling):
+def test_thrust_on_a_free_relative_orbit_is_reported(tumbling):
     orbit = Orbit()
     com = -(orbit.R_I_L(TIME) @ np.array([0.0, -20.0, 0.0])) + np.outer(TIME**2 / 2, [2e-5, 0, 4e-5])
     case = make_case(TIME, tumbling, com, FEATURES, noise=0.02)
     found = estimate(case.tracks, method="pivot", orbit=orbit.model())
-    assert any("relative-orbit" in remark for remark in [sentence(finding) for finding in found.findings])
+    assert any("relative-orbit" in finding_text for finding_text in [sentence(finding) for finding in found.findings])
 
 
-def test_no_remark_where_the_path_is_right(tumbling):
-    """Twenty draws, each of a chance that is said to be small."""
+def test_no_finding_for_the_right_path_model(tumbling):
+    """Twenty draws, each with a probability of a false finding of 1e-7."""
     for seed in range(20):
         case = make_case(TIME, tumbling, moving(0), FEATURES, noise=0.02, seed=seed)
         found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory="fixed"))
         assert found.findings == ()
 
 
-def test_a_rigs_range_has_no_bias_and_its_error_is_what_is_said(tumbling):
-    """20 m away: 0.15 m of depth an observation. 2,400 of them leave 3 mm, and inliers as they are, a bias of more."""
+def test_stereo_range_is_unbiased_and_its_error_is_as_predicted(tumbling):
+    """At 20 m the depth has a deviation of 0.15 m, the mean of 2,400 one of 3 mm; the uncorrected bias is larger."""
     com = np.tile(START, (300, 1))
     sight = START / np.linalg.norm(START)
     draws = {"stereo": 30, "fixed": 10}
@@ -85,15 +85,15 @@ def test_a_rigs_range_has_no_bias_and_its_error_is_what_is_said(tumbling):
             if noise == "stereo":
                 squares.append(error @ np.linalg.solve(covariance, error))
                 assert found.noise.a_posteriori**2 == pytest.approx(1, abs=0.1)
-    # The mean of 30 has a deviation of 0.18, that of 30 values of χ²₃ one of √(6/30): four of them.
+    # The mean of 30 has a standard deviation of 0.18, that of 30 values of χ²₃ one of √(6/30): four of them.
     assert abs(np.mean(errors["stereo"])) < 0.73
     assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 30))
-    # What is put right is more than that: as measured, the CoM is seen too near, by 1.7 deviations.
+    # Without the correction the CoM is too near by 1.7 standard deviations.
     assert np.mean(errors["fixed"]) < -0.73
 
 
 def test_few_frames_for_many_unknowns_are_refused(tumbling):
-    """Six frames give 18 numbers for 21 coefficients and an offset."""
+    """Six frames have 18 values for 21 coefficients and an offset."""
     rows = np.arange(0, 300, 50)
     case = make_case(TIME[rows], tumbling[rows], np.tile(START, (6, 1)), FEATURES, noise=0.02)
     with pytest.raises(ComputationError, match="6 frames show an attitude, too few for polynomial:6: more than 8"):
@@ -102,7 +102,7 @@ def test_few_frames_for_many_unknowns_are_refused(tumbling):
 
 @pytest.mark.parametrize("trajectory", ["fixed", "polynomial"])
 def test_a_body_seen_in_few_of_many_frames_is_kept(trajectory):
-    """Also where a start and a degree are looked for in some frames only."""
+    """Its frames remain in the subsample for the initial solution and the degree."""
     time = np.arange(20_000.0)
     spin, roll = (Rotation.from_rotvec(np.outer(0.05 * time, axis)) for axis in ([1.0, 0, 0], [0, 0.6, 0.8]))
     clusters = [(0.0, 9000.0, [0, 1, 2, 3]), (9001.0, 9007.0, [4, 5, 6, 7]), (9008.0, 20_000.0, [8, 9, 0, 1])]

@@ -1,4 +1,4 @@
-"""Bodies tied by one or two features, or some in a line: against the same observations as one body with common axes."""
+"""Bodies with one, two or collinear tie points, against the same observations as one body with common axes."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -38,9 +38,9 @@ SHARED = {"one": [3], "two": [3, 4], "three in a line": [3, 4, 5]}
 
 
 def scene(groups, points, seed=0):
-    """Observations of points by turns, 12 frames a group; a body of its own axes for each, and one for all.
+    """Observations of one group of points after the other, 12 frames each; a body for each group, and one for all.
 
-    The body turns by a radian or so while a group is seen: alone, its frames hardly tell where its centre is.
+    The body rotates by about a radian while a group is seen, so that a group alone determines the centre poorly.
     """
     rng = np.random.default_rng(seed)
     n, m = 12 * len(groups), len(points)
@@ -58,7 +58,7 @@ def scene(groups, points, seed=0):
     return Observations(position * (weight[..., None] > 0), weight), sampled, tuple(bodies), whole
 
 
-def settled(bodies, observations, sampled):
+def converged(bodies, observations, sampled):
     x = X
     for _ in range(4):
         found = gauss_newton_step(bodies, observations, sampled, x)
@@ -73,39 +73,39 @@ def in_line(points):
 
 
 @pytest.mark.parametrize("kind", SHARED)
-def test_tied_bodies_are_as_good_as_one(kind):
+def test_tied_bodies_agree_with_one_body(kind):
     shared = SHARED[kind]
     points = in_line(POINTS) if kind == "three in a line" else POINTS
     first, second = [0, 1, 2, *shared], [*shared, *range(shared[-1] + 1, 8)]
     observations, sampled, bodies, whole = scene([first, second], points)
-    apart, one = settled(bodies, observations, sampled), settled((whole,), observations, sampled)
+    apart, one = converged(bodies, observations, sampled), converged((whole,), observations, sampled)
     found, made, refused = tie_bodies(apart, FINE**2)
     assert [made[0].bodies, made[0].features.tolist(), len(made), refused] == [(0, 1), shared, 1, ()]
     deviation = FINE * np.sqrt(np.diag(one.covariance))
     assert np.trace(apart.covariance) > 1.1 * np.trace(one.covariance)
-    # What is left is of second order: a deviation of a millimetre in the metres of the points.
+    # The remaining difference is of second order in 1 mm over the metres of the points.
     np.testing.assert_allclose((found.x - one.x) / deviation, 0.0, atol=0.01)
     np.testing.assert_allclose(found.covariance, one.covariance, atol=2e-3 * one.covariance.max())
     joint = one.points_covariance[0] + one.points_path[0] @ one.covariance @ one.points_path[0].T
     for k, (body, features) in enumerate(zip(found.bodies, (first, second), strict=True)):
         rows = (3 * np.array(features)[:, None] + np.arange(3)).ravel()
-        # The same offset, in axes that the body's points hold, seen from the body's axes S.
+        # The same offset in axes attached to the body's points, expressed in the body's axes S.
         turn = Rotation.align_vectors(body.points, whole.points[features])[0].as_matrix()
-        held = turn @ offset_by_points(one.bodies[0].points[features])
-        expected = held @ joint[np.ix_(rows, rows)] @ held.T
+        attached = turn @ offset_by_points(one.bodies[0].points[features])
+        expected = attached @ joint[np.ix_(rows, rows)] @ attached.T
         own = slice(3 * k, 3 * k + 3)
         np.testing.assert_allclose(found.offset_covariance[own, own], expected, atol=5e-3 * expected.max())
-        expected = -held @ one.points_path[0][rows] @ one.covariance
+        expected = -attached @ one.points_path[0][rows] @ one.covariance
         np.testing.assert_allclose(found.offset_path[own], expected, atol=5e-3 * np.abs(expected).max())
     a, b = (body.points[rows] for body, rows in zip(found.bodies, made[0].rows, strict=True))
     np.testing.assert_allclose(a @ a.T, b @ b.T, atol=20 * FINE**2)
 
 
-def test_features_that_changed_do_not_tie():
-    """F3 of the second body is another point, 1 % farther away, under the same name."""
+def test_relabelled_points_are_no_tie_points():
+    """F3 of the second body is a different point, 1 % farther away, with the same label."""
     points = np.concatenate([POINTS, POINTS[3:4] * 1.01])
     observations, sampled, bodies, _ = scene([[0, 1, 2, 3], [8, 4, 5, 6]], points)
-    apart = settled(bodies, observations, sampled)
+    apart = converged(bodies, observations, sampled)
     first, second = apart.bodies
     renamed = replace(apart, bodies=(first, replace(second, features=np.array([3, 4, 5, 6]))))
     found, made, refused = tie_bodies(renamed, FINE**2)
@@ -114,10 +114,10 @@ def test_features_that_changed_do_not_tie():
     assert [one.features.tolist() for one in refused] == [[3]]
 
 
-def test_features_that_are_the_same_tie_although_others_changed():
+def test_unchanged_features_tie_although_others_are_relabelled():
     points = np.concatenate([POINTS, POINTS[4:5] * 1.01])
     observations, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 8, 5, 6]], points)
-    apart = settled(bodies, observations, sampled)
+    apart = converged(bodies, observations, sampled)
     first, second = apart.bodies
     renamed = replace(apart, bodies=(first, replace(second, features=np.array([3, 4, 5, 6]))))
     _, made, refused = tie_bodies(renamed, FINE**2)
@@ -125,13 +125,13 @@ def test_features_that_are_the_same_tie_although_others_changed():
     assert [one.features.tolist() for one in refused] == [[4]]
 
 
-def test_many_shared_features_tie_in_groups():
+def test_many_shared_features_are_averaged_in_groups():
     """Bodies that share 120 features in a line: all their products would be a matrix of 14,400 rows."""
     on_line = np.array([0.5, 1, 2]) + np.outer(np.linspace(-3, 3, 120), [1, 0.5, -0.3])
     points = np.concatenate([POINTS, on_line])
     line = list(range(8, 128))
     observations, sampled, bodies, whole = scene([[0, 1, 2, *line], [*line, 4, 5, 6]], points)
-    apart, one = settled(bodies, observations, sampled), settled((whole,), observations, sampled)
+    apart, one = converged(bodies, observations, sampled), converged((whole,), observations, sampled)
     found, made, refused = tie_bodies(apart, FINE**2)
     assert [len(tie.features) for tie in made] == [120]
     assert refused == ()
@@ -140,7 +140,7 @@ def test_many_shared_features_tie_in_groups():
 
 
 @BOTH
-def test_a_name_that_was_given_twice_is_told(method):
+def test_a_label_of_two_points_is_reported(method):
     time, R = turning(120)
     clusters = [(0.0, 59.0, [0, 1, 2, 3]), (61.0, 120.0, [3, 4, 5, 6])]
     case = make_case(time, R, in_orbit(time), TEN, noise=NOISE, clusters=clusters)
@@ -152,13 +152,13 @@ def test_a_name_that_was_given_twice_is_told(method):
         "F3: not the same in clusters 0 and 1, which are not tied by it"
     ]
     assert squared_error(found, case) < 4.5**2
-    # `ml`, which sees one body, tells the two points apart; clusters have a feature under its name.
+    # `ml`, which has one body, gives the second point a label of its own.
     names = [list(cluster.labels) for cluster in found.clusters]
     assert names == [["F0", "F1", "F2", "F3"], ["F3 (2)" if method == "ml" else "F3", "F4", "F5", "F6"]]
 
 
-def test_a_name_that_was_given_to_another_point_for_a_while():
-    """`ml` finds that the third cluster sees the first one's F3 again, and the second one another."""
+def test_a_label_temporarily_of_another_point():
+    """`ml` finds that F3 is the same point in the first and the third cluster, and another in the second."""
     time, R = turning(120)
     clusters = [(0.0, 39.0, [0, 1, 2, 3]), (41.0, 79.0, [3, 4, 5, 6]), (80.0, 120.0, [3, 7, 8, 9])]
     case = make_case(time, R, in_orbit(time), TEN, noise=NOISE, seed=3, clusters=clusters)
@@ -171,29 +171,29 @@ def test_a_name_that_was_given_to_another_point_for_a_while():
     assert squared_error(found, case) < 4.5**2
 
 
-def test_nothing_shared_nothing_tied():
+def test_bodies_without_shared_features_are_not_tied():
     observations, sampled, bodies, _ = scene([[0, 1, 2, 3], [4, 5, 6, 7]], POINTS)
-    apart = settled(bodies, observations, sampled)
+    apart = converged(bodies, observations, sampled)
     assert tie_bodies(apart, FINE**2) == (apart, (), ())
 
 
-def test_a_tie_reaches_to_the_nearest_body_that_has_the_feature():
-    """The first and the third are tied by the second; the fourth shares with the first alone what no other has."""
+def test_a_body_is_tied_to_the_nearest_one_with_each_feature():
+    """The second body connects the first and the third; the fourth shares a feature with the first alone."""
     groups = [[0, 1, 2, 3], [3, 4, 5, 6], [3, 7, 5, 4], [0, 6, 7, 4]]
     observations, sampled, bodies, _ = scene(groups, POINTS)
-    _, made, _ = tie_bodies(settled(bodies, observations, sampled), FINE**2)
+    _, made, _ = tie_bodies(converged(bodies, observations, sampled), FINE**2)
     assert [one.bodies for one in made] == [(0, 1), (1, 2), (2, 3), (1, 3), (0, 3)]
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.5 * FINE])
-def test_features_in_a_line_with_the_centre_of_mass_tell_their_distances_alone(aside):
-    """Their angle seen from there is known to second order only: no linear model may use it."""
+@pytest.mark.parametrize("lateral_offset", [0.0, 0.5 * FINE])
+def test_features_collinear_with_the_centre_of_mass_compare_their_distances_only(lateral_offset):
+    """The angle between them at the centre of mass is a second-order function, which a linear model must not use."""
     points = POINTS.copy()
-    points[3], points[4] = [2.0, aside, 0.0], [3.0, 0.0, -aside]
+    points[3], points[4] = [2.0, lateral_offset, 0.0], [3.0, 0.0, -lateral_offset]
     squares = []
     for seed in range(40):
         observations, sampled, bodies, _ = scene([[0, 1, 2, 3, 4], [3, 4, 5, 6, 7]], points, seed)
-        found, made, _ = tie_bodies(settled(bodies, observations, sampled), FINE**2)
+        found, made, _ = tie_bodies(converged(bodies, observations, sampled), FINE**2)
         assert len(made[0].compared) == 2
         error = found.x - X
         squares.append(error @ np.linalg.solve(FINE**2 * found.covariance, error))
@@ -201,7 +201,7 @@ def test_features_in_a_line_with_the_centre_of_mass_tell_their_distances_alone(a
     assert low < np.mean(squares) < high
 
 
-# Clusters that share one or two features in turn, and by how much the ties make the path better.
+# Clusters of which successive ones share one or two features, and the bound of the path's error over that without ties.
 CHAINS = {
     "one": ([[0, 1, 2, 3], [3, 4, 5, 6], [6, 7, 8, 9]], 0.93),
     "two": ([[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7]], 0.8),
@@ -209,8 +209,8 @@ CHAINS = {
 DRAWS = 100
 
 
-def as_others(tracks):
-    """The same tracks, but features that return after a while are given other names."""
+def relabelled(tracks):
+    """The same tracks, with different labels in each of the three parts."""
     parts = [slice(0, 41), slice(41, 81), slice(81, 120)]
     position = np.full((len(tracks.time), 3 * len(tracks.labels), 3), np.nan)
     for k, part in enumerate(parts):
@@ -219,7 +219,7 @@ def as_others(tracks):
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-def test_features_that_return_make_the_estimate_better_and_it_says_by_how_much(kind):
+def test_returning_features_reduce_the_error_as_predicted(kind):
     groups, gain = CHAINS[kind]
     shared = [[f"F{k}" for k in one if k in other] for one, other in pairwise(groups)]
     clusters = [(begin, begin + 39.0, features) for begin, features in zip((0.0, 41.0, 81.0), groups, strict=True)]
@@ -230,7 +230,7 @@ def test_features_that_return_make_the_estimate_better_and_it_says_by_how_much(k
         case = make_case(time, R, com, TEN, noise=NOISE, seed=seed, clusters=clusters)
         found = found_by("pivot", case.tracks, "relative-orbit")
         assert sorted(list(one.labels) for one in found.details.tie_points) == shared
-        alone = found_by("pivot", as_others(case.tracks), "relative-orbit")
+        alone = found_by("pivot", relabelled(case.tracks), "relative-orbit")
         assert alone.details.tie_points == ()
         errors.append([rms(found, case) ** 2, rms(alone, case) ** 2])
         squares.append([squared_error(found, case), *(squared_error_of_cluster(found, case, k) for k in range(3))])
