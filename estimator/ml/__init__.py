@@ -1,5 +1,10 @@
-"""Maximum a posteriori estimate of path, points, rate and inertia of a free tumble, from a start by `pivot`.
+"""Maximum a posteriori estimate of path, points, rate and inertia of a free tumble, starting from `pivot`.
 
-`method` is the entry; `likelihood` has the normal equations that the Cramér–Rao bound uses as well.
-Uses pivot and what pivot uses.
+`method` is the entry and says why there is a prior; `likelihood` has the normal equations, also for the bound.
+Uses pivot and the rooms that pivot uses.
 """
+
+from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.ml.method import estimate_by_likelihood
+
+__all__ = ["Equations", "equations", "estimate_by_likelihood"]

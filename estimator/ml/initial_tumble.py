@@ -1,9 +1,9 @@
-"""How the target tumbles, from the attitudes of its bodies: a first rate and inertia, and their fit over all frames.
+"""Initial rotation of the target from the attitudes of its bodies: rate and inertia, fitted to all frames.
 
-The angular momentum R J ω of a free body stands still: with rates from short stretches of the attitudes, that is
-linear in J and the momentum, and gives both up to a factor. From there the motion is fitted to the attitudes by damped
-Gauss–Newton steps, first over the stretch that it predicts to within a radian, then over ever longer ones. Bodies
-that share too few features to be one get their relative attitude here, through the motion.
+The angular momentum R J ω of a free body is constant. With rates from short windows of the attitudes, this is linear in
+J and the momentum, and determines both up to a factor. From there the motion is fitted to the attitudes by damped
+Gauss–Newton steps, first over the window that it predicts to within a radian, then over longer and longer ones. The fit
+also gives the relative attitude of bodies that share too few features for a registration.
 """
 
 from collections.abc import Iterator
@@ -25,37 +25,39 @@ from baryscope.models.orbit import Orbit
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-CENTRES = 150  # stretches that rates are taken from
-SWEEP = 0.8  # rad that the body turns in a stretch
-EPOCHS = (0.5, 0.3, 0.7)  # shares of the time at which the motion is started from, until one explains the attitudes
-EXPLAINED = 4.0  # median of the squares over that of noise alone, below which the attitudes count as explained
-STRAY = 3.0  # times the median that a stretch may miss by
-WIDEST = 40  # frames of a stretch at most, on either side
-# Nodes of an integration, two a radian: more than these, and that many a frame, and a fit would take many minutes.
-BRIDGED, PER_FRAME = 5000, 10
-MOST = 1500  # attitudes that the motion is fitted to
+WINDOWS = 150  # of frames from which rates are computed
+WINDOW_ANGLE = 0.8  # rad that the body turns in a window
+EPOCHS = (0.5, 0.3, 0.7)  # shares of the time span at which the fit is started until one explains the attitudes
+EXPLAINED = 4.0  # median of the squares over that of noise alone, below which the attitudes are explained
+OUTLIER_RATIO = 3.0  # residual of a window over the median, above which it is an outlier
+MAX_HALF_WIDTH = 40  # frames of a window on either side
+# Bound of the integration's nodes, two per radian: more would take many minutes for a fit.
+MAX_NODES, NODES_PER_FRAME = 5000, 10
+MAX_POSES = 1500  # attitudes that the motion is fitted to
 PREDICTED = 0.7  # rad within which attitudes count as predicted
-GROWTH = 3.0  # of the stretch that is fitted, from one fit to the next
-STEPS = 12  # of one fit
-ROUGH, FINE = 0.1, 1e-3  # share of the cost that a step must promise, while the stretch grows and at the end
+WINDOW_GROWTH = 3.0  # factor of the fitted window from one fit to the next
+MAX_STEPS = 12  # of one fit
+# Relative decrease of the cost that a step must predict, while the window grows and at the end.
+ROUGH_TOLERANCE, FINE_TOLERANCE = 0.1, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Tumble:
-    """The motion of axes B, and each body's axes in them: R_B_S (3, 3).
+    """The rotation of axes B, and the orientation R_B_S (3, 3) of each body's axes in them.
 
-    cost: the robust cost of the attitudes, in variances; usual: the median of their squares, over what noise makes it.
+    cost: the robust cost of the attitudes, in variances; median_ratio: the median of their squares over its expectation
+    for noise alone.
     """
 
     rotation: Rotation
     bodies: tuple[FloatArray, ...]
     cost: float
-    usual: float
+    median_ratio: float
 
 
 @dataclass(frozen=True, eq=False)
 class _Poses:
-    """Attitudes R_C_S (n, 3, 3) at time (n,), the body each is of, and their information (n, 3, 3) in S, 1/rad²."""
+    """Attitudes R_C_S (n, 3, 3) at time (n,) in s, the index of their body (n,), and information (n, 3, 3), 1/rad²."""
 
     time: FloatArray
     attitude: FloatArray
@@ -73,10 +75,12 @@ def fit_tumble(
     time: FloatArray,
     orbits: tuple[Orbit | None, ...],
 ) -> Tumble:
-    """The motion that explains the bodies' attitudes best, among those under the gravity gradients of `orbits`.
+    """The rotation that fits the attitudes of the bodies best, among those for the gravity gradients of `orbits`.
+
+    variance: of an observation of weight 1; time (n,) of all frames in s.
 
     Raises:
-        ComputationError: the attitudes do not follow any free motion that was found.
+        ComputationError: no window of frames determines a rate.
     """
     poses = _poses(bodies, observations, variance, time)
     main = int(np.argmax(np.bincount(poses.body, minlength=len(bodies))))
@@ -84,13 +88,13 @@ def fit_tumble(
     fast: list[float] = []
     for guess in _guesses(bodies[main], time):
         start = replace(guess, orbit=orbits[0])
-        if not start.reaches(time, BRIDGED + PER_FRAME * len(time)):
+        if not start.reaches(time, MAX_NODES + NODES_PER_FRAME * len(time)):
             fast.append(float(np.linalg.norm(start.rate)))
             continue
-        grown = _grown(start, poses, main, len(bodies))
-        if best is None or grown.cost < best.cost:
-            best = grown
-        if best.usual < EXPLAINED:
+        fitted = _fitted_over_growing_windows(start, poses, main, len(bodies))
+        if best is None or fitted.cost < best.cost:
+            best = fitted
+        if best.median_ratio < EXPLAINED:
             break
     if best is None and fast:
         raise too_long(min(fast), float(time[-1] - time[0]))
@@ -101,14 +105,14 @@ def fit_tumble(
         )
     fits = [best]
     for orbit in orbits[1:]:
-        fits.append(_fitted(replace(best, rotation=replace(best.rotation, orbit=orbit)), poses, FINE))
+        fits.append(_fitted(replace(best, rotation=replace(best.rotation, orbit=orbit)), poses, FINE_TOLERANCE))
     return min(fits, key=lambda fit: fit.cost)
 
 
 def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float, time: FloatArray) -> _Poses:
-    """The attitudes of all bodies, thinned, with what the observations say of each."""
+    """A subsample of the attitudes of all bodies, ordered in time, with their information."""
     total = sum(len(body.frames) for body in bodies)
-    every = max(1, total // MOST)
+    every = max(1, total // MAX_POSES)
     parts = []
     for index, body in enumerate(bodies):
         frames, attitude = body.frames[::every], body.attitude[::every]
@@ -121,9 +125,9 @@ def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float
 
 
 def _guesses(body: Body, time: FloatArray) -> Iterator[Rotation]:
-    """Attitude, rate and inertia in the body's axes at a posed frame: near the middle of the time, then elsewhere.
+    """Initial rotations in the body's axes at frames near the EPOCHS, with the estimated inertia, then a sphere's.
 
-    The last ones have a sphere's inertia, which is less wrong than one that came out of too little wobble.
+    If the axis of rotation hardly moves, the estimated inertia can be worse than a sphere's.
     """
     centres, rates = _local_rates(body, time)
     if not len(centres):
@@ -137,22 +141,22 @@ def _guesses(body: Body, time: FloatArray) -> Iterator[Rotation]:
 
 
 def _local_rates(body: Body, time: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Rates (k, 3) in S at some of the body's frames (k,), from cubics through the turns of a short stretch around.
+    """Rates (k, 3) in S, rad/s, at some of the body's frames (k,), from cubics fitted to short windows of attitudes.
 
-    Stretches that a cubic fits much worse than most are left out: attitudes that are wrong altogether are in them.
+    Windows with large residuals are left out, as they contain wrong attitudes.
     """
     n = len(body.frames)
     at = time[body.frames]
     steps = log_rotation(np.swapaxes(body.attitude[:-1], 1, 2) @ body.attitude[1:])
-    pace = float(np.median(np.linalg.norm(steps, axis=1) / np.diff(at))) if n > 1 else 0.0
-    usual = float(np.median(np.diff(at))) if n > 1 else 1.0
-    half = int(np.clip(round(SWEEP / max(pace * usual, 1e-9) / 2), 2, WIDEST))
-    centres = np.unique(np.linspace(half, n - 1 - half, CENTRES).astype(np.intp)) if n > 2 * half else np.empty(0, int)
+    speed = float(np.median(np.linalg.norm(steps, axis=1) / np.diff(at))) if n > 1 else 0.0
+    interval = float(np.median(np.diff(at))) if n > 1 else 1.0
+    half = int(np.clip(round(WINDOW_ANGLE / max(speed * interval, 1e-9) / 2), 2, MAX_HALF_WIDTH))
+    centres = np.unique(np.linspace(half, n - 1 - half, WINDOWS).astype(np.intp)) if n > 2 * half else np.empty(0, int)
     rows = centres[:, None] + np.arange(-half, half + 1)
     span = at[rows] - at[centres][:, None]
-    # No stretch across a gap.
-    whole = (span[:, -1] - span[:, 0]) < 2 * usual * 2 * half if len(rows) else np.zeros(0, dtype=bool)
-    centres, rows, span = centres[whole], rows[whole], span[whole]
+    # No window across a gap.
+    gapless = (span[:, -1] - span[:, 0]) < 2 * interval * 2 * half if len(rows) else np.zeros(0, dtype=bool)
+    centres, rows, span = centres[gapless], rows[gapless], span[gapless]
     if not len(rows):
         return centres, np.empty((0, 3))
     relative = np.swapaxes(body.attitude[centres], 1, 2)[:, None] @ body.attitude[rows]
@@ -160,30 +164,30 @@ def _local_rates(body: Body, time: FloatArray) -> tuple[IntArray, FloatArray]:
     scale = np.abs(span).max(axis=1)[:, None]
     powers = (span / scale)[:, :, None] ** np.arange(4 if half > 2 else 3)
     fitted = np.linalg.pinv(powers) @ turns
-    missed = np.linalg.norm(turns - powers @ fitted, axis=2).max(axis=1)
-    good = missed <= STRAY * np.median(missed)
-    return centres[good], (fitted[:, 1] / scale)[good]
+    residual = np.linalg.norm(turns - powers @ fitted, axis=2).max(axis=1)
+    inlier = residual <= OUTLIER_RATIO * np.median(residual)
+    return centres[inlier], (fitted[:, 1] / scale)[inlier]
 
 
 def _inertia(attitude: FloatArray, rates: FloatArray) -> FloatArray:
-    """J up to scale from R J ω = h: the smallest singular vector; a sphere's where that is not positive definite."""
-    pace = float(np.sqrt(np.mean(rates**2))) or 1.0
-    x, y, z = (rates / pace).T
-    nought = np.zeros_like(x)
+    """J of trace 1 from R J ω = h by the smallest singular vector; a sphere's if that is not positive definite."""
+    speed = float(np.sqrt(np.mean(rates**2))) or 1.0
+    x, y, z = (rates / speed).T
+    zero = np.zeros_like(x)
     by_inertia = np.stack(
         [
-            np.stack([x, nought, nought, y, z, nought], axis=1),
-            np.stack([nought, y, nought, x, nought, z], axis=1),
-            np.stack([nought, nought, z, nought, x, y], axis=1),
+            np.stack([x, zero, zero, y, z, zero], axis=1),
+            np.stack([zero, y, zero, x, zero, z], axis=1),
+            np.stack([zero, zero, z, zero, x, y], axis=1),
         ],
         axis=1,
     )
     rows = np.concatenate([attitude @ by_inertia, np.tile(-np.eye(3), (len(x), 1, 1))], axis=2)
     vector = np.linalg.svd(rows.reshape(-1, 9), full_matrices=False)[2][-1]
     for _ in range(3):
-        missed = np.linalg.norm(rows @ vector, axis=1)
-        good = missed <= STRAY * np.median(missed)
-        vector = np.linalg.svd(rows[good].reshape(-1, 9), full_matrices=False)[2][-1]
+        residual = np.linalg.norm(rows @ vector, axis=1)
+        inlier = residual <= OUTLIER_RATIO * np.median(residual)
+        vector = np.linalg.svd(rows[inlier].reshape(-1, 9), full_matrices=False)[2][-1]
     xx, yy, zz, xy, xz, yz = vector[:6]
     J = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     J *= np.sign(np.trace(J)) or 1.0
@@ -193,31 +197,31 @@ def _inertia(attitude: FloatArray, rates: FloatArray) -> FloatArray:
     return np.asarray((vectors * values) @ vectors.T / values.sum())
 
 
-def _grown(start: Rotation, poses: _Poses, main: int, count: int) -> Tumble:
-    """The fit over all poses, from a guess that may hold for a short stretch around its epoch only."""
+def _fitted_over_growing_windows(start: Rotation, poses: _Poses, main: int, count: int) -> Tumble:
+    """The fit to all poses, from an initial rotation that may predict only a short window around its epoch."""
     tumble = Tumble(start, tuple(np.eye(3) for _ in range(count)), np.inf, np.inf)
-    known = {main}
+    present_bodies = {main}
     distance = np.abs(poses.time - start.epoch)
     longest = float(distance.max())
     own = poses.body == main
-    missed = np.linalg.norm(_misses(tumble, poses.where(own))[0], axis=1)
-    reach = longest
-    if missed.max() > PREDICTED:
-        reach = float(distance[own][missed > PREDICTED].min())
-    reach = max(reach, float(np.sort(distance[own])[min(8, own.sum() - 1)]))
+    residual = np.linalg.norm(_residuals(tumble, poses.where(own))[0], axis=1)
+    window = longest
+    if residual.max() > PREDICTED:
+        window = float(distance[own][residual > PREDICTED].min())
+    window = max(window, float(np.sort(distance[own])[min(8, own.sum() - 1)]))
     while True:
-        near = distance <= reach * (1 + 1e-9)
-        for body in sorted(set(np.unique(poses.body[near]).tolist()) - known):
-            tumble = _joined(tumble, poses.where(near & (poses.body == body)), body)
-            known.add(body)
-        tumble = _fitted(tumble, poses.where(near), FINE if reach >= longest else ROUGH)
-        if reach >= longest:
+        near = distance <= window * (1 + 1e-9)
+        for body in sorted(set(np.unique(poses.body[near]).tolist()) - present_bodies):
+            tumble = _with_body(tumble, poses.where(near & (poses.body == body)), body)
+            present_bodies.add(body)
+        tumble = _fitted(tumble, poses.where(near), FINE_TOLERANCE if window >= longest else ROUGH_TOLERANCE)
+        if window >= longest:
             return tumble
-        reach = min(GROWTH * reach, longest)
+        window = min(WINDOW_GROWTH * window, longest)
 
 
-def _joined(tumble: Tumble, poses: _Poses, body: int) -> Tumble:
-    """With the axes of a body that was not there before: its mean attitude against the motion, near the epoch."""
+def _with_body(tumble: Tumble, poses: _Poses, body: int) -> Tumble:
+    """The fit with the orientation of another body: its mean attitude relative to the motion, near the epoch."""
     nearest = np.argsort(np.abs(poses.time - tumble.rotation.epoch))[:20]
     few = poses.where(nearest)
     R_B_C = np.swapaxes(tumble.rotation.at(few.time).attitude, 1, 2)
@@ -226,24 +230,27 @@ def _joined(tumble: Tumble, poses: _Poses, body: int) -> Tumble:
     return replace(tumble, bodies=tuple(R_B_S if k == body else R for k, R in enumerate(tumble.bodies)))
 
 
-def _misses(tumble: Tumble, poses: _Poses) -> tuple[FloatArray, FloatArray]:
-    """Rotation vectors (n, 3) in S from predicted to seen attitudes, and how rate and inertia turn them, (n, 3, 8)."""
+def _residuals(tumble: Tumble, poses: _Poses) -> tuple[FloatArray, FloatArray]:
+    """Rotation vectors (n, 3) in S, rad, from predicted to observed attitudes; Jacobian (n, 3, 8) of the latter."""
     found = tumble.rotation.at(poses.time)
     R_B_S = np.array(tumble.bodies)[poses.body]
-    missed = log_rotation(np.swapaxes(found.attitude @ R_B_S, 1, 2) @ poses.attitude)
-    return missed, np.swapaxes(R_B_S, 1, 2) @ found.turn
+    residual = log_rotation(np.swapaxes(found.attitude @ R_B_S, 1, 2) @ poses.attitude)
+    return residual, np.swapaxes(R_B_S, 1, 2) @ found.turn
 
 
-def _fitted(tumble: Tumble, poses: _Poses, promise: float) -> Tumble:
-    """Damped Gauss–Newton steps in rate, inertia and all bodies' axes, while one promises that share of the cost."""
+def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
+    """Damped Gauss–Newton steps in rate, inertia and the bodies' orientations.
+
+    They end when a step predicts a relative decrease of the cost of at most `tolerance`.
+    """
     present = np.unique(poses.body)
     size = RATE_AND_INERTIA + 3 * len(present)
     slot = np.searchsorted(present, poses.body)
     damping = 1e-4
-    missed, turn = _misses(tumble, poses)
-    cost = _robust_cost(missed, poses)
-    for _ in range(STEPS):
-        weight = _robust_weight(missed, poses)
+    residual, turn = _residuals(tumble, poses)
+    cost = _robust_cost(residual, poses)
+    for _ in range(MAX_STEPS):
+        weight = _robust_weight(residual, poses)
         information = weight[:, None, None] * poses.information
         jacobian = np.zeros((len(poses.time), 3, size))
         jacobian[:, :, :RATE_AND_INERTIA] = turn
@@ -251,21 +258,21 @@ def _fitted(tumble: Tumble, poses: _Poses, promise: float) -> Tumble:
             jacobian[np.arange(len(slot)), axis, RATE_AND_INERTIA + 3 * slot + axis] = 1.0
         weighted = information @ jacobian
         matrix = jacobian.reshape(-1, size).T @ weighted.reshape(-1, size)
-        rhs = np.einsum("nip,ni->p", weighted, missed)
+        rhs = np.einsum("nip,ni->p", weighted, residual)
         while damping < 1e8:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
-            if change @ rhs <= promise * cost:
-                return replace(tumble, cost=cost, usual=_usual(missed, poses))
+            if change @ rhs <= tolerance * cost:
+                return replace(tumble, cost=cost, median_ratio=_median_ratio(residual, poses))
             trial = _changed(tumble, change, present)
             if trial.rotation.possible and trial.rotation.reaches(poses.time):
-                trial_missed, trial_turn = _misses(trial, poses)
-                trial_cost = _robust_cost(trial_missed, poses)
+                trial_residual, trial_turn = _residuals(trial, poses)
+                trial_cost = _robust_cost(trial_residual, poses)
                 if trial_cost <= cost:
-                    tumble, missed, turn, cost = trial, trial_missed, trial_turn, trial_cost
+                    tumble, residual, turn, cost = trial, trial_residual, trial_turn, trial_cost
                     damping /= 30
                     break
             damping *= 10
-    return replace(tumble, cost=cost, usual=_usual(missed, poses))
+    return replace(tumble, cost=cost, median_ratio=_median_ratio(residual, poses))
 
 
 def _changed(tumble: Tumble, change: FloatArray, present: IntArray) -> Tumble:
@@ -277,19 +284,19 @@ def _changed(tumble: Tumble, change: FloatArray, present: IntArray) -> Tumble:
     return replace(tumble, rotation=rotation, bodies=tuple(bodies))
 
 
-def _squares(missed: FloatArray, poses: _Poses) -> FloatArray:
-    return np.asarray(np.einsum("ni,nij,nj->n", missed, poses.information, missed))
+def _squares(residual: FloatArray, poses: _Poses) -> FloatArray:
+    return np.asarray(np.einsum("ni,nij,nj->n", residual, poses.information, residual))
 
 
-def _usual(missed: FloatArray, poses: _Poses) -> float:
-    return float(np.median(_squares(missed, poses))) / MEDIAN
+def _median_ratio(residual: FloatArray, poses: _Poses) -> float:
+    return float(np.median(_squares(residual, poses))) / MEDIAN
 
 
-def _robust_cost(missed: FloatArray, poses: _Poses) -> float:
-    """Cauchy's: a pose that is wrong altogether shall not rule. In variances, about one for each value."""
+def _robust_cost(residual: FloatArray, poses: _Poses) -> float:
+    """Cauchy's robust cost, in variances, which limits the influence of wrong poses."""
     scale = 9 * 3.0
-    return float(scale * np.log1p(_squares(missed, poses) / scale).sum())
+    return float(scale * np.log1p(_squares(residual, poses) / scale).sum())
 
 
-def _robust_weight(missed: FloatArray, poses: _Poses) -> FloatArray:
-    return np.asarray(1 / (1 + _squares(missed, poses) / (9 * 3.0)))
+def _robust_weight(residual: FloatArray, poses: _Poses) -> FloatArray:
+    return np.asarray(1 / (1 + _squares(residual, poses) / (9 * 3.0)))

@@ -1,8 +1,8 @@
-"""Normal equations of everything at once: a tumbling body whose centre of mass moves on a path, seen by its features.
+"""Joint normal equations of a tumbling body whose centre of mass moves on a path, observed by its features.
 
-The unknowns y are the rate and inertia at the epoch (8) and the path's x; the attitude at the epoch holds the body's
-axes and is no unknown. The points b are linear given the rest and are eliminated (variable projection). At the truth
-the inverse of these normal equations is the Cramér–Rao bound, at the estimate its covariance.
+The unknowns y are rate and inertia at the epoch (8) and the path's x. The attitude at the epoch defines the body's axes
+and is no unknown. The model is linear in the points b, which are eliminated (variable projection). The inverse of these
+normal equations is the Cramér–Rao bound at the true values, and the covariance at the estimate, without a prior.
 """
 
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The normal equations after the points are eliminated, for observations whose weights are inverse variances.
+    """The normal equations after the elimination of the points, for weights that are inverse variances.
 
-    matrix (q, q) and rhs (q,) of y = (rate and inertia, x), sizes (q,): the matrix's diagonal before; points (m, 3):
-    the best ones for this motion and path; squares (n, m): weighted squared residuals with these points;
-    point_inverse (m, 3, 3) and by_unknowns (3 m, q): how the points follow, b = b̂ − by_unknowns δy, with the covariance
-    point_inverse when y is known.
+    matrix (q, q) and rhs (q,) of y = (rate and inertia, x); sizes (q,): the matrix's diagonal before the elimination;
+    points (m, 3) in B, m: the optimal ones for this motion and path; squares (n, m): weighted squared residuals with
+    these points; point_inverse (m, 3, 3): covariance of the points conditional on y; by_unknowns (3 m, q): a change δy
+    changes the points by −by_unknowns δy.
     """
 
     matrix: FloatArray
@@ -44,27 +44,29 @@ class Equations:
         """The weighted sum of squared residuals."""
         return float(self.squares.sum())
 
-    def covariance(self, path: SampledPath, reach: float, known: FloatArray | float = 0.0) -> FloatArray:
-        """Of y, (q, q), large where hardly anything is seen; what is not seen at all moves the path by reach.
+    def covariance(self, path: SampledPath, distance: float, prior: FloatArray | float = 0.0) -> FloatArray:
+        """The covariance (q, q) of y.
 
-        known: information on y from elsewhere.
+        distance: the rms displacement of the path, m, for one standard deviation along an unobserved direction;
+        prior: information on y to add.
         """
-        matrix = self.matrix + known
+        matrix = self.matrix + prior
         null_space = null_space_of(matrix, self.sizes)
         lengths = path.lengths(null_space[RATE_AND_INERTIA:])
-        usual = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
-        moving = lengths > 1e-6 * usual  # the others are of rate and inertia alone
-        spread = np.where(moving, reach / np.where(moving, lengths, 1.0), 0.0)
+        typical = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
+        moving = lengths > 1e-6 * typical  # the others change rate and inertia only
+        spread = np.where(moving, distance / np.where(moving, lengths, 1.0), 0.0)
         return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (null_space * spread**2) @ null_space.T)
 
     def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Of the centroid of some features from the centre of mass, in axes that they hold: (3, 3), and with y (3, q).
+        """Covariance (3, 3) of the offset of some features, and its cross-covariance (3, q) with y.
 
-        covariance (q, q) is that of y.
+        The offset is that of the features' centroid from the centre of mass, in axes attached to them; covariance
+        (q, q) is that of y.
         """
-        held = offset_by_points(self.points[features])
-        by_y = held @ self.by_unknowns.reshape(len(self.points), 3, -1)[features].reshape(3 * len(features), -1)
-        own = held.reshape(3, -1, 3).transpose(1, 0, 2)
+        attached = offset_by_points(self.points[features])
+        by_y = attached @ self.by_unknowns.reshape(len(self.points), 3, -1)[features].reshape(3 * len(features), -1)
+        own = attached.reshape(3, -1, 3).transpose(1, 0, 2)
         alone = (own @ self.point_inverse[features] @ own.transpose(0, 2, 1)).sum(axis=0)
         return np.asarray(alone + by_y @ covariance @ by_y.T), np.asarray(-by_y @ covariance)
 
@@ -72,7 +74,7 @@ class Equations:
 def equations(
     observations: Observations, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
 ) -> Equations:
-    """The equations at a motion and a path with positions `origin` (n, 3); points (m, 3) start the elimination."""
+    """The normal equations at a motion and a path with positions `origin` (n, 3) in C, linearised at points (m, 3)."""
     n, m = observations.weight.shape
     q = RATE_AND_INERTIA + path.jacobian.shape[2]
     matrix, rhs, coupling = np.zeros((q, q)), np.zeros(q), np.zeros((q, 3 * m))
@@ -118,7 +120,7 @@ def _pieces_of(
     origin: FloatArray,
     points: FloatArray,
 ) -> tuple[Pieces, FloatArray, FloatArray]:
-    """Pieces of some frames, and the turns and shifts (n, 3, q) of their poses by y."""
+    """The blocks of some frames, and the Jacobians (n, 3, q) of their rotations φ and shifts τ by y."""
     attitude = motion.attitude[part]
     found = pieces(observations.frames(part), attitude, origin[part], points)
     own, p = motion.turn[part], path.jacobian.shape[2]

@@ -1,7 +1,12 @@
-"""ml: batch maximum likelihood. Attitude, rate, inertia up to scale, path and points of one tumbling body at once.
+"""ml: maximum a posteriori estimate of rate, inertia up to scale, path and points of one tumbling body.
 
-It starts from `pivot` and the tumble fitted to its attitudes, and needs no truth. What reaches the bound is that the
-attitudes of all frames are three numbers of rate and five of inertia, and that all features belong to one body.
+It is maximum likelihood with a weak Gaussian prior on the inertia and on the path. A pure spin, or little motion,
+leaves the inertia, or a direction of the path, undetermined, and the likelihood alone has no bounded maximum there. The
+prior determines these directions. Elsewhere it reduces a variance σ² by about the share (σ/0.5)², for an element of
+the inertia of trace 1 with σ much smaller than 0.5. The prior is no part of the Cramér–Rao bound.
+
+The iteration starts from `pivot` and the rotation fitted to its attitudes. The accuracy comes from the model: eight
+numbers of rate and inertia determine the attitudes of all frames, and all features belong to one body.
 """
 
 import time as clock
@@ -25,7 +30,7 @@ from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.likelihood import Equations, equations
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.method import MISFIT, solve_pivot
+from baryscope.estimator.pivot.method import MAX_VARIANCE_RATIO, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
 from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
@@ -34,19 +39,19 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-ROUNDS = 40
-SETTLED = 1e-4  # a step this long, squared, in units of the covariance, is the last
-ROUNDING = 1e-7  # of the distance: about what the interpolation of attitudes leaves over
-UNRULY = 1e-2  # share of the cost that the last change of weights may take away
-SPHERE = 0.5  # of the five numbers of an inertia of trace 1, the deviation from those of a sphere that is expected
+MAX_ROUNDS = 40
+STEP_TOLERANCE = 1e-4  # squared length of the last step, in units of the covariance
+ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
+WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
+PRIOR_INERTIA_DEVIATION = 0.5  # standard deviation of the prior of the five elements of the inertia of trace 1
 
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """The most likely motion, path and points, and the normal equations there.
+    """The maximum a posteriori estimate of motion, path and points, with the normal equations there.
 
-    observations with their weights; variance of an observation of weight 1, over the given covariance or in m², as
-    given or as the residuals show it; residual_variance: as they show it.
+    observations with their final weights; variance of an observation of weight 1, as given or from the residuals: in
+    m², or as a factor on the given covariances; residual_variance: that from the residuals.
     """
 
     rotation: Rotation
@@ -64,10 +69,10 @@ class Likelihood:
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """What is known beforehand, so that what the tracks do not show stays at hand: the rest hardly feels it.
+    """A weak Gaussian prior on inertia and path, for directions that the tracks do not determine.
 
-    An inertia is not far from a sphere's, nor a path from that of `pivot` (x0) by more than the target's distance.
-    information (q, q): of rate and inertia and x, in the units of the observations' weights.
+    The inertia's mean is a sphere's, with PRIOR_INERTIA_DEVIATION. The path's mean is that of `pivot` (x0), with an rms
+    deviation of the target's distance. information (q, q) on (rate and inertia, x), in the units of the weights.
     """
 
     information: FloatArray
@@ -75,29 +80,29 @@ class _Prior:
 
     @classmethod
     def of(cls, path: SampledPath, x0: FloatArray, variance: float) -> "_Prior":
-        """For observations of weight 1 that have this variance."""
-        reach = np.linalg.norm(path.position(x0), axis=1).max()
-        inertia = np.eye(RATE_AND_INERTIA - 3) / SPHERE**2
+        """The prior for observations of weight 1 with this variance."""
+        distance = np.linalg.norm(path.position(x0), axis=1).max()
+        inertia = np.eye(RATE_AND_INERTIA - 3) / PRIOR_INERTIA_DEVIATION**2
         of_path = np.einsum("kip,kiq->pq", path.jacobian, path.jacobian, optimize=True) / (
-            len(path.jacobian) * reach**2
+            len(path.jacobian) * distance**2
         )
         return cls(variance * block_diag(np.zeros((3, 3)), inertia, of_path), x0)
 
     def deviation(self, rotation: Rotation, x: FloatArray) -> FloatArray:
-        """From what is expected, (q,)."""
+        """The deviation (q,) of the unknowns from the prior's mean."""
         return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), x - self.x0])
 
     def cost(self, deviation: FloatArray) -> float:
-        """What a deviation (q,) costs besides the observations' squares."""
+        """The prior's contribution to the cost for a deviation (q,)."""
         return float(deviation @ self.information @ deviation)
 
 
 def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
-    """The centre of mass by maximum likelihood.
+    """The maximum a posteriori estimate of the centre of mass.
 
     Raises:
-        InputError: options that do not go together.
-        ComputationError: the tracks do not hold what it takes.
+        InputError: an invalid combination of options, or a singular covariance.
+        ComputationError: the tracks do not determine the unknowns.
     """
     begin = clock.perf_counter()
     torques = _torques(orbit, options)
@@ -106,8 +111,8 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     best = _maximised(tracks, pivot, tumble, options)
     origin = best.sampled.position(best.x)
-    reach = float(np.linalg.norm(origin, axis=1).max())
-    y, offsets = _covariances(best, [body.features for body in pivot.bodies], reach)
+    distance = float(np.linalg.norm(origin, axis=1).max())
+    y, offsets = _covariances(best, [body.features for body in pivot.bodies], distance)
     covariance = best.sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
     clusters = tuple(
         cluster_of(body, best.found.points[body.features], offset, tracks.labels)
@@ -130,7 +135,7 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
         covered=covered_by(clusters, len(tracks.time)),
         converged=best.converged,
         rounds=best.rounds,
-        findings=pivot.findings + _misfit(best, pivot),
+        findings=pivot.findings + _excess_residuals(best, pivot),
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -139,16 +144,16 @@ def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: 
     )
 
 
-def _misfit(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
-    """Whether residuals are much greater than with attitudes that are free."""
+def _excess_residuals(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
+    """A finding if the residuals are much greater than with free attitudes."""
     ratio = best.residual_variance / max(pivot.residual_variance, 1e-300)
-    if ratio <= MISFIT or best.residual_variance <= least_variance(pivot.observations, ROUNDING):
+    if ratio <= MAX_VARIANCE_RATIO or best.residual_variance <= least_variance(pivot.observations, ROUNDING):
         return ()
     return (ExcessResiduals(FREE_TUMBLE, float(np.sqrt(ratio))),)
 
 
 def _motion(best: Likelihood, y: FloatArray, path: Path, time: FloatArray) -> Motion:
-    """Velocity, attitude and angular rate with their covariances from y's, (q, q)."""
+    """Velocity, attitude and angular rate with their covariances, from the covariance (q, q) of y."""
     rate, of_rotation = path.rate_at(time), y[:RATE_AND_INERTIA, :RATE_AND_INERTIA]
     turn, by_rate = best.motion.turn, best.rotation.rate_sensitivity_at(time)
     return Motion(
@@ -162,33 +167,34 @@ def _motion(best: Likelihood, y: FloatArray, path: Path, time: FloatArray) -> Mo
 
 
 def _covariances(
-    best: Likelihood, clusters: list[NDArray[np.intp]], reach: float
+    best: Likelihood, clusters: list[NDArray[np.intp]], distance: float
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """The covariance of y, and those of the clusters' offsets, without what the estimated motion only seems to show.
+    """The covariances of y (q, q) and of the clusters' offsets (3, 3), without spurious information.
 
-    A pure spin is estimated with a little wobble, by which a point on its axis seems to be seen: see `pivot`. The turn
-    of a frame that rate and inertia leave open is φ; its mean over all frames would turn the axes and show nothing.
+    The estimate of a pure spin has a small error of its axis, which adds spurious information on the position along the
+    axis, as in `pivot`. Here the attitude errors φ come from those of rate and inertia; the mean of φ over all frames
+    only rotates the axes and is subtracted.
     """
     variance = max(best.variance, 1e-300)
-    y = best.found.covariance(best.sampled, reach / np.sqrt(variance), best.prior.information)
+    y = best.found.covariance(best.sampled, distance / np.sqrt(variance), best.prior.information)
     turn = best.motion.turn - best.motion.turn.mean(axis=0)
     spread = variance * turn @ y[:RATE_AND_INERTIA, :RATE_AND_INERTIA] @ np.swapaxes(turn, 1, 2)
-    known = _known_shifts(best)
+    position_information = _position_information(best)
     axes = cross_matrices(np.eye(3))
     spurious = three_sigma_factor(RATE_AND_INERTIA) * np.einsum(
-        "iba,kbc,jcd,kda->ij", axes, known, axes, spread, optimize=True
+        "iba,kbc,jcd,kda->ij", axes, position_information, axes, spread, optimize=True
     )
-    wider, offsets = y, []
+    of_y, offsets = y, []
     for features in clusters:
         offset, crossed = best.found.offset_covariance(y, features)
-        missing, gain = spurious_information_columns(offset, crossed, spurious, variance / reach**2)
-        offsets.append(variance * (offset + missing @ missing.T))
-        wider = wider + gain @ gain.T
-    return variance * wider, offsets
+        of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, variance / distance**2)
+        offsets.append(variance * (offset + of_offset @ of_offset.T))
+        of_y = of_y + of_unknowns @ of_unknowns.T
+    return variance * of_y, offsets
 
 
-def _known_shifts(best: Likelihood) -> FloatArray:
-    """What each frame says of its position when its attitude is known, (n, 3, 3) in B, in the weights' units."""
+def _position_information(best: Likelihood) -> FloatArray:
+    """Each frame's information on its position for a known attitude, (n, 3, 3) in B, in the weights' units."""
     observations = best.observations
     if observations.precision is None:
         return np.asarray(observations.weight.sum(axis=1)[:, None, None] * np.eye(3))
@@ -197,7 +203,11 @@ def _known_shifts(best: Likelihood) -> FloatArray:
 
 
 def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, ...]:
-    """The gravity gradients to try: that of no orbit, of the orbit, or both."""
+    """The orbits whose gravity-gradient torque is tried; None is no torque.
+
+    Raises:
+        InputError: a gravity gradient without an orbit.
+    """
     if options.torque == "gravity-gradient" and orbit is None:
         raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
     if orbit is None or options.torque == "none":
@@ -206,7 +216,7 @@ def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, .
 
 
 def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions) -> Likelihood:
-    """Damped Gauss–Newton steps from the pivot's path and the tumble; weights and precisions are renewed as it goes."""
+    """Damped Gauss–Newton steps from the path of `pivot` and the fitted rotation, with updates of the weights."""
     measured = observations_of(tracks, tracks.seen)
     weight = np.where(tracks.seen, NEGLIGIBLE, 0.0)
     weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
@@ -218,7 +228,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     damping, converged, rounds, floor = 1e-6, False, 0, least_variance(measured, ROUNDING)
     prior = _Prior.of(sampled, x, max(pivot.variance, floor))
     found, deviation = equations(observations, motion, sampled, origin, points), prior.deviation(rotation, x)
-    while not converged and rounds < ROUNDS:
+    while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         matrix, rhs = found.matrix + prior.information, found.rhs - prior.information @ deviation
         cost = found.cost + prior.cost(deviation)
@@ -230,20 +240,22 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
                 moved = x + change[RATE_AND_INERTIA:]
                 new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
                 trial = equations(observations, new_motion, sampled, new_origin, found.points)
-                off = prior.deviation(turned, moved)
-                accepted = trial.cost + prior.cost(off) <= cost * (1 + 1e-12)
+                trial_deviation = prior.deviation(turned, moved)
+                accepted = trial.cost + prior.cost(trial_deviation) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
         if not accepted:
             break
-        rotation, x, motion, origin, found, deviation = turned, moved, new_motion, new_origin, trial, off
+        rotation, x, motion, origin, found, deviation = turned, moved, new_motion, new_origin, trial, trial_deviation
         dof = _dof(observations, len(x))
         variance = max(found.cost / dof, floor)
         step = float(change @ matrix @ change)
         weight = reweighted(found.squares, observations.weight, dof, floor)
-        plain = found.squares / np.where(weight > 0, observations.weight, 1.0)
-        settled = abs(float(np.vdot(plain, weight)) - found.cost) <= UNRULY * variance * dof
-        converged = settled and step <= SETTLED * variance and damping < 1e-2
-        if not converged and (stereo or not settled):
+        unweighted = found.squares / np.where(weight > 0, observations.weight, 1.0)
+        weights_converged = (
+            abs(float(np.vdot(unweighted, weight)) - found.cost) <= WEIGHT_CHANGE_TOLERANCE * variance * dof
+        )
+        converged = weights_converged and step <= STEP_TOLERANCE * variance and damping < 1e-2
+        if not converged and (stereo or not weights_converged):
             observations = observations.weighted(weight)
             if stereo:
                 estimated = found.points @ np.swapaxes(motion.attitude, 1, 2) + origin[:, None]
@@ -260,7 +272,7 @@ def _dof(observations: Observations, path_size: int) -> float:
 
 
 def _common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
-    """All features in the axes B of the tumble: those of each body turned there, means where bodies share some."""
+    """The points (m, 3) of all features in the axes B of the tumble, m; means where bodies share features."""
     m = pivot.observations.weight.shape[1]
     total, points = np.zeros(m), np.zeros((m, 3))
     for body, R_B_S in zip(pivot.bodies, tumble.bodies, strict=True):
@@ -271,7 +283,7 @@ def _common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
 
 
 def _details(rotation: Rotation, y: FloatArray, gravity_gradient: bool) -> TumbleDetails:
-    """The rotational state at the epoch."""
+    """The rotational state at the epoch, with standard deviations from the covariance of y."""
     return TumbleDetails(
         epoch=rotation.epoch,
         attitude=rotation.attitude,

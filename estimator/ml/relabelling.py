@@ -1,4 +1,4 @@
-"""Names that a tracker gave twice: features of one label that are different points in different bodies."""
+"""Labels that a tracker used twice: features of one label that are different points in different bodies."""
 
 from dataclasses import replace
 from itertools import count
@@ -14,10 +14,10 @@ IntArray = NDArray[np.intp]
 
 
 def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivot]:
-    """The tracks and what `pivot` made of them, where each point has a column of its own.
+    """The tracks and the solution of `pivot` with a column for each point.
 
-    The second point of a label F3 becomes F3 (2), and so on. Bodies whose tie by a feature was refused see different
-    points; an observation outside all bodies is of the point of the nearest frame.
+    The second point of a label F3 becomes F3 (2), and so on. Bodies whose tie point was refused see different points.
+    An observation outside all bodies belongs to the point of the body with the nearest frame.
     """
     if not pivot.refused:
         return tracks, pivot
@@ -43,19 +43,19 @@ def relabelled(tracks: FeatureTracks, pivot: Pivot) -> tuple[FeatureTracks, Pivo
 
 
 def _points_of(feature: int, pivot: Pivot) -> dict[int, int]:
-    """Which point, by number, each body that has the feature sees in it: that of the nearest before it that agrees."""
-    strangers = {tie.bodies for tie in pivot.refused if feature in tie.features}
+    """The number of the point that each body with the feature sees: that of the last body before it that agrees."""
+    refused_pairs = {tie.bodies for tie in pivot.refused if feature in tie.features}
     found: dict[int, int] = {}
     for index, body in enumerate(pivot.bodies):
         if feature in body.features:
-            other = {number for before, number in found.items() if (before, index) in strangers}
+            other = {number for before, number in found.items() if (before, index) in refused_pairs}
             same = [number for number in found.values() if number not in other]
             found[index] = same[-1] if same else max(found.values(), default=-1) + 1
     return found
 
 
 def _nearest_holder(feature: int, pivot: Pivot, frames: int) -> IntArray:
-    """The body with the feature that is seen nearest to each frame, (n,)."""
+    """For each frame (n,) the index of the body with the feature that has the nearest frame."""
     distance, holder = np.full(frames, np.inf), np.zeros(frames, dtype=np.intp)
     for index, body in enumerate(pivot.bodies):
         if feature not in body.features:
@@ -76,7 +76,7 @@ def _in_columns(
     kept: NDArray[np.bool_],
     columns: list[IntArray],
 ) -> tuple[FeatureTracks, Pivot]:
-    """Both, with columns `source` of the observations kept (n, m'), and features renumbered as `columns`."""
+    """Tracks and solution with columns `source`, the observations kept (n, m'), and the bodies' features `columns`."""
     position = np.where(kept[..., None], tracks.position[:, source], np.nan)
     covariance = tracks.covariance
     if covariance is not None:

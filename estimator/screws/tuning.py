@@ -23,7 +23,7 @@ CUTOFF_RATIO = 8.0  # cut-off frequency over the rate of rotation in turns per s
 
 @dataclass(frozen=True)
 class Trial:
-    """Quality of a lag: median angle of the screws in rad, information of the intersections, count of covered blocks."""
+    """Quality of a lag: median screw angle in rad, information of the intersections, number of covered blocks."""
 
     lag: int
     angle: float

@@ -86,7 +86,7 @@ def test_covariances_are_those_of_the_dense_inverse(problem):
     units = UNITS[: J.shape[1]]
     covariance = np.linalg.inv((J * units).T @ (J * units)) * np.outer(units, units)
     deviation = np.sqrt(np.diag(covariance)[:Q])
-    y = found.covariance(PATH.at(TIME), reach=1e9)
+    y = found.covariance(PATH.at(TIME), distance=1e9)
     size = np.outer(deviation, deviation)
     np.testing.assert_allclose(y / size, covariance[:Q, :Q] / size, atol=1e-3)
     members = np.array([0, 2, 3, 4])
@@ -129,7 +129,7 @@ def test_what_is_not_seen_at_all_may_be_anywhere_within_reach():
     position = X[:3] + points @ np.swapaxes(motion.attitude, 1, 2)
     observations = Observations(position, np.ones((N, 5)))
     found = equations(observations, motion, sampled, sampled.position(X[:3]), points)
-    y = found.covariance(sampled, reach=20.0)
+    y = found.covariance(sampled, distance=20.0)
     assert np.sqrt(y[10, 10]) == pytest.approx(20.0, rel=1e-3)
     assert np.sqrt(y[8, 8]) < 1.0
     offset, _ = found.offset_covariance(y, np.arange(5))
