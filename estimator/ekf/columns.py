@@ -1,4 +1,4 @@
-"""CasADi functions for the few columns of a filter's bank, called some thousand times: by buffers, in microseconds."""
+"""CasADi functions of a few columns that are called thousands of times: through buffers, in microseconds."""
 
 from typing import Any
 
@@ -10,11 +10,11 @@ FloatArray = NDArray[np.float64]
 
 
 class Columns:
-    """A function of dense columns with one dense result, for k sets of arguments at once. Not for several threads.
+    """A function of dense columns with one dense result, for k sets of arguments at once; not thread-safe.
 
     Args:
         function: its inputs and its output are columns.
-        k: how many sets.
+        k: number of sets.
     """
 
     def __init__(self, function: ca.Function, k: int) -> None:
@@ -26,10 +26,10 @@ class Columns:
         for index, argument in enumerate(self._arguments):
             buffer.set_arg(index, argument.data)
         buffer.set_res(0, self._result.data)
-        self._buffer, self._run = buffer, run  # the buffer must live as long as what runs on it
+        self._buffer, self._run = buffer, run  # the buffer must live as long as the function that uses it
 
     def __call__(self, *arguments: Any) -> FloatArray:
-        """The result (k, rows) of arguments (k, rows), or of what is the same for all sets."""
+        """The result (k, rows) for arguments (k, rows), or arguments that broadcast to it."""
         for own, argument in zip(self._arguments, arguments, strict=True):
             own[:] = argument
         self._run()

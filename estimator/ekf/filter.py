@@ -1,4 +1,4 @@
-"""The filter of `ekf`: a bank of iterated extended Kalman filters, side by side, over one target's observations."""
+"""The filter of `ekf`: a bank of iterated extended Kalman filters, run together over one target's observations."""
 
 from dataclasses import dataclass, replace
 
@@ -11,20 +11,20 @@ from baryscope.estimator.ekf.state import Measured, State
 from baryscope.estimator.ekf.update import placed, updated
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
-RENEWED = 8  # observations of a feature in a row that do not fit, after which it is placed anew
-UNSURE = 1.0  # rad, deviation of the attitude with which nothing can be predicted, and an observation tells nothing
-LEAST = 3  # observations that tell an attitude
-LONGEST = 100.0  # trace of an inertia that began with 1 and keeps its determinant: far beyond any body, but for a start
-FASTEST = 10.0  # times the rate at first, three deviations added
+MAX_CONSECUTIVE_OUTLIERS = 8  # of a feature, after which its point is initialised again
+MAX_ATTITUDE_DEVIATION = 1.0  # rad, standard deviation above which the attitude cannot be used for a prediction
+MIN_OBSERVATIONS = 3  # that determine an attitude
+MAX_INERTIA_TRACE = 100.0  # initially 1, with the determinant kept: beyond any body except in the first iterations
+MAX_RATE_RATIO = 10.0  # bound of the rate over its initial upper bound
 
 
 @dataclass(frozen=True, eq=False)
 class ProcessNoise:
     """Process noise of k members.
 
-    unit (o, n - 1, p, p): covariances of the path's steps that carry it off by 1 m; which (k,) of them each member has;
-    path (k,): and how many m²; turn (k,): density of the angular acceleration, rad²/s³; gravity_gradient (k, n - 1, 3):
-    of the gravity gradient, see `motion.rotated`.
+    unit (o, n - 1, p, p): covariances of the path's steps for 1 m after the time span, for each order; which (k,): the
+    index of each member's order; path (k,): factor on it; turn (k,): spectral density of the angular acceleration,
+    rad²/s³; gravity_gradient (k, n - 1, 3): see `motion.rotated`.
     """
 
     unit: FloatArray
@@ -34,17 +34,17 @@ class ProcessNoise:
     gravity_gradient: FloatArray
 
     def of_path(self, member: int) -> FloatArray:
-        """The covariance of the steps of a member's path, (n - 1, p, p)."""
+        """The covariance (n - 1, p, p) of the process noise of a member's path, per step."""
         return np.asarray(self.path[member] * self.unit[self.which[member]])
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What a smoother needs of a frame.
+    """A filter step as the smoother needs it.
 
-    Before its observations: how path and rotation got there, (p + 11, p + 11), and the path's covariance with all
-    errors, (p, s). How errors after them follow those before, (s, s), and the information (s, s) and rhs (s,) that they
-    bring.
+    moved (p + 11, p + 11): transition of the errors of path and rotation to this frame; covariance (p, s): of the
+    path's errors with all errors, before the update; follow (s, s): transition of the errors by the update; information
+    (s, s) and rhs (s,) of the frame's observations.
     """
 
     moved: FloatArray
@@ -54,7 +54,7 @@ class Trace:
     rhs: FloatArray
 
     def after(self, pick: FloatArray) -> "Trace":
-        """Where errors before the observations were changed by pick (s, s) first."""
+        """The step with a transition pick (s, s) of the errors before the update."""
         return replace(
             self,
             follow=self.follow @ pick,
@@ -65,13 +65,12 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """How a bank of k fared.
+    """The result of a pass of k members.
 
-    state at the last frame; log_likelihood (k,) of the innovations, −∞ for members that went astray; squares (k, n, m):
-    normalised squared innovations of the observations, each by itself, NaN where there are none; predicted (k, n, m,
-    3): where they were expected, m in C; nis (k,): mean normalised innovation squared of all accepted values, 1 is
-    expected; restarts (k,): how often attitude and rate were taken from the observations anew; traces, of the first
-    member, if they are kept.
+    state at the last frame; log_likelihood (k,) of the innovations, −∞ for diverged members; squares (k, n, m):
+    normalised squared innovation of each observation, NaN if there is none; predicted (k, n, m, 3): predicted
+    positions in C, m; nis (k,): mean normalised innovation squared of the accepted values, 1 is expected; restarts
+    (k,): number of registrations of a attitude_lost attitude; traces of the first member, if they are kept.
     """
 
     state: State
@@ -83,7 +82,7 @@ class Run:
     traces: tuple[Trace, ...]
 
     def only(self, member: int) -> "Run":
-        """That of one member."""
+        """The result of one member."""
         one = np.array([member])
         return Run(
             self.state.where(one),
@@ -98,9 +97,9 @@ class Run:
 
 @dataclass(eq=False)
 class _Bank:
-    """A bank of k at work: its state, how it has fared so far, see `Run`, and the features (k, m) that each knows.
+    """A bank of k members during a pass: its state, the results so far, see `Run`, and the initialised features (k, m).
 
-    missed (k, m): observations in a row that did not fit; pace: how fast the target turns at most at first, rad/s.
+    outliers (k, m): consecutive observations beyond the gate; max_rate: initial upper bound of the rate, rad/s.
     """
 
     state: State
@@ -111,8 +110,8 @@ class _Bank:
     values: FloatArray
     restarts: IntArray
     known: BoolArray
-    missed: IntArray
-    pace: float
+    outliers: IntArray
+    max_rate: float
 
 
 def run_filter(
@@ -124,11 +123,11 @@ def run_filter(
     measured: Measured,
     keep: bool = False,
 ) -> Run:
-    """Run the bank over the frames, at the first of which the state is; keep: the first member's traces."""
-    bank, traces = _started(state, *measured.seen.shape), []
+    """Run the bank over the frames; state: at the first of them; keep: whether to keep the first member's traces."""
+    bank, traces = _initial_bank(state, *measured.seen.shape), []
     p, s = state.path.shape[1], state.covariance.shape[1]
     moved, seen = np.eye(p + ROTATION), np.asarray(measured.seen.any(axis=1))
-    with np.errstate(over="ignore", invalid="ignore"):  # of members that go astray
+    with np.errstate(over="ignore", invalid="ignore"):  # of diverging members
         for frame in frames:
             if frame > frames.start:
                 dt = float(time[frame] - time[frame - 1])
@@ -137,8 +136,8 @@ def run_filter(
             if keep:
                 trace = Trace(moved, bank.state.covariance[0, :p], np.eye(s), np.zeros((s, s)), np.zeros(s))
             if seen[frame]:
-                trace = _told(bank, frame, process, measured, trace)
-                _drop_astray(bank)
+                trace = _with_observations(bank, frame, process, measured, trace)
+                _replace_diverged(bank)
             if trace is not None:
                 traces.append(trace)
             if not np.isfinite(bank.log_likelihood).any():
@@ -154,7 +153,7 @@ def run_filter(
     )
 
 
-def _started(state: State, n: int, m: int) -> _Bank:
+def _initial_bank(state: State, n: int, m: int) -> _Bank:
     k, p = state.path.shape
     slack = 3 * float(np.sqrt(np.einsum("kii->ki", state.covariance)[:, p + 3 : p + 6].max()))
     return _Bank(
@@ -166,24 +165,26 @@ def _started(state: State, n: int, m: int) -> _Bank:
         values=np.zeros(k),
         restarts=np.zeros(k, dtype=np.intp),
         known=np.zeros((k, m), dtype=bool),
-        missed=np.zeros((k, m), dtype=np.intp),
-        pace=float(np.linalg.norm(state.rate, axis=1).max()) + slack,
+        outliers=np.zeros((k, m), dtype=np.intp),
+        max_rate=float(np.linalg.norm(state.rate, axis=1).max()) + slack,
     )
 
 
-def _told(bank: _Bank, frame: int, process: PathProcess, measured: Measured, trace: Trace | None) -> Trace | None:
-    """What a frame's observations tell the bank: an update by the features known, and places for those that are not."""
-    seen, sure = measured.seen[frame], _sure(bank.state)
+def _with_observations(
+    bank: _Bank, frame: int, process: PathProcess, measured: Measured, trace: Trace | None
+) -> Trace | None:
+    """Update the bank by a frame's observations of known features, and initialise the points of new ones."""
+    seen, has_attitude = measured.seen[frame], _has_attitude(bank.state)
     old = np.nonzero(seen & bank.known.any(axis=0))[0]
     if len(old):
-        sure, trace = _updated(bank, frame, old, process, measured, sure, trace)
-    fresh = seen & ((bank.missed >= RENEWED) | ~bank.known) & sure[:, None]
-    if fresh.any():
-        bank.state, follow = placed(bank.state, process, frame, fresh, measured)
+        has_attitude, trace = _updated(bank, frame, old, process, measured, has_attitude, trace)
+    new = seen & ((bank.outliers >= MAX_CONSECUTIVE_OUTLIERS) | ~bank.known) & has_attitude[:, None]
+    if new.any():
+        bank.state, follow = placed(bank.state, process, frame, new, measured)
         if trace is not None:
             trace = replace(trace, follow=follow[0] @ trace.follow)
-        bank.missed[fresh] = 0
-        bank.known |= fresh
+        bank.outliers[new] = 0
+        bank.known |= new
     return trace
 
 
@@ -193,63 +194,64 @@ def _updated(
     old: IntArray,
     process: PathProcess,
     measured: Measured,
-    sure: BoolArray,
+    has_attitude: BoolArray,
     trace: Trace | None,
 ) -> tuple[BoolArray, Trace | None]:
-    """An update by c features `old`, after a restart where it takes one; and which members are sure of their attitude.
+    """Update the bank by c known features, after a restart of members that attitude_lost the attitude.
 
-    A restart, or observations that a member cannot make use of, cost as much likelihood as if all lay on the gate.
+    Returns the members (k,) with a usable attitude, and the trace. A restart, or observations without a usable
+    attitude, reduce the log-likelihood as if all observations were at the gate.
     """
     known, pick, keep = bank.known[:, old], None, trace is not None
-    used = known & sure[:, None]
+    used = known & has_attitude[:, None]
     state, update = updated(bank.state, process, frame, old, measured, used, keep)
-    lost = ~sure | _contradicted(update.squares, known)
-    if lost.any():
-        again, found, pick = restarted(bank.state, frame, old, measured, known, lost, bank.pace)
-        bank.restarts, sure = bank.restarts + found, sure | found
-        used = known & sure[:, None]
-        state, update = updated(again, process, frame, old, measured, used, keep)
-        bank.log_likelihood -= 0.5 * GATE * known.sum(axis=1) * (found | ~sure)
+    attitude_lost = ~has_attitude | _contradicted(update.squares, known)
+    if attitude_lost.any():
+        restart, registered, pick = restarted(bank.state, frame, old, measured, known, attitude_lost, bank.max_rate)
+        bank.restarts, has_attitude = bank.restarts + registered, has_attitude | registered
+        used = known & has_attitude[:, None]
+        state, update = updated(restart, process, frame, old, measured, used, keep)
+        bank.log_likelihood -= 0.5 * GATE * known.sum(axis=1) * (registered | ~has_attitude)
     bank.state = state
     bank.log_likelihood += update.log_likelihood
     bank.total, bank.values = bank.total + update.total, bank.values + update.values
     bank.squares[:, frame, old] = np.where(used, update.squares, np.nan)
     bank.predicted[:, frame, old] = np.where(used[:, :, None], update.predicted, np.nan)
-    missed = bank.missed[:, old]
-    bank.missed[:, old] = np.where(used, np.where(update.squares < GATE, 0, missed + 1), missed)
+    outliers = bank.outliers[:, old]
+    bank.outliers[:, old] = np.where(used, np.where(update.squares < GATE, 0, outliers + 1), outliers)
     if trace is not None:
         trace = replace(trace, follow=update.follow, information=update.information, rhs=update.rhs)
         trace = trace if pick is None else trace.after(pick)
-    return sure, trace
+    return has_attitude, trace
 
 
-def _sure(state: State) -> BoolArray:
-    """Members (k,) whose attitude is known well enough to predict what is seen."""
+def _has_attitude(state: State) -> BoolArray:
+    """Members (k,) whose attitude is accurate enough for a prediction."""
     p = state.path.shape[1]
-    return np.asarray((np.einsum("kii->ki", state.covariance)[:, p : p + 3] < UNSURE**2).all(axis=1))
+    return np.asarray((np.einsum("kii->ki", state.covariance)[:, p : p + 3] < MAX_ATTITUDE_DEVIATION**2).all(axis=1))
 
 
-def _contradicted(squares: FloatArray, told: BoolArray) -> BoolArray:
-    """Members (k,) for which of three observations (k, c) or more, too many to be wrong, most lie beyond the gate."""
-    wrong, count = ((squares >= GATE) & told).sum(axis=1), told.sum(axis=1)
-    return np.asarray((count >= LEAST) & (2 * wrong > count))
+def _contradicted(squares: FloatArray, known: BoolArray) -> BoolArray:
+    """Members (k,) for which most of at least MIN_OBSERVATIONS known observations (k, c) lie beyond the gate."""
+    wrong, count = ((squares >= GATE) & known).sum(axis=1), known.sum(axis=1)
+    return np.asarray((count >= MIN_OBSERVATIONS) & (2 * wrong > count))
 
 
-def _drop_astray(bank: _Bank) -> None:
-    """Members that have gone astray go on as copies of one that has not, their log-likelihood −∞ from now on."""
+def _replace_diverged(bank: _Bank) -> None:
+    """Replace diverged members by copies of a regular one, with the log-likelihood −∞ from then on."""
     state = bank.state
-    sound = (state.inertia.trace(axis1=1, axis2=2) < LONGEST) & np.isfinite(state.path).all(axis=1)
-    sound &= np.isfinite(bank.log_likelihood) & (np.abs(state.rate).max(axis=1) < FASTEST * bank.pace)
-    bank.log_likelihood[~sound] = -np.inf
-    if not sound.all() and sound.any():
-        order = np.where(sound, np.arange(len(sound)), np.argmax(sound))
-        bank.state, bank.known, bank.missed = state.where(order), bank.known[order], bank.missed[order]
+    regular = (state.inertia.trace(axis1=1, axis2=2) < MAX_INERTIA_TRACE) & np.isfinite(state.path).all(axis=1)
+    regular &= np.isfinite(bank.log_likelihood) & (np.abs(state.rate).max(axis=1) < MAX_RATE_RATIO * bank.max_rate)
+    bank.log_likelihood[~regular] = -np.inf
+    if not regular.all() and regular.any():
+        order = np.where(regular, np.arange(len(regular)), np.argmax(regular))
+        bank.state, bank.known, bank.outliers = state.where(order), bank.known[order], bank.outliers[order]
 
 
 def _predicted(
     state: State, step: int, dt: float, process: PathProcess, noise: ProcessNoise
 ) -> tuple[State, FloatArray]:
-    """One frame on, dt in s; and how the errors of path and rotation of the first member moved."""
+    """The state at the next frame, after dt in s, and the transition of the first member's path and rotation errors."""
     p, q = state.path.shape[1], state.path.shape[1] + ROTATION
     transition = process.transition[step]
     quaternion, rate, change = rotated(state.quaternion, state.rate, state.inertia, noise.gravity_gradient[:, step], dt)

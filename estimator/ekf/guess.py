@@ -1,4 +1,4 @@
-"""What the passes of `ekf` start from: the first from the first frames, the others from where the last one led."""
+"""Initial values of the passes of `ekf`: from the first frames, then from the result of the previous pass."""
 
 from dataclasses import dataclass
 
@@ -18,18 +18,18 @@ from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 
-WIDER = 10.0  # times the deviations that the last pass gave, to start the next one with
-FAR = 3.0  # radii of the features, one deviation of the centre of mass from their centroid at first
-SHAPELESS = 0.5  # deviation of the inertia's logarithms at first
-EXACT = 1e-5  # radii of the features, that an observation is taken to be uncertain by at least
+INFLATION = 10.0  # factor on the standard deviations of the previous pass
+INITIAL_DISTANCE = 3.0  # radii of the features: initial standard deviation of the centre of mass from their centroid
+INITIAL_INERTIA_DEVIATION = 0.5  # initial standard deviation of the inertia's logarithmic errors
+MIN_NOISE = 1e-5  # radii of the features: least standard deviation of an observation
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The tracks, what is known beside them, and where to start.
+    """The tracks, orbit and options, and the initial state.
 
-    on_orbit: whether the path is free relative motion; degree: its derivative that is constant or noisy;
-    observations as they are given, with their precision if there is one; inliers (n, m): those whose distances fit.
+    on_orbit: whether the path is free relative motion; degree: of the derivative of the path that is constant or noisy,
+    None if the path model is not given; inliers (n, m): from the screening; observations with their precisions, if any.
     """
 
     tracks: FeatureTracks
@@ -44,10 +44,11 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """What a pass starts from.
+    """The initial values of a pass.
 
-    nominal: the chaser's (ρ, ρ̇) in LVLH that an orbit's process is about, m and m/s; u (p,) of the path and its
-    covariance; inertia and its errors' covariance (5, 5); measured; scale: factor of covariances, or variance in m².
+    nominal: the chaser's (ρ, ρ̇) in LVLH, m and m/s, about which the process of an orbit is linearised; u (p,) of the
+    path and its covariance (p, p); inertia and the covariance (5, 5) of its errors; measured; scale: factor on the
+    given covariances, or variance of a coordinate in m².
     """
 
     nominal: FloatArray
@@ -60,7 +61,7 @@ class Guess:
 
 
 def first_guess(problem: Problem) -> Guess:
-    """The features' centroid for the centre of mass, at rest, and a sphere for the inertia: hardly anything."""
+    """The initial values of the first pass: centre of mass at rest in the features' centroid, a sphere's inertia."""
     start, orbit = problem.start, problem.orbit
     size = 2 if problem.on_orbit else 4 if problem.degree is None else problem.degree + 1
     nominal = np.zeros(6)
@@ -73,24 +74,24 @@ def first_guess(problem: Problem) -> Guess:
         np.zeros(3 * size),
         _first_covariance(problem, size),
         np.eye(3) / 3,
-        SHAPELESS**2 * np.eye(5),
+        INITIAL_INERTIA_DEVIATION**2 * np.eye(5),
         _measured(problem, problem.observations, scale),
         scale,
     )
 
 
 def _first_covariance(problem: Problem, size: int) -> FloatArray:
-    """Of the path's u, where only the features' centroid is known, and how fast it moves."""
+    """The initial covariance (p, p) of the path's u, from the features' radius and the speed of their centroid."""
     span = span_of(problem.tracks.time)
-    deviation = np.repeat([FAR * problem.start.radius, *[problem.start.speed * span] * (size - 1)], 3)
+    deviation = np.repeat([INITIAL_DISTANCE * problem.start.radius, *[problem.start.speed * span] * (size - 1)], 3)
     return np.diag(deviation**2)
 
 
 def _first_scale(problem: Problem) -> float:
-    """The variance of a coordinate, or the factor of the given covariances: as told, or as registration shows it."""
+    """The variance of a coordinate, or the factor on the given covariances: as given, or from the registration."""
     if problem.options.sigma is not None:
         return problem.options.sigma**2
-    noise = max(problem.start.noise, EXACT * problem.start.radius)
+    noise = max(problem.start.noise, MIN_NOISE * problem.start.radius)
     if problem.tracks.covariance is None:
         return noise**2
     given = np.trace(problem.tracks.covariance[problem.inliers], axis1=1, axis2=2)
@@ -107,14 +108,19 @@ def _measured(problem: Problem, observations: Observations, scale: float) -> Mea
 
 
 def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, order: int) -> Guess:
-    """Where a pass led, WIDER but not wider than at first: a hundredth of what it tells is told twice."""
+    """The initial values after a pass: its result, with INFLATION of its deviations up to the first pass's.
+
+    A hundredth of the information is thus used twice.
+    """
     frame, state = problem.start.frame, run.state
     p, used = len(last.u), 3 * (order + 1)
     u, nominal = path.u[frame], last.nominal
     covariance = _first_covariance(problem, p // 3)
     if np.trace(path.covariance[frame, :3, :3]) < np.trace(covariance[:3, :3]):
-        covariance[:used, :used] = _capped(WIDER**2 * path.covariance[frame, :used, :used], covariance[:used, :used])
-    else:  # a noisy path that was carried back over a long time tells nothing
+        covariance[:used, :used] = _capped(
+            INFLATION**2 * path.covariance[frame, :used, :used], covariance[:used, :used]
+        )
+    else:  # the state of a noisy path, propagated back over a long time, has no information
         u, covariance = last.u, last.covariance
     if problem.on_orbit:
         nominal = nominal + np.concatenate([u[:3], u[3:] / span_of(problem.tracks.time)])
@@ -134,17 +140,17 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
         u,
         covariance,
         inertia,
-        _capped(WIDER**2 * of_inertia, SHAPELESS**2 * np.eye(5)),
+        _capped(INFLATION**2 * of_inertia, INITIAL_INERTIA_DEVIATION**2 * np.eye(5)),
         _measured(problem, observations, scale),
         scale,
     )
 
 
 def renewed_scale(guess: Guess, run: Run) -> float:
-    """The variance of a coordinate, or the factor of the given covariances, as the innovations of a pass show it.
+    """The variance of a coordinate, or the factor on the given covariances, from the innovations of a pass.
 
     Raises:
-        ComputationError: all lie beyond the gate.
+        ComputationError: all innovations lie beyond the gate.
     """
     squares = run.squares[0]
     accepted = squares[squares < GATE]
@@ -156,10 +162,10 @@ def renewed_scale(guess: Guess, run: Run) -> float:
 
 
 def _least_scale(problem: Problem) -> float:
-    return (EXACT * problem.start.radius) ** 2 if problem.tracks.covariance is None else 0.0
+    return (MIN_NOISE * problem.start.radius) ** 2 if problem.tracks.covariance is None else 0.0
 
 
 def _capped(covariance: FloatArray, most: FloatArray) -> FloatArray:
-    """A covariance below both: (A⁻¹ + B⁻¹)⁻¹ = A (A + B)⁻¹ B."""
+    """The covariance of combined information, (A⁻¹ + B⁻¹)⁻¹ = A (A + B)⁻¹ B, which is below both A and B."""
     found = covariance @ np.linalg.solve(covariance + most, most)
     return np.asarray(0.5 * (found + found.T))

@@ -1,15 +1,15 @@
-"""ekf: an iterated extended Kalman filter, in the manner of Segal, Carmi and Gurfil (IEEE TCST 2014).
+"""ekf: an iterated extended Kalman filter, after Segal, Carmi and Gurfil (IEEE TCST 2014).
 
 Its state is the relative path, the target's attitude, rate and inertia, and its features in body axes. It starts from
-the first frames alone and goes through the tracks frame by frame, as a chaser would. Where Segal et al. choose among a
-bank of inertias by likelihood, the bank here is one of process noises, and the inertia is estimated: five coefficients
-of INERTIA_BASIS, of its logarithm, from a sphere on. Gravity gradient or not is a hypothesis, too.
+the first frames and processes the tracks frame by frame, as on board a chaser. Segal et al. choose among a bank of
+inertias by likelihood. Here the bank is one of process noises, and the inertia is estimated: five coefficients of its
+logarithm in INERTIA_BASIS, starting from a sphere. The gravity gradient is a hypothesis of the bank, too.
 
-What makes it a strong peer, and no causal filter any more: the process noise is the one of greatest innovation
-likelihood; the tracks are filtered several times over, each time from where the last one led, with ten times its
-deviations, since the first pass linearises about a poor guess; and the path is smoothed at all times. Where the path's
-noise is zero that is the last state carried back. Of long tracks the first frames teach noise and inertia, and only
-then come all frames. Where the attitude is lost, after a gap, registration finds it again: see `restart`.
+Three extensions make the comparison fair, and the filter no longer causal. The process noise has the greatest
+likelihood of the innovations. The tracks are filtered several times, each pass starting from the last one's result with
+ten times its standard deviations, as the first pass linearises about poor initial values. The path is smoothed; without
+path noise this propagates the last state back. For long tracks, passes over the first frames choose noise and inertia
+before the passes over all frames. A lost attitude, after a gap, is recovered by registration: see `restart`.
 """
 
 import time as clock
@@ -35,7 +35,7 @@ from baryscope.estimator.ekf.bank import (
 )
 from baryscope.estimator.ekf.filter import ProcessNoise, Run, run_filter
 from baryscope.estimator.ekf.guess import Guess, Problem, first_guess, next_guess, renewed_scale
-from baryscope.estimator.ekf.motion import ROTATION, TURN, PathProcess, derivatives, free_orbit
+from baryscope.estimator.ekf.motion import ROTATION, STEP_ANGLE, PathProcess, derivatives, free_orbit
 from baryscope.estimator.ekf.smoother import SmoothedPath, smoothed_path
 from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.ekf.state import State
@@ -49,18 +49,18 @@ from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
-PASSES = 8  # over the first frames, and over all, at most
-LEARN = 200  # of the first frames that show something, by which the process noise is chosen
-WORTH = 1.5  # times as many there must be for it to be worth the while
-GAIN = 1.0  # of log-likelihood, below which a pass brought nothing
-ROUGH_GAIN = 10.0  # the same while there are more frames to come; and what a pass may lose
-BRIDGED, PER_FRAME = 30_000, 10  # steps of integration that a pass may take: more would take many minutes
-ASTRAY = 2.0  # mean normalised innovation squared from which on the filter counts as diverged
+MAX_PASSES = 8  # over the first frames, and over all frames
+FIRST_FRAMES = 200  # with observations, from which the process noise is chosen
+MIN_LENGTH = 1.5  # times FIRST_FRAMES, up to which all frames are used at once
+MIN_GAIN = 1.0  # of the log-likelihood in a pass, below which the passes have converged
+ROUGH_GAIN = 10.0  # the same for the first frames; also the greatest loss of a converged pass
+MAX_STEPS, STEPS_PER_FRAME = 30_000, 10  # bound of the integration steps of a pass: more would take many minutes
+DIVERGED_NIS = 2.0  # mean normalised innovation squared from which the filter counts as diverged
 
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """A pass over the tracks: its guess, its best member, how that fared (alone in `run`), and its path."""
+    """A pass over the tracks: its initial values, its best member, the run of that member, and its path."""
 
     guess: Guess
     member: Member
@@ -75,22 +75,22 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Passes:
-    """The best of some passes, their number, and whether they settled."""
+    """The best of some passes, their number, and whether they converged."""
 
     best: Pass
     count: int
-    settled: bool
+    converged: bool
 
 
 def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
     """The centre of mass by an iterated extended Kalman filter, smoothed.
 
     The covariance is the smoother's; `FilterDetails` has the filter's own at the last frame, the mean normalised
-    innovation squared (1 is expected), and the process noise that was chosen. Residuals are innovations.
+    innovation squared (1 is expected), and the chosen process noise. Residuals are innovations.
 
     Raises:
-        InputError: options that do not go together.
-        ComputationError: the filter cannot start, or goes astray whatever its process noise.
+        InputError: an invalid combination of options, or a singular covariance.
+        ComputationError: the first frames determine no initial state, or the filter diverges with any process noise.
     """
     begin = clock.perf_counter()
     trajectory = trajectory_of(options.trajectory, orbit)
@@ -110,97 +110,98 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
         observations_of(tracks, tracks.seen),
         start,
     )
-    best, count, settled = _passes(problem)
-    return _result(problem, best, count, settled, begin)
+    return _result(problem, _passes(problem), begin)
 
 
 def _refuse_long(start: Start, time: FloatArray) -> None:
-    """Check that the target does not turn too often between the frames for its motion to be followed.
+    """Check that the integration of the rotation does not need too many steps.
 
     Raises:
         ComputationError: it does.
     """
     span = float(time[-1] - time[start.frame])
-    pace = float(np.hypot(np.linalg.norm(start.rate), start.rate_deviation))
-    if pace * span > TURN * (BRIDGED + PER_FRAME * len(time)):
-        raise too_long(pace, span)
+    speed = float(np.hypot(np.linalg.norm(start.rate), start.rate_deviation))
+    if speed * span > STEP_ANGLE * (MAX_STEPS + STEPS_PER_FRAME * len(time)):
+        raise too_long(speed, span)
 
 
-def _passes(problem: Problem) -> tuple[Pass, int, bool]:
-    """Passes until these bring nothing more: the best, their number, and whether they settled.
+def _passes(problem: Problem) -> Passes:
+    """Passes until convergence, over the first frames, then over all frames.
 
-    The first ones go over the first frames only, where the process noise is chosen and a poor guess becomes a good one.
+    The passes over the first frames choose the process noise and improve the initial values.
     """
     gravity_gradients = [problem.options.torque == "gravity-gradient"]
     if problem.orbit is not None and problem.options.torque is None:
         gravity_gradients = [False, True]
     orders = ORDERS if problem.degree is None else ()
     first, n = problem.start.frame, len(problem.tracks.time)
-    posed = first + np.nonzero(problem.inliers[first:].any(axis=1))[0]
-    everything, short = range(first, n), len(posed) <= WORTH * LEARN
-    frames = everything if short else range(first, int(posed[LEARN - 1]) + 1)
-    learned = _learned(problem, frames, gravity_gradients, orders)
-    if learned is None:
-        raise _astray()
-    best, count, settled = learned.best, learned.count, learned.settled
+    observed = first + np.nonzero(problem.inliers[first:].any(axis=1))[0]
+    everything, short = range(first, n), len(observed) <= MIN_LENGTH * FIRST_FRAMES
+    frames = everything if short else range(first, int(observed[FIRST_FRAMES - 1]) + 1)
+    initial = _first_passes(problem, frames, gravity_gradients, orders)
+    if initial is None:
+        raise _diverged()
+    best, count, converged = initial.best, initial.count, initial.converged
     if problem.degree is not None and best.member.path:
-        # A poor first inertia is easily taken for noise of the path, and no pass finds back from there.
-        calm = _learned(problem, frames, gravity_gradients, orders, calm=True)
-        if calm is not None:
-            count += calm.count
-            if calm.best.score > best.score + ROUGH_GAIN:
-                best, settled = calm.best, calm.settled
+        # Errors of the initial inertia may be attributed to noise of the path, which later passes do not correct.
+        noiseless = _first_passes(problem, frames, gravity_gradients, orders, noiseless=True)
+        if noiseless is not None:
+            count += noiseless.count
+            if noiseless.best.score > best.score + ROUGH_GAIN:
+                best, converged = noiseless.best, noiseless.converged
     if not short:
         whole = _passed(problem, _next(problem, best), middle_members(best.member, orders), everything)
         if whole is None:
-            raise _astray()
+            raise _diverged()
 
         def members(last: Pass, count: int) -> list[Member]:
             noisy = last.member.path > 0 or last.member.turn > 0
             return last_members(last.member, gravity_gradients) if noisy or count == 1 else [last.member]
 
         last = _repeated(problem, whole, everything, members)
-        best, count, settled = last.best, count + last.count, last.settled
-    return (_smoothed(problem, best) if best.member.path else best), count, settled
+        best, count, converged = last.best, count + last.count, last.converged
+    return Passes(_smoothed(problem, best) if best.member.path else best, count, converged)
 
 
-def _astray() -> ComputationError:
+def _diverged() -> ComputationError:
     return ComputationError(
-        "the filter goes astray, whatever its process noise: the features do not move as one body", Reason.DIVERGED
+        "the filter diverges with any process noise: the features do not move as one body", Reason.DIVERGED
     )
 
 
-def _learned(
+def _first_passes(
     problem: Problem,
     frames: range,
     gravity_gradients: list[bool],
     orders: Sequence[int],
-    calm: bool = False,
+    noiseless: bool = False,
 ) -> Passes | None:
-    """Passes from a first guess on, with path noise if need be, or calm: without any. None where all go astray."""
+    """Passes from the first initial values, without path noise if `noiseless`. None if all members diverge."""
 
-    def some(members: list[Member]) -> list[Member]:
-        return [member for member in members if not (calm and member.path)]
+    def allowed(members: list[Member]) -> list[Member]:
+        return [member for member in members if not (noiseless and member.path)]
 
-    first = _passed(problem, first_guess(problem), some(first_members(problem.degree)), frames)
+    first = _passed(problem, first_guess(problem), allowed(first_members(problem.degree)), frames)
     if first is None:
         return None
-    return _repeated(problem, first, frames, lambda last, _: some(next_members(last.member, gravity_gradients, orders)))
+    return _repeated(
+        problem, first, frames, lambda last, _: allowed(next_members(last.member, gravity_gradients, orders))
+    )
 
 
 def _repeated(problem: Problem, last: Pass, frames: range, members: Callable[[Pass, int], list[Member]]) -> Passes:
-    """Passes after a first one, each from where the last one led."""
-    gain = GAIN if frames.stop == len(problem.tracks.time) else ROUGH_GAIN
-    best, count, settled = last, 1, False
-    while not settled and count < PASSES:
+    """Passes after a first one until convergence, each from the result of the one before."""
+    gain = MIN_GAIN if frames.stop == len(problem.tracks.time) else ROUGH_GAIN
+    best, count, converged = last, 1, False
+    while not converged and count < MAX_PASSES:
         found = _passed(problem, _next(problem, last), members(last, count), frames)
-        if found is None:  # what was learnt leads astray; before, something was found
+        if found is None:  # the new initial values diverge; the best pass so far remains
             break
         gained = found.score - last.score
-        settled = (found.member == last.member or gain > GAIN) and -ROUGH_GAIN < gained < gain
-        best = found if settled or found.score > best.score else best
+        converged = (found.member == last.member or gain > MIN_GAIN) and -ROUGH_GAIN < gained < gain
+        best = found if converged or found.score > best.score else best
         last, count = found, count + 1
-    return Passes(best, count, settled)
+    return Passes(best, count, converged)
 
 
 def _next(problem: Problem, last: Pass) -> Guess:
@@ -208,10 +209,10 @@ def _next(problem: Problem, last: Pass) -> Guess:
 
 
 def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range) -> Pass | None:
-    """The bank over the frames, and its best member; None where all members go astray."""
+    """A pass of the bank over the frames; None if all members diverge."""
     try:
         run, process, noise = _filtered(problem, guess, members, frames, keep=False)
-    except ComputationError:  # the guess is on an open orbit
+    except ComputationError:  # the initial values are on an open orbit
         return None
     score = run.log_likelihood - [member.penalty for member in members]
     best = int(np.argmax(score))
@@ -223,7 +224,7 @@ def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range
 
 
 def _smoothed(problem: Problem, best: Pass) -> Pass:
-    """The same member once more, over all frames, smoothed with the noise of its path."""
+    """The best member filtered again over all frames, and smoothed with the noise of its path."""
     frames = range(problem.start.frame, len(problem.tracks.time))
     run, process, noise = _filtered(problem, best.guess, [best.member], frames, keep=True)
     return replace(best, run=run, path=smoothed_path(run.state, process, noise.of_path(0), frames.start, run.traces))
@@ -238,8 +239,8 @@ def _filtered(
         process = free_orbit(problem.orbit, time, guess.nominal[:3], guess.nominal[3:], float(time[start.frame]))
     else:
         process = derivatives(p // 3, time, start.centroid)
-    pace = float(np.hypot(np.linalg.norm(start.rate), start.rate_deviation))
-    noise = bank_noise(members, p // 3, time, pace, problem.orbit)
+    speed = float(np.hypot(np.linalg.norm(start.rate), start.rate_deviation))
+    noise = bank_noise(members, p // 3, time, speed, problem.orbit)
     P = np.zeros((k, p + ROTATION + 3 * m, p + ROTATION + 3 * m))
     P[:, :p, :p] = guess.covariance
     for member, row in zip(members, P, strict=True):
@@ -258,7 +259,8 @@ def _filtered(
     return run_filter(state, frames, time, process, noise, guess.measured, keep), process, noise
 
 
-def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: float) -> Estimate:
+def _result(problem: Problem, passes: Passes, begin: float) -> Estimate:
+    best = passes.best
     tracks, run, member = problem.tracks, best.run, best.member
     seen, state, path = tracks.seen, run.state, best.path
     gated = run.squares[0] >= GATE
@@ -279,8 +281,8 @@ def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: floa
         used=weight > 0,
         rejected=rejected_by(weight),
         covered=covered_by([cluster], len(tracks.time)),
-        converged=settled and nis < ASTRAY and share < 0.5,
-        rounds=count,
+        converged=passes.converged and nis < DIVERGED_NIS and share < 0.5,
+        rounds=passes.count,
         findings=(),
         method="ekf",
         path="relative-orbit" if problem.on_orbit else on_polynomial,
@@ -302,13 +304,13 @@ def _result(problem: Problem, best: Pass, count: int, settled: bool, begin: floa
 
 
 def _cluster(problem: Problem, best: Pass) -> Cluster:
-    """All features that were placed, as one cluster."""
+    """All initialised features as one cluster."""
     seen, state = problem.tracks.seen, best.run.state
     placed = np.nonzero((seen & problem.inliers)[problem.start.frame :].any(axis=0))[0]
     rows = (len(best.guess.u) + ROTATION + 3 * placed[:, None] + np.arange(3)).ravel()
     points = state.points[0, placed]
-    held, frames = offset_by_points(points), np.nonzero(seen.sum(axis=1) >= 3)[0]
+    attached, frames = offset_by_points(points), np.nonzero(seen.sum(axis=1) >= 3)[0]
     intervals = cut_intervals(seen, np.zeros(len(seen) - 1, dtype=bool))
     body = Body(placed, frames, points, np.empty((0, 3, 3)), intervals)
-    covariance = held @ state.covariance[0][np.ix_(rows, rows)] @ held.T
+    covariance = attached @ state.covariance[0][np.ix_(rows, rows)] @ attached.T
     return cluster_of(body, points, covariance, problem.tracks.labels)

@@ -1,4 +1,4 @@
-"""How the state of `ekf` moves from frame to frame: the path's linear processes and the target's free rotation."""
+"""The process models of `ekf`: linear processes for the path, and the target's rotation."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -21,14 +21,14 @@ from baryscope.models.relative_orbit import relative_path, relative_transition
 
 FloatArray = NDArray[np.float64]
 
-TURN = 0.1  # rad in a step of the rotation's integration: leaves 1e-7 rad, and 1e-4 of the errors' growth
-MOST = 4.0  # that logarithms of the inertia may change by at once
+STEP_ANGLE = 0.1  # rad in a step of the integration: its error is 1e-7 rad, and 1e-4 of the errors' transition
+MAX_INERTIA_CHANGE = 4.0  # of the inertia's logarithm in one correction
 ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
 
 
 @dataclass(frozen=True, eq=False)
 class PathProcess:
-    """A path of the centre of mass as a linear process u_{k+1} = Φ_k u_k + w_k, seen in C at nominal_k + H_k u_k.
+    """A path of the centre of mass as a linear process u_{k+1} = Φ_k u_k + w_k, with position nominal_k + H_k u_k in C.
 
     nominal (n, 3) in m; observed (n, 3, p): H; transition (n - 1, p, p): Φ. All components of u are in m. The velocity
     is nominal_rate (n, 3), m/s, + observed_rate (n, 3, p) u, 1/s.
@@ -41,7 +41,7 @@ class PathProcess:
     transition: FloatArray
 
     def until(self, stop: int) -> "PathProcess":
-        """That of the first frames."""
+        """The process over the frames before `stop`."""
         return PathProcess(
             self.nominal[:stop],
             self.observed[:stop],
@@ -52,10 +52,10 @@ class PathProcess:
 
 
 def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: FloatArray, epoch: float) -> PathProcess:
-    """Relative motion about the exact one from ρ (3,), m, and ρ̇ (3,), m/s, at the epoch.
+    """Relative motion, linearised about the exact one from ρ (3,), m, and ρ̇ (3,), m/s, at the epoch.
 
-    u is the chaser's deviation (δρ, T δρ̇) in LVLH, T the span of the time; its transition is Yamanaka's and
-    Ankersen's, so that what is left out is of the order |ρ| |δρ|/r.
+    u is the chaser's deviation (δρ, T δρ̇) in LVLH, T the time span. Its transition is that of Yamanaka and Ankersen;
+    the linearisation error is of the order |ρ| |δρ|/r.
     """
     span = span_of(time)
     R_I_L = lvlh_attitude(orbit, time)
@@ -74,9 +74,9 @@ def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: Float
 
 
 def derivatives(size: int, time: FloatArray, origin: FloatArray) -> PathProcess:
-    """A path in C whose derivatives from that of the order `size` on are noise or zero; origin (3,) in m.
+    """A path in C whose derivatives of order `size` and above are noise or zero; origin (3,) in C, m.
 
-    u holds T^j/j! times the j-th derivative of the position less origin, j < size, T the span of the time.
+    u is T^j/j! times the j-th derivative of the position less origin, j < size, T the time span.
     """
     span = span_of(time)
     steps = np.diff(time) / span
@@ -95,14 +95,14 @@ def derivatives(size: int, time: FloatArray, origin: FloatArray) -> PathProcess:
 
 
 def span_of(time: FloatArray) -> float:
-    """The span T of times (n,) in s; 1 where there is only one."""
+    """The span T of times (n,) in s; 1 for a single time."""
     return float(time[-1] - time[0]) or 1.0
 
 
 def white_noise(order: int, size: int, time: FloatArray) -> FloatArray:
     """Covariance (n - 1, 3 size, 3 size), from frame to frame, of T^j/j! times the j-th derivatives, j < size.
 
-    The (order + 1)-th derivative is white noise, of the density that gives the position the variance 1 after T.
+    The (order + 1)-th derivative is white noise with the density that gives the position the variance 1 after T.
     """
     steps = np.diff(time) / span_of(time)
     noise = np.zeros((len(steps), size, size))
@@ -114,7 +114,7 @@ def white_noise(order: int, size: int, time: FloatArray) -> FloatArray:
 
 
 def gravity_gradient_axis(orbit: Orbit, time: FloatArray) -> FloatArray:
-    """The axis of the gravity gradient at times (n,): √(3 μ/r³) û, (n, 3), 1/s, û from the Earth up, in C."""
+    """The axis of the gravity gradient at times (n,) in s: √(3 μ/r³) û, (n, 3), 1/s, û the upward vertical, in C."""
     gradient_L = _gravity_gradient_root()(time[None, :], orbit.elements)
     return np.asarray(lvlh_attitude(orbit, time)[:, :, 0] * gradient_L)
 
@@ -122,22 +122,23 @@ def gravity_gradient_axis(orbit: Orbit, time: FloatArray) -> FloatArray:
 def rotated(
     quaternion: FloatArray, rate: FloatArray, inertia: FloatArray, gravity_gradient: FloatArray, step: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotation over `step` s, forth or back, of k bodies, free but for the gravity gradient.
+    """Rotation of k bodies over `step` s, forwards or backwards, under the gravity gradient alone.
 
     Args:
         quaternion: (k, 4) of R_C_B, scalar first.
         rate: (k, 3), rad/s in B.
         inertia: (k, 3, 3), in any unit.
-        gravity_gradient: (k, 3), of the gravity gradient, 1/s in C, held over the step; 0 without.
+        gravity_gradient: (k, 3), axis of the gravity gradient, 1/s in C, constant over the step; 0 for no torque.
         step: s.
 
     Returns:
-        quaternion and rate after it, and (k, 11, 11), how errors of turn, rate and inertia go on: the turn is a
-        rotation vector in B, and the inertia's errors δ make it A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J, E the INERTIA_BASIS.
+        quaternion and rate after the step, and the transition (k, 11, 11) of the errors of attitude, rate and inertia:
+        the attitude error is a rotation vector in B; the inertia's errors δ change it to A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J,
+        E the INERTIA_BASIS.
     """
     k = len(quaternion)
-    fastest = float(np.sqrt((rate * rate).sum(axis=1).max()))
-    count = max(1, int(np.ceil(fastest * abs(step) / TURN))) if np.isfinite(fastest) else 1
+    highest_rate = float(np.sqrt((rate * rate).sum(axis=1).max()))
+    count = max(1, int(np.ceil(highest_rate * abs(step) / STEP_ANGLE))) if np.isfinite(highest_rate) else 1
     constants = np.concatenate([inertia.reshape(k, 9), gravity_gradient], axis=1)
     advance = advance_of(k)
     change = np.tile(np.eye(ROTATION), (k, 1, 1))
@@ -150,7 +151,7 @@ def rotated(
 
 @cache
 def _gravity_gradient_root() -> ColumnFunction:
-    """(time, elements) → √(3 μ/r³)."""
+    """The function (time, elements) → √(3 μ/r³)."""
     time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
     place = conic(elements.ellipse, true_anomaly_after(time, elements))
     return ColumnFunction("gravity_gradient", [time, column], ca.sqrt(3 * place.stiffness))
@@ -158,7 +159,7 @@ def _gravity_gradient_root() -> ColumnFunction:
 
 @cache
 def advance_of(k: int) -> Columns:
-    """One Runge–Kutta step for k bodies: (q, ω, (J, gravity gradient), h) → q, ω, and how errors go on, (6, 11)."""
+    """One Runge–Kutta step of k bodies: (q, ω, (J, gravity gradient), h) → q, ω, transition (6, 11) of the errors."""
     q, w, c, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("c", 12), ca.SX.sym("h")
     J, gradient_C = ca.reshape(c[:9], 3, 3), c[9:]
     inverse = symmetric_inverse(J)
@@ -177,13 +178,13 @@ def advance_of(k: int) -> Columns:
     k4 = slope(x + h * k3)
     after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     middle = ca.SX.sym("middle", 7)
-    spun = acceleration(middle)
-    by_rate, by_inertia = (ca.substitute(ca.jacobian(spun, by), middle, x + h / 2 * k2) for by in (middle[4:], c[:9]))
+    spin = acceleration(middle)
+    by_rate, by_inertia = (ca.substitute(ca.jacobian(spin, by), middle, x + h / 2 * k2) for by in (middle[4:], c[:9]))
     root = ca.chol(J).T
-    heavier = ca.horzcat(*(ca.vec(root @ ca.DM(matrix) @ root.T) for matrix in INERTIA_BASIS))
+    inertia_changes = ca.horzcat(*(ca.vec(root @ ca.DM(matrix) @ root.T) for matrix in INERTIA_BASIS))
     turning = ca.horzcat(-ca.skew((w + after[4:]) / 2), ca.SX.eye(3), ca.SX(3, 5))
-    slopes = ca.vertcat(turning, ca.horzcat(ca.SX(3, 3), by_rate, by_inertia @ heavier), ca.SX(5, ROTATION))
-    # The exponential of the slope at the middle of the step, to the third order.
+    slopes = ca.vertcat(turning, ca.horzcat(ca.SX(3, 3), by_rate, by_inertia @ inertia_changes), ca.SX(5, ROTATION))
+    # The matrix exponential for the midpoint of the step, to third order.
     one = ca.SX.eye(ROTATION)
     change = one + h * slopes @ (one + h / 2 * slopes @ (one + h / 3 * slopes))
     found = ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:], ca.vec(change[:6, :].T))
@@ -192,30 +193,30 @@ def advance_of(k: int) -> Columns:
 
 @cache
 def changed_of(k: int) -> Columns:
-    """(q, ω, J, errors of turn, rate and inertia) → q, ω, J without these errors, for k bodies."""
+    """The function (q, ω, J, errors of attitude, rate and inertia) → corrected q, ω, J, for k bodies."""
     q, w, J9, error = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("error", ROTATION)
     root = ca.chol(ca.reshape(J9, 3, 3)).T
-    moved = error[6:] * ca.fmin(1, MOST / (ca.norm_2(error[6:]) + 1e-300))
+    moved = error[6:] * ca.fmin(1, MAX_INERTIA_CHANGE / (ca.norm_2(error[6:]) + 1e-300))
     matrix = sum((moved[i] * ca.DM(basis) for i, basis in enumerate(INERTIA_BASIS)), ca.SX(3, 3)) / 8
     one = ca.SX.eye(3)
     power = one + matrix @ (one + matrix / 2 @ (one + matrix / 3 @ (one + matrix / 4)))
     for _ in range(2):
         power = power @ power
-    heavier = root @ power
-    found = ca.vertcat(turned(q, error[:3]), w + error[3:6], ca.vec(heavier @ heavier.T))
+    new_root = root @ power
+    found = ca.vertcat(turned(q, error[:3]), w + error[3:6], ca.vec(new_root @ new_root.T))
     return Columns(ca.Function("changed", [q, w, J9, error], [ca.densify(found)], {"cse": True}), k)
 
 
 @cache
 def attitude_of(k: int) -> Columns:
-    """(q, turn) → the matrix R_C_B, row by row, of k attitudes that are turned in B."""
+    """The function (q, turn) → matrix R_C_B by rows, of k attitudes rotated by the rotation vector turn in B."""
     q, turn = ca.SX.sym("q", 4), ca.SX.sym("turn", 3)
     matrix = rotation_from_quaternion(turned(q, turn))
     return Columns(ca.Function("attitude", [q, turn], [ca.densify(ca.vec(matrix.T))], {"cse": True}), k)
 
 
 def turned(q: ca.SX, turn: ca.SX) -> ca.SX:
-    """A quaternion, scalar first, turned by a rotation vector in B."""
+    """The quaternion q, scalar first, rotated by a rotation vector in B."""
     half = ca.norm_2(turn) / 2 + 1e-150
     sine = ca.sin(half) / half / 2 * turn
     w, x, y, z = ca.vertsplit(q)

@@ -1,8 +1,8 @@
-"""From the filter's last state back to the path at all times.
+"""The smoother of `ekf`: the path at all times from the filter's last state.
 
-Where the process has noise this is the disturbance smoother (de Jong 1989; Bryson and Frazier's adjoint), which equals
-Rauch's, Tung's and Striebel's and needs no inverse of a covariance: the last state is carried back, less the noise that
-the observations after each step tell of. Without noise nothing is left but to carry it back.
+It is the disturbance smoother (de Jong 1989; Bryson and Frazier's adjoint), which is equivalent to that of Rauch, Tung
+and Striebel and needs no inverse of a covariance: the last state is propagated back, and the process noise estimated
+from the observations after each step is subtracted. Without process noise it is the propagation alone.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from baryscope.estimator.tracks import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class SmoothedPath:
-    """u (n, p) and its covariance (n, p, p), and with it the position (n, 3) in C, m."""
+    """The process, and its state u (n, p) with the covariance (n, p, p) at all times."""
 
     process: PathProcess
     u: FloatArray
@@ -31,7 +31,7 @@ class SmoothedPath:
     @property
     def position_covariance(self) -> FloatArray:
         """Its covariance (n, 3, 3), m²."""
-        return self._seen_by(self.process.observed)
+        return self._projected(self.process.observed)
 
     @property
     def velocity(self) -> FloatArray:
@@ -42,19 +42,19 @@ class SmoothedPath:
     @property
     def velocity_covariance(self) -> FloatArray:
         """Its covariance (n, 3, 3), (m/s)²."""
-        return self._seen_by(self.process.observed_rate)
+        return self._projected(self.process.observed_rate)
 
-    def _seen_by(self, H: FloatArray) -> FloatArray:
+    def _projected(self, H: FloatArray) -> FloatArray:
         return np.asarray(H @ self.covariance @ np.swapaxes(H, 1, 2))
 
 
 def smoothed_path(
     state: State, process: PathProcess, noise: FloatArray, first: int, traces: tuple[Trace, ...]
 ) -> SmoothedPath:
-    """The path of the first member, carried back from the last frame.
+    """The path of the first member, from its state at the last frame.
 
-    noise (n - 1, p, p): covariance of the path's steps; traces: of the frames from `first` on, or none of them, and
-    then what a step's noise was stays unknown.
+    noise (n - 1, p, p): covariance of the path's process noise per step; traces: of the frames from `first` on; without
+    traces the process noise is not estimated, and only increases the covariance.
     """
     n, p = process.observed.shape[0], process.observed.shape[2]
     u, covariance = np.empty((n, p)), np.empty((n, p, p))
@@ -68,8 +68,8 @@ def smoothed_path(
             trace = traces[frame - first]
             rhs = trace.follow.T @ rhs + trace.rhs
             information = trace.follow.T @ information @ trace.follow + trace.information
-            known = trace.covariance @ information[:, :p] @ Q
-            before = covariance[frame] - Q - Q @ information[:p, :p] @ Q + known + known.T
+            cross = trace.covariance @ information[:, :p] @ Q
+            before = covariance[frame] - Q - Q @ information[:p, :p] @ Q + cross + cross.T
             u[frame - 1] = back @ (u[frame] - Q @ rhs[:p])
             d = len(trace.moved)
             rhs[:d] = trace.moved.T @ rhs[:d]

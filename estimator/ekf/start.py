@@ -1,4 +1,4 @@
-"""Where `ekf` starts from: what the first few frames show by registration, and how little that is."""
+"""The initial state of `ekf` from a registration of the first frames, with its standard deviations."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,20 @@ from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
 
-FRAMES = 100  # with three features or more, that noise and first poses are taken from, at most
-LEAST = 4  # frames that a first rate and the noise need
-RATE_FRAMES = 20  # that the rate is taken from, at most
-SWEEP = 0.5  # rad that the target turns in them, at most
-WIDER = 3.0  # times the deviations that the first frames give: the filter will see these frames again
+MAX_FRAMES = 100  # with three features or more, for the noise and the first poses
+MIN_FRAMES = 4  # for a rate and the noise
+MAX_RATE_FRAMES = 20  # for the rate
+MAX_RATE_ANGLE = 0.5  # rad that the target turns in these frames
+INFLATION = 3.0  # factor on the standard deviations, as the filter uses these frames again
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The first posed frame, the features' centroid (3,) there, in C, and their radius, m; the target's rate (3,) in B,
-    rad/s, and its deviation; speed, m/s, that the centre of mass may have; noise of a coordinate, m, from registration.
+    """The initial state.
 
-    B are the axes that are parallel to C in this frame: its attitude is known by definition.
+    frame: the first with an attitude; centroid (3,) of the features there, in C, m; radius of the features, m; rate
+    (3,) in B, rad/s, and its standard deviation; speed: standard deviation of the velocity of the centre of mass, m/s;
+    noise: standard deviation of a coordinate from the registration, m. The axes B are parallel to C in this frame.
     """
 
     frame: int
@@ -35,35 +36,35 @@ class Start:
 
 
 def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
-    """The start from the first frames in which observations, inliers (n, m), show an attitude.
+    """The initial state from the first frames in which the inliers (n, m) determine an attitude.
 
     Raises:
-        ComputationError: the first frames show no attitude, or not how fast it changes.
+        ComputationError: the first frames determine no attitude, or no rate.
     """
-    enough = np.nonzero(inliers.sum(axis=1) >= 3)[0]
-    window = slice(int(enough[0]), int(enough[:FRAMES][-1]) + 1) if len(enough) else slice(0, None)
+    posed = np.nonzero(inliers.sum(axis=1) >= 3)[0]
+    window = slice(int(posed[0]), int(posed[:MAX_FRAMES][-1]) + 1) if len(posed) else slice(0, None)
     registered = find_bodies(tracks.position[window], inliers[window])
     main = max(range(len(registered.bodies)), key=lambda index: len(registered.bodies[index].frames))
     body, origin, noise = registered.bodies[main], registered.origins[main], registered.noise
     frames = window.start + body.frames
     time = tracks.time[frames] - tracks.time[frames[0]]
     turn = log_rotation(body.attitude[0].T @ body.attitude)
-    if len(frames) < LEAST:
+    if len(frames) < MIN_FRAMES:
         raise ComputationError(
-            f"the first attitudes are seen in {counted(len(frames), 'frame')}, {LEAST} are needed for a rate",
+            f"the first attitudes are seen in {counted(len(frames), 'frame')}, {MIN_FRAMES} are needed for a rate",
             Reason.TOO_FEW_FRAMES,
         )
-    wide = np.linalg.norm(turn, axis=1) > SWEEP
-    count = min(max(int(np.argmax(wide)) if wide.any() else len(wide), 2), RATE_FRAMES)
+    turned_enough = np.linalg.norm(turn, axis=1) > MAX_RATE_ANGLE
+    count = min(max(int(np.argmax(turned_enough)) if turned_enough.any() else len(turned_enough), 2), MAX_RATE_FRAMES)
     time, turn = time[:count], turn[:count]
-    # B is parallel to C in the first frame, so that turns from there are the same in C, and in B.
+    # B is parallel to C in the first frame, so rotation vectors from there have the same components in C and in B.
     turn_B = turn @ body.attitude[0].T
     rate = (time @ turn_B) / (time @ time)
     points = body.points
     radius = float(np.sqrt(np.mean(np.sum(points**2, axis=1))))
-    pace = float(np.linalg.norm(rate))
-    by_noise = WIDER * noise / radius * np.sqrt(3 / len(points)) * np.sqrt(2 / (time @ time))
-    by_change = pace**2 * time[-1] / 2  # an angular acceleration of ω² at most
+    speed = float(np.linalg.norm(rate))
+    by_noise = INFLATION * noise / radius * np.sqrt(3 / len(points)) * np.sqrt(2 / (time @ time))
+    by_change = speed**2 * time[-1] / 2  # for an angular acceleration of at most ω²
     drift = float(np.linalg.norm(origin[count - 1] - origin[0])) / time[-1]
     return Start(
         int(frames[0]),
@@ -71,6 +72,6 @@ def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
         radius,
         rate,
         float(np.hypot(by_noise, by_change)),
-        WIDER * (drift + pace * radius),
+        INFLATION * (drift + speed * radius),
         noise,
     )

@@ -1,7 +1,7 @@
-"""The state of the filters of `ekf`, a bank of them side by side, and what they measure.
+"""The state of the bank of filters of `ekf`, and its measurements.
 
-A member's state is the path's u, the target's attitude, rate and inertia, and its features' points in B, origin at the
-centre of mass. Attitude and inertia have multiplicative errors, see `motion.rotated`.
+A member's state is the path's u, the target's attitude, rate and inertia, and the features' points in B, with origin at
+the centre of mass. Attitude and inertia have multiplicative errors, see `motion.rotated`.
 """
 
 from dataclasses import dataclass, fields
@@ -12,7 +12,7 @@ from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """k members.
+    """The state of k members.
 
     path (k, p): u; quaternion (k, 4) R_C_B, scalar first; rate (k, 3), rad/s in B; inertia (k, 3, 3), up to scale;
     points (k, m, 3), m in B; covariance (k, s, s) of the errors of path, turn, rate, inertia (5) and points, in this
@@ -27,11 +27,11 @@ class State:
     covariance: FloatArray
 
     def where(self, members: IntArray) -> "State":
-        """Some of the members, in an order."""
+        """The state of some members, in the given order."""
         return State(*(getattr(self, part.name)[members] for part in fields(self)))
 
     def changed(self, change: FloatArray, covariance: FloatArray) -> "State":
-        """With the errors `change` (k, s) taken out."""
+        """The state corrected by `change` (k, s), with a new covariance."""
         k, p = self.path.shape
         q = p + ROTATION
         rotation = changed_of(k)(self.quaternion, self.rate, self.inertia.reshape(k, 9), change[:, p:q])
@@ -47,7 +47,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Positions (n, m, 3), m, and covariances (n, m, 3, 3), m², of what is seen and an inlier (n, m)."""
+    """Positions (n, m, 3) in C, m, covariances (n, m, 3, 3), m², and seen (n, m): which are observed and inliers."""
 
     position: FloatArray
     covariance: FloatArray

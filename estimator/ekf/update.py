@@ -1,6 +1,6 @@
-"""What the observations of a frame do to the filters of `ekf`: the iterated update, its gate, and new features.
+"""The update of the filters of `ekf` by a frame's observations: the iterated update, its gate, and new features.
 
-The update is Bell's and Cathey's (IEEE TAC 38, 1993): Gauss–Newton steps, each about where the one before led.
+The update is that of Bell and Cathey (IEEE TAC 38, 1993): Gauss–Newton steps, relinearised after each step.
 """
 
 from collections.abc import Callable
@@ -15,17 +15,17 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
-ITERATIONS = 5  # of an update at most
-SETTLED = 0.05  # deviations of an observation that the last iteration may leave out
+MAX_ITERATIONS = 5  # of an update
+LINEARISATION_TOLERANCE = 0.05  # of the last iteration, in standard deviations of an observation
 
 
 @dataclass(frozen=True, eq=False)
 class Update:
-    """What the observations of c features told k members.
+    """The results of an update of k members by the observations of c features.
 
-    log_likelihood, total normalised square and values (k,): of all innovations together, without those beyond the gate;
-    squares (k, c): of each by itself; predicted (k, c, 3): where they were expected, m in C. Of the first member: how
-    errors follow those before, (s, s), with `information` (s, s) and `rhs` (s,), see `filter.Trace`.
+    log_likelihood, total normalised square and number of values (k,) of the accepted innovations, jointly; squares
+    (k, c): normalised square of each innovation; predicted (k, c, 3): predicted positions in C, m. Of the first member:
+    follow (s, s), information (s, s) and rhs (s,), see `filter.Trace`.
     """
 
     log_likelihood: FloatArray
@@ -41,16 +41,16 @@ class Update:
 def updated(
     state: State, process: PathProcess, frame: int, index: IntArray, measured: Measured, known: BoolArray, keep: bool
 ) -> tuple[State, Update]:
-    """The state after the observations of c features `index`, without those whose innovation lies beyond the gate.
+    """The state after an update by c features `index`; innovations beyond the gate are not used.
 
-    known (k, c): the features that each member knows; only these count.
+    known (k, c): the features that each member has initialised; only these are used.
     """
     P = state.covariance
     k, s = P.shape[:2]
     c = len(index)
-    seen, noise, limit = _sighted(measured, frame, index)
+    seen, noise, limit = _measurement(measured, frame, index)
     change, moved = np.zeros((k, s)), False
-    for iteration in range(ITERATIONS):
+    for iteration in range(MAX_ITERATIONS):
         expected, by_errors = _linearised(state, change, process, frame, index)
         innovation = (seen - expected).reshape(k, 3 * c)
         if moved:
@@ -60,22 +60,22 @@ def updated(
         if iteration == 0:
             predicted, squares = expected, _own_squares(innovation.reshape(k, c, 3), S.reshape(k, c, 3, c, 3))
             accepted = (squares < GATE) & known
-            everything, mask = bool(accepted.all()), np.repeat(accepted, 3, axis=1)
-        if not everything:
+            all_accepted, mask = bool(accepted.all()), np.repeat(accepted, 3, axis=1)
+        if not all_accepted:
             by_errors, innovation, HP = by_errors * mask[:, :, None], innovation * mask, HP * mask[:, :, None]
             S = np.where(mask[:, :, None] & mask[:, None], S, noise)
         precision = _solved(S, np.linalg.inv)
         whitened = (precision @ innovation[:, :, None])[:, :, 0]
         if iteration == 0:
             total = (innovation * whitened).sum(axis=1)
-            # What is not accepted counts as if it lay on the gate, so that members can be compared.
+            # Rejected observations count as if they were at the gate, so that members are comparable.
             outside = GATE * (known & ~accepted).sum(axis=1)
             likelihood = -0.5 * (total + outside + np.linalg.slogdet(S)[1])
         before, change, moved = change, (whitened[:, None] @ HP)[:, 0], True
-        if _left_out(state, change - before, index) < limit:
+        if _linearisation_error(state, change - before, index) < limit:
             break
-    sound = np.isfinite(change).all(axis=1)
-    change[~sound], likelihood[~sound] = 0.0, -np.inf
+    finite = np.isfinite(change).all(axis=1)
+    change[~finite], likelihood[~finite] = 0.0, -np.inf
     gain = HP.transpose(0, 2, 1) @ precision
     P = P - gain @ HP
     new = state.changed(change, 0.5 * (P + P.transpose(0, 2, 1)))
@@ -87,20 +87,20 @@ def updated(
     return new, Update(likelihood, total, 3 * accepted.sum(axis=1), squares, predicted, follow, information, rhs)
 
 
-def _sighted(measured: Measured, frame: int, index: IntArray) -> tuple[FloatArray, FloatArray, float]:
-    """Positions (c, 3) of features, the covariance of all, (3 c, 3 c), and what an iteration may leave out, m."""
+def _measurement(measured: Measured, frame: int, index: IntArray) -> tuple[FloatArray, FloatArray, float]:
+    """Positions (c, 3) of features, their joint covariance (3 c, 3 c), and the tolerance of the linearisation, m."""
     c = len(index)
     C = measured.covariance[frame, index]
     blocks = np.zeros((c, 3, c, 3))
     blocks[np.arange(c), :, np.arange(c)] = C
-    limit = SETTLED * float(np.sqrt(C.trace(axis1=1, axis2=2).min() / 3))
+    limit = LINEARISATION_TOLERANCE * float(np.sqrt(C.trace(axis1=1, axis2=2).min() / 3))
     return measured.position[frame, index], blocks.reshape(3 * c, 3 * c), limit
 
 
 def _linearised(
     state: State, change: FloatArray, process: PathProcess, frame: int, index: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where c features are expected, (k, c, 3) in C, at a change, and how that depends on the errors, (k, 3 c, s)."""
+    """Predicted positions (k, c, 3) of c features in C after a change (k, s), and their Jacobian (k, 3 c, s)."""
     k, p, c = len(change), state.path.shape[1], len(index)
     H = process.observed[frame]
     attitude = attitude_of(k)(state.quaternion, change[:, p : p + 3]).reshape(k, 3, 3)
@@ -108,7 +108,7 @@ def _linearised(
     origin = process.nominal[frame] + (state.path + change[:, :p]) @ H.T
     by_errors = np.zeros((k, c, 3, change.shape[1]))
     by_errors[..., :p] = H
-    # R [b]×ᵀ, column by column: R's columns crossed with the points.
+    # R [b]×ᵀ by columns: cross products of the columns of R with the points.
     x, y, z = (points[:, :, axis, None] for axis in range(3))
     u, v, w = (attitude[:, None, :, axis] for axis in range(3))
     by_errors[..., p], by_errors[..., p + 1], by_errors[..., p + 2] = w * y - v * z, u * z - w * x, v * x - u * y
@@ -119,7 +119,7 @@ def _linearised(
 
 
 def _own_squares(innovation: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Normalised squares (k, c) of each feature's innovation (k, c, 3) by itself; covariance (k, c, 3, c, 3)."""
+    """Normalised squares (k, c) of the innovations (k, c, 3) of single features; covariance (k, c, 3, c, 3)."""
     each = np.arange(innovation.shape[1])
     blocks = covariance[:, each, :, each]
     innovation = innovation.transpose(1, 0, 2)
@@ -141,8 +141,8 @@ def _solved(matrix: FloatArray, solve: Callable[..., FloatArray], *rhs: FloatArr
         return found
 
 
-def _left_out(state: State, moved: FloatArray, index: IntArray) -> float:
-    """What the last linearisation left out at most, m: a turn times a point's move, or its own square."""
+def _linearisation_error(state: State, moved: FloatArray, index: IntArray) -> float:
+    """A bound of the linearisation error, m: the rotation times a point's shift, plus its square times the distance."""
     k, p = len(moved), state.path.shape[1]
     turn = np.sqrt((moved[:, p : p + 3] ** 2).sum(axis=1))
     shift = np.abs(moved[:, p + ROTATION :].reshape(k, -1, 3)[:, index]).max(axis=(1, 2))
@@ -151,9 +151,12 @@ def _left_out(state: State, moved: FloatArray, index: IntArray) -> float:
 
 
 def placed(
-    state: State, process: PathProcess, frame: int, fresh: BoolArray, measured: Measured
+    state: State, process: PathProcess, frame: int, new: BoolArray, measured: Measured
 ) -> tuple[State, FloatArray]:
-    """Put features (k, m) where they are seen, b = Rᵀ (y − g); also how errors follow those before, (k, s, s)."""
+    """Initialise the points of features (k, m) at b = Rᵀ (y − g).
+
+    Returns the state, and the transition (k, s, s) of its errors.
+    """
     k, s = state.covariance.shape[:2]
     p = state.path.shape[1]
     R_B_C = np.swapaxes(matrix_from_quaternion(state.quaternion), 1, 2)
@@ -161,7 +164,7 @@ def placed(
     points = (measured.position[frame] - origin[:, None]) @ np.swapaxes(R_B_C, 1, 2)
     follow, noise = np.tile(np.eye(s), (k, 1, 1)), np.zeros((k, s, s))
     arms = cross_matrices(points.reshape(-1, 3)).reshape(k, -1, 3, 3)
-    for member, feature in np.argwhere(fresh).tolist():
+    for member, feature in np.argwhere(new).tolist():
         first = p + ROTATION + 3 * feature
         own = slice(first, first + 3)
         follow[member, own] = 0.0
@@ -169,4 +172,4 @@ def placed(
         follow[member, own, p : p + 3] = arms[member, feature]
         noise[member, own, own] = R_B_C[member] @ measured.covariance[frame, feature] @ R_B_C[member].T
     covariance = follow @ state.covariance @ np.swapaxes(follow, 1, 2) + noise
-    return replace(state, points=np.where(fresh[:, :, None], points, state.points), covariance=covariance), follow
+    return replace(state, points=np.where(new[:, :, None], points, state.points), covariance=covariance), follow
