@@ -118,18 +118,18 @@ class FeatureTracks:
     def _check_values(self) -> None:
         self._check_times()
         self._check_labels()
-        unseen = np.isnan(self.position)
-        for problem, what in (
-            (np.asarray(np.isinf(self.position).any(axis=-1)), "is infinite"),
-            (np.asarray(unseen.any(axis=-1) & ~unseen.all(axis=-1)), "is partly NaN"),
-        ):
-            if problem.any():
-                raise InputError(
-                    f"position of {self._name(problem)} {what}, expected three finite numbers or three NaN"
-                )
-        far = np.asarray((np.abs(self.position) > FARTHEST).any(axis=-1))
+        unseen, far = np.isnan(self.position), np.abs(self.position) > FARTHEST
+        partly = (unseen != unseen[..., :1]).any(axis=-1) if unseen.any() else np.zeros(unseen.shape[:2], dtype=bool)
+        if partly.any():
+            where = self._name(partly)
+            raise InputError(f"position of {where} is partly NaN, expected three finite numbers or three NaN")
         if far.any():
-            raise InputError(f"position of {self._name(far)} is far off, expected coordinates within ±{FARTHEST:g} m")
+            infinite = np.asarray(np.isinf(self.position).any(axis=-1))
+            if infinite.any():
+                where = self._name(infinite)
+                raise InputError(f"position of {where} is infinite, expected three finite numbers or three NaN")
+            where = self._name(np.asarray(far.any(axis=-1)))
+            raise InputError(f"position of {where} is far off, expected coordinates within ±{FARTHEST:g} m")
         if self.covariance is not None:
             self._check_covariances(self.covariance)
 
@@ -148,10 +148,11 @@ class FeatureTracks:
 
     def _check_covariances(self, covariance: FloatArray) -> None:
         wrong, seen = np.zeros(self.position.shape[:2], dtype=bool), self.seen
-        wrong[seen] = (np.abs(covariance[seen]) > COARSEST**2).any(axis=(-2, -1))
-        if wrong.any():
+        given = covariance.reshape(-1, 3, 3) if seen.all() else covariance[seen]
+        if given.size and max(np.fmax.reduce(given, axis=None), -np.fmin.reduce(given, axis=None)) > COARSEST**2:
+            wrong[seen] = (np.abs(given) > COARSEST**2).any(axis=(-2, -1))
             raise InputError(f"covariance of {self._name(wrong)}: expected numbers within ±{COARSEST**2:g} m²")
-        wrong[seen] = ~is_covariance(covariance[seen])
+        wrong[seen] = ~is_covariance(given)
         if wrong.any():
             raise InputError(f"covariance of {self._name(wrong)} is not a symmetric positive semidefinite matrix")
 

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from baryscope.estimator import Estimate, FeatureTracks
+from baryscope.estimator import FeatureTracks, estimate, write_estimate
 from baryscope.fmu import Session, build_fmu, simulate
 from baryscope.fmu.check import check_unit
 from baryscope.models.scenario import load_orbit, load_scenario, read_toml, write_orbit
 from malformed import GOOD_SCENARIO
+from synthetic import box_features
 
 
 class Entry:
@@ -28,11 +30,20 @@ def form(request):
     return request.param
 
 
-def test_tracks_and_estimate(tmp_path, form):
+@pytest.fixture(scope="module")
+def result():
+    """An estimate of a body that turns about a point at rest."""
+    turn = Rotation.from_rotvec(0.1 * np.arange(20.0)[:, None] * [0.0, 0.6, 0.8]).as_matrix()
+    points = box_features(4, (4, 3, 2), seed=1) @ np.swapaxes(turn, 1, 2)
+    points += 1e-3 * np.random.default_rng(2).normal(size=points.shape)
+    return estimate(FeatureTracks(np.arange(20.0), points, list("abcd")), method="score")
+
+
+def test_tracks_and_estimate(tmp_path, form, result):
     tracks = FeatureTracks([0.0], np.ones((1, 1, 3)), ["a"])
     tracks.write_csv(form(tmp_path / "tracks.csv"))
     assert FeatureTracks.read_csv(form(tmp_path / "tracks.csv")).labels == ("a",)
-    Estimate(np.zeros(1), np.ones((1, 3))).write(form(tmp_path / "est.csv"))
+    write_estimate(result, form(tmp_path / "est.csv"))
     assert (tmp_path / "est.json").is_file()
 
 
