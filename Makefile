@@ -11,9 +11,9 @@ DEMO := out/envisat
 demo: $(VENV)/.ready
 	$(BIN)/baryscope compare --scenario envisat -o $(DEMO)
 
-# A worker for each core, each with one thread: BLAS in several gains nothing on matrices of this size.
+# A worker for each core.
 test: check site
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n logical --dist worksteal
+	$(BIN)/python -m pytest -n logical --dist worksteal
 
 # Type checkers don't follow an editable install, so mypy reads a plain one, and with it the documents' examples.
 check: $(VENV)/.ready

@@ -23,7 +23,9 @@ BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 app = App(
     name="baryscope",
-    help="Find the centre of mass of a tumbling object from the tracks of features on its surface.",
+    help="Find the centre of mass of a tumbling object from the tracks of features on its surface.\n\n"
+    "Exit codes: 0 done, 1 cannot be computed, 2 wrong input, 3 files are written but the estimate is not to be "
+    "trusted, 130 interrupted. Errors are one line on standard error.",
     version=__version__,
     exit_on_error=False,
     print_error=False,

@@ -1,4 +1,4 @@
-"""`baryscope bound`: how well the centre of mass could be found at best, before anything is flown."""
+"""`baryscope bound`: the Cramér–Rao bound of a scenario, from its truth and noise alone."""
 
 import math
 from collections.abc import Callable
@@ -26,20 +26,20 @@ Number = TypeVar("Number", bound=float)
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Lists:
-    """What the table varies.
+    """Lists of values for the table.
 
     Parameters
     ----------
     durations
-        Durations of the run, s, separated by commas.
+        Durations of the run, s. The values of a list are separated by commas.
     ranges
-        Distances of the chaser at the start, m; position and velocity are scaled to them.
+        Initial distances of the chaser, m; its position and velocity are scaled to them.
     rates
         Tumble rates, degrees per second; the angular rate is scaled to them.
     features
-        How many features there are: the first so many of the scenario.
+        Numbers of features: the first ones of the scenario are taken.
     baselines
-        Of the stereo rig, m; the scenario must have one.
+        Baselines of the stereo rig, m; the scenario must have a rig.
     """
 
     durations: str | None = None
@@ -77,22 +77,22 @@ def bound(
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
-    """Compute the Cramér–Rao bound of a scenario, or of its variants: how long to look, from where, with which rig.
+    """Compute the Cramér–Rao bound of a scenario: the least RMSE of any unbiased estimate. Nothing is simulated.
 
-    Without lists, the bound of the scenario itself; with lists, a table over all their combinations. What has no list
-    stays as the scenario has it, but --table or -o without any list takes a usual set of durations, rates and, where
-    the noise depends on it, ranges.
+    With lists (durations, ranges, rates, features, baselines), a table over all their combinations; what has no list
+    stays as the scenario has it. --table or -o without a list takes a default set of durations, rates and, where the
+    noise depends on it, ranges.
 
     Parameters
     ----------
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
     trajectory
-        What is known of the path: fixed, polynomial:N, or relative-orbit, which it is unless given.
+        Model of the path that is known: fixed, polynomial:N or relative-orbit. Default: relative-orbit.
     table
-        Print the table even if no list is given.
+        Print the table without any list, too.
     output
-        A folder for the table as bound.csv and bound.md, and its picture.
+        Folder for bound.csv, bound.md and a picture.
     """
     show, lists = show or Show(), lists or Lists()
     base = load_scenario(scenario)

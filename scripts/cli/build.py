@@ -24,22 +24,22 @@ def build(
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
-    """Build the unit of a scenario, for Co-Simulation and Model Exchange, for this machine or for others.
+    """Build the co-simulation unit (FMU) of a scenario, for this machine or for others; it has Model Exchange, too.
 
     Parameters
     ----------
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
     fmi
-        The version of FMI: 2 for 2.0, or 3 for 3.0.
+        Version of FMI: 2 for 2.0, 3 for 3.0.
     platforms
-        `host` for this machine; `all` for Linux and macOS on x86-64 and aarch64 and Windows on x86-64 in one FMU;
-        `wasm` for a WebAssembly module with a table of its variables, FILE.json, instead of an FMU. The last two
-        need `pip install 'baryscope[cross]'`; the first time, `all` takes a few minutes.
+        `host`: this machine. `all`: Linux and macOS on x86-64 and aarch64, Windows on x86-64, in one FMU. `wasm`: a
+        WebAssembly module and a table of its variables, FILE.json, instead of an FMU. The last two need
+        `pip install 'baryscope[cross]'`; the first build with `all` takes a few minutes.
     scalar
-        In FMI 3, describe every scalar by itself, for importers that cannot read arrays; in FMI 2 there are no arrays.
+        One variable for each scalar in FMI 3, for importers that cannot read arrays. FMI 2 has no arrays.
     output
-        The FMU to write; the scenario's name with .fmu (.wasm for `wasm`) unless given.
+        The FMU to write. Default: the scenario's name with .fmu (.wasm for `wasm`).
     """
     show = show or Show()
     flown = load_scenario(scenario)

@@ -1,4 +1,4 @@
-"""`baryscope campaign`: scenarios drawn many times, and how near each method comes to the bound."""
+"""`baryscope campaign`: scenarios drawn many times, and each method's RMSE over the Cramér–Rao bound."""
 
 from pathlib import Path
 from typing import Annotated
@@ -31,33 +31,33 @@ def campaign(
 ) -> None:
     """Draw scenarios many times, estimate with every method, and compare the errors with the Cramér–Rao bound.
 
-    Each run is written as it ends; a campaign that was interrupted goes on when the same command is given again.
-    Writes campaign.json, runs.jsonl and summary.md. What comes out does not depend on the number of workers.
+    Writes campaign.json, runs.jsonl (each run as it ends) and summary.md. The same command again resumes a campaign
+    that was interrupted. The results do not depend on the number of workers.
 
     Parameters
     ----------
     scenario
-        Presets (see `baryscope scenarios`) or scenario files, FILE.toml; envisat unless given. Of a suite: the names of
-        those to run, all unless given.
+        Presets (see `baryscope scenarios`) or scenario files, FILE.toml. Default: envisat. With --suite: names of its
+        scenarios. Default: all.
     suite
-        reach, the suite of scenarios that the accuracy is promised for, or a suite's FILE.toml.
+        A set of scenarios with target ratios of RMSE to bound: reach, the twelve of docs/campaign.md, or FILE.toml.
     methods
-        Methods, separated by commas; screw-gpa,pivot,ml or the suite's own unless given.
+        Methods, separated by commas. Default: those of the suite, or screw-gpa,pivot,ml.
     draws
-        How often each scenario is drawn; more than before continues a campaign.
+        Draws of each scenario; a greater number than before continues a campaign.
     seed
-        Of everything random.
+        Seed of all random numbers.
     vary
-        What a draw varies besides noise, dropout and outliers: attitude (uniform over all rotations), anomaly (the
-        place on the orbit), both, or none.
+        What each draw varies besides noise, dropout and outliers: attitude (uniform over all rotations), anomaly (true
+        anomaly, uniform over the orbit), both, or none.
     workers
-        Worker processes; one for each core unless given.
+        Worker processes. Default: one for each core.
     restart
-        Forget the runs that are there.
+        Delete the runs that are there and begin anew.
     report
-        Run nothing, only make the tables of the runs that are there.
+        Run nothing; print the tables of the runs that are there.
     output
-        The folder to write to; out/campaign- and the suite's or the scenarios' names unless given.
+        Folder to write to. Default: out/campaign- and the names of suite or scenarios.
     """
     show = show or Show()
     if workers is not None and workers < 1:

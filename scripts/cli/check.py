@@ -1,4 +1,4 @@
-"""`baryscope check`: whether an FMU, ours or anyone's, is what it says."""
+"""`baryscope check`: whether an FMU does what its description says."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -10,9 +10,10 @@ from baryscope.scripts.cli.console import Show
 
 
 def check(unit: Path, *, show: Show | None = None) -> None:
-    """Check an FMU: fmpy's validation, then token, starts, units, dependencies and capabilities against the binary.
+    """Check an FMU of any tool: fmpy's validation, then what its description says against what its binary does.
 
-    Prints one line a finding, `error: …` or `warning: …`, or `no findings`. Ends with 1 if there are errors.
+    Compared are token, start values, units, dependencies and capabilities. Prints one line for each finding,
+    `error: …` or `warning: …`, or `no findings`. The exit code is 1 if there are errors.
 
     Parameters
     ----------

@@ -24,18 +24,18 @@ def compare(
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
-    """Build the unit, fly the scenario, estimate with every method, and compare with the truth.
+    """Build the unit, simulate a scenario, estimate with every method, and compare with the truth.
 
-    Writes tracks, truth, orbit and estimates, a picture of all errors and one per method, the unit and a summary.md.
+    Writes tracks, truth, orbit, estimates, the unit, pictures of the errors and summary.md.
 
     Parameters
     ----------
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
     methods
-        Methods to compare, separated by commas; screw-gpa runs in inertial and in LVLH axes.
+        Methods, separated by commas; screw-gpa runs in inertial and in LVLH axes.
     output
-        The folder to write to; out/ and the scenario's name unless given.
+        Folder to write to. Default: out/ and the scenario's name.
     """
     show = show or Show()
     names = methods.split(",")

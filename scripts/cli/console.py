@@ -33,9 +33,9 @@ class Show:
     Parameters
     ----------
     quiet
-        No progress and no remarks on standard error; warnings and errors remain.
+        No progress and no remarks on standard error; warnings and errors are still printed.
     json
-        The result as one JSON document on standard output: SI units, null where there is no value.
+        Print the result as one JSON document: SI units, null where there is no value.
     """
 
     quiet: Annotated[bool, Parameter(alias="-q", negative="")] = False

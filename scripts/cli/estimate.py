@@ -28,20 +28,23 @@ UNTRUSTED = 3  # exit code
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PathChoices:
-    """What is known of path and noise (pivot, ml, ekf).
+    """What is known of path, noise and torque.
 
     Parameters
     ----------
     trajectory
-        What is known of the path: fixed, polynomial, polynomial:N or relative-orbit, which needs the orbit.
-        relative-orbit with an orbit, else a polynomial whose degree the data choose, unless given.
+        Model of the path (pivot, ml, ekf): fixed, polynomial (of a degree that the data choose), polynomial:N, or
+        relative-orbit, which needs --orbit. Default: relative-orbit with an orbit, else polynomial. For score: fixed,
+        at rest in inertial axes even with an orbit.
     sigma
-        Standard deviation of a coordinate, m, if it is known; with covariances in the tracks, a factor on theirs.
-        Estimated from the residuals unless given.
+        Standard deviation of an observation's coordinate (pivot, ml, ekf), m. If the tracks have covariances, a factor
+        on their standard deviations. Default: estimated from the residuals.
     noise
-        How covariances in the tracks are to be read (pivot, ml): stereo, which grow with range, or fixed.
+        Covariances of the tracks (pivot, ml, ekf): stereo, evaluated again at the estimated point since they grow with
+        range; or fixed, used as they are. Default: stereo.
     torque
-        On the target (ml): none or gravity-gradient; the one that explains the tracks better unless given.
+        Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the one that fits the
+        tracks better.
     """
 
     trajectory: str | None = None
@@ -53,20 +56,22 @@ class PathChoices:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class ScrewChoices:
-    """What can be set of the screw methods; chosen from the data unless given.
+    """Settings of the screw methods.
 
     Parameters
     ----------
     axes
-        Axes in which the tracks are registered (screw methods): inertial as published, or lvlh, which needs the orbit.
+        Axes in which the tracks are registered (screw methods): inertial, as published, or lvlh, which needs --orbit.
+        Default: inertial.
     lag
-        Time between the two poses of a screw, s (screw methods).
+        Time between the two poses of a screw, s (screw methods). Default: chosen from the data.
     cutoff
-        Cut-off of the zero-phase low-pass, Hz (screw methods).
+        Cut-off of the zero-phase low-pass, Hz (screw methods). Default: chosen from the data.
     degree
-        Degree of the polynomial path (screw methods).
+        Degree of the polynomial path (screw methods). Default: chosen from the data.
     reference
-        What Procrustes maps an interval's poses to (screw methods): their mean shape, or the first pose, as published.
+        What Procrustes analysis maps the poses of an interval to (screw methods): mean, their mean shape, or first, the
+        first pose, as published. Default: mean.
     """
 
     axes: Axes | None = None
@@ -89,7 +94,7 @@ def estimate_file(
 ) -> int:
     """Estimate the path of the centre of mass from tracks of features.
 
-    Ends with 3 where files were written but the result must not be trusted: not converged, or a model does not fit.
+    The exit code is 3 if the files are written but not to be trusted: not converged, or a model does not fit.
 
     Parameters
     ----------
@@ -97,15 +102,17 @@ def estimate_file(
         A CSV file with the columns time,feature,x,y,z (s, m; chaser at the origin, inertial axes), and optionally
         cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation).
     method
-        pivot, the default: least squares of path and features, any motion; ml: maximum likelihood of a free tumble;
-        ekf: iterated Kalman filter; score: fixed point; screw-gpa, the default where an option of the screw methods is
-        given: the paper's; screw-ls: least-squares screws; screw-raw: three raw points.
+        pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
+        free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass
+        at rest (with --orbit, in LVLH axes). screw-gpa: the published method. screw-ls: the same with least-squares
+        screws. screw-raw: the same with three raw points. Default: pivot; screw-gpa with an option of the screw
+        methods.
     orbit
         The target's orbit at time 0, a TOML file with a table [orbit]; `baryscope simulate` writes it beside its
         tracks.
     output
-        The estimate, a .csv file; the tracks' name with .estimate.csv unless given. Diagnostics go to the same
-        name with .json.
+        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file.
+        Default: the tracks' name with .estimate.csv.
     """
     show = show or Show()
     target = csv_path(output or tracks.with_suffix(".estimate.csv"))

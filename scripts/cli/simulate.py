@@ -23,16 +23,16 @@ def simulate_scenario(
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
-    """Fly a scenario and write the tracks of the features, and the truth and the orbit beside them.
+    """Simulate a scenario and write the tracks of the features; truth and orbit are written beside them.
 
     Parameters
     ----------
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
     fmu
-        A unit made by `baryscope build` for as many features; built on the spot unless given.
+        A unit that `baryscope build` made for as many features. Default: a new one is built.
     output
-        The tracks, a .csv file; the scenario's name with .csv unless given. TRACKS.csv has the truth in
+        The tracks, a .csv file. Default: the scenario's name with .csv. Beside TRACKS.csv the truth is in
         TRACKS.truth.csv and the orbit, as `baryscope estimate --orbit` reads it, in TRACKS.orbit.toml.
     """
     show = show or Show()
