@@ -1,13 +1,38 @@
 import pytest
 from fmpy.fmi3 import FMU3Model
 
+from baryscope.fmu import build_fmu
 from baryscope.models.scenario import load_scenario, preset_names
 from importer3 import Importer3
 
 
-@pytest.fixture(params=preset_names())
+@pytest.fixture(scope="session", params=preset_names())
 def preset(request):
     return load_scenario(request.param)
+
+
+@pytest.fixture(scope="session")
+def preset_fmu(preset, tmp_path_factory):
+    """The unit of `preset`."""
+    return build_fmu(preset, tmp_path_factory.mktemp("preset") / "unit.fmu")
+
+
+@pytest.fixture(scope="session")
+def small(envisat):
+    """Envisat with three features, the fewest that a unit can have: quick to compile and to check."""
+    features = envisat.features.model_copy(update={"points": envisat.features.points[:3]})
+    return envisat.model_copy(update={"features": features, "tracking": type(envisat.tracking)()})
+
+
+@pytest.fixture(scope="session")
+def small_fmu(small, tmp_path_factory):
+    return build_fmu(small, tmp_path_factory.mktemp("small") / "small.fmu")
+
+
+@pytest.fixture(scope="session")
+def small_fmu3(small, tmp_path_factory):
+    """The same unit for FMI 3, with arrays."""
+    return build_fmu(small, tmp_path_factory.mktemp("small") / "small3.fmu", fmi=3)
 
 
 class Model3(Importer3):

@@ -6,7 +6,6 @@ import zipfile
 import pytest
 from fmpy.validation import validate_fmu
 
-from baryscope.fmu import build_fmu
 from baryscope.fmu.check.checker import check_unit
 from baryscope.fmu.check.finding import Severity
 from baryscope.fmu.check.units import exponents_of_name
@@ -21,8 +20,8 @@ def errors_of(path, *, isolated=False):
 
 
 @pytest.mark.parametrize("mutate, words, fmpy_alone", MUTATIONS_2)
-def test_a_mutation_is_caught(envisat_fmu, tmp_path, mutate, words, fmpy_alone):
-    unit = mutated(envisat_fmu, tmp_path / "mutant.fmu", mutate)
+def test_a_mutation_is_caught(small_fmu, tmp_path, mutate, words, fmpy_alone):
+    unit = mutated(small_fmu, tmp_path / "mutant.fmu", mutate)
     found = errors_of(unit)
     assert any(re.search(words, line) for line in found), found
     # Findings about the whole file are those of fmpy's validation.
@@ -30,15 +29,15 @@ def test_a_mutation_is_caught(envisat_fmu, tmp_path, mutate, words, fmpy_alone):
 
 
 @pytest.mark.parametrize("mutate, words, fmpy_alone", MUTATIONS_3)
-def test_a_mutation_of_fmi_3_is_caught(envisat_fmu3, tmp_path, mutate, words, fmpy_alone):
-    unit = mutated(envisat_fmu3, tmp_path / "mutant.fmu", mutate)
+def test_a_mutation_of_fmi_3_is_caught(small_fmu3, tmp_path, mutate, words, fmpy_alone):
+    unit = mutated(small_fmu3, tmp_path / "mutant.fmu", mutate)
     found = errors_of(unit)
     assert any(re.search(words, line) for line in found), found
     assert any(line.startswith("error: modelDescription.xml: ") for line in found) == fmpy_alone
 
 
-def test_declarations_that_cannot_be_checked_are_reported(envisat_fmu3, tmp_path):
-    unit = mutated(envisat_fmu3, tmp_path / "mutant.fmu", flag("CoSimulation", "hasEventMode", "true"))
+def test_declarations_that_cannot_be_checked_are_reported(small_fmu3, tmp_path):
+    unit = mutated(small_fmu3, tmp_path / "mutant.fmu", flag("CoSimulation", "hasEventMode", "true"))
     assert [str(f) for f in check_unit(unit)] == [
         "warning: CoSimulation/hasEventMode: is declared, and cannot be checked here"
     ]
@@ -47,16 +46,16 @@ def test_declarations_that_cannot_be_checked_are_reported(envisat_fmu3, tmp_path
 # ---- files, presets, command line ----
 
 
-def test_a_missing_binary_is_reported(envisat_fmu, tmp_path):
-    unit = rewritten(envisat_fmu, tmp_path / "m.fmu", lambda name, c: None if name.startswith("binaries/") else c)
+def test_a_missing_binary_is_reported(small_fmu, tmp_path):
+    unit = rewritten(small_fmu, tmp_path / "m.fmu", lambda name, c: None if name.startswith("binaries/") else c)
     assert any("expected binaries/" in line for line in errors_of(unit))
     assert validate_fmu(str(unit)) == []
 
 
-def test_a_file_that_is_no_library_is_reported(envisat_fmu, tmp_path):
-    unit = rewritten(envisat_fmu, tmp_path / "m.fmu", lambda name, c: c[:1000] if name.startswith("binaries/") else c)
+def test_a_file_that_is_no_library_is_reported(small_fmu, tmp_path):
+    unit = rewritten(small_fmu, tmp_path / "m.fmu", lambda name, c: c[:1000] if name.startswith("binaries/") else c)
     assert any("the process that ran the binary ended" in line for line in errors_of(unit, isolated=True))
-    unit = rewritten(envisat_fmu, tmp_path / "t.fmu", lambda name, c: b"text" if name.startswith("binaries/") else c)
+    unit = rewritten(small_fmu, tmp_path / "t.fmu", lambda name, c: b"text" if name.startswith("binaries/") else c)
     assert any("loading failed" in line for line in errors_of(unit))
 
 
@@ -64,8 +63,8 @@ def test_correct_units_have_no_findings(any_fmu):
     assert check_unit(any_fmu) == []
 
 
-def test_the_presets_have_no_findings(preset, tmp_path):
-    assert check_unit(build_fmu(preset, tmp_path / "unit.fmu"), isolated=False) == []
+def test_the_presets_have_no_findings(preset_fmu):
+    assert check_unit(preset_fmu, isolated=False) == []
 
 
 def test_files_that_are_no_units_are_refused(tmp_path):
@@ -90,10 +89,10 @@ def test_files_that_are_no_units_are_refused(tmp_path):
             check_unit(tmp_path / f"{name}.fmu")
 
 
-def test_the_command_line(envisat_fmu, tmp_path, capsys):
-    assert main(["check", str(envisat_fmu)]) == 0
+def test_the_command_line(small_fmu, tmp_path, capsys):
+    assert main(["check", str(small_fmu)]) == 0
     assert capsys.readouterr().out == "no findings\n"
-    unit = mutated(envisat_fmu, tmp_path / "m.fmu", wrong_unit_of_a_state)
+    unit = mutated(small_fmu, tmp_path / "m.fmu", wrong_unit_of_a_state)
     assert main(["check", str(unit)]) == 1
     streams = capsys.readouterr()
     assert streams.out.startswith("error: der(state.trueAnomaly): ")

@@ -16,7 +16,6 @@ from scipy.integrate import solve_ivp
 
 import oracles
 from baryscope.fmu import Session, build_fmu
-from baryscope.models.scenario import load_scenario
 from baryscope.models.target import tumbling_target
 from baryscope.models.variables import Kind
 from importer import Importer
@@ -377,11 +376,7 @@ def test_a_pointer_to_no_instance_is_refused(importer):
         importer.fmu.fmi2Terminate(ctypes.cast(junk, ctypes.c_void_p))
 
 
-def test_the_smallest_unit_has_three_features(tmp_path):
-    """Three features are the fewest a unit can have."""
-    scenario = load_scenario("cubesat-class")
-    points = scenario.features.points[:3]
-    few = scenario.model_copy(update={"features": scenario.features.model_copy(update={"points": points})})
-    with Session(build_fmu(few, tmp_path / "few.fmu")) as session:
+def test_the_smallest_unit_has_three_features(small_fmu):
+    with Session(small_fmu) as session:
         session.step(1.0)
         assert session.features.shape == (3, 3)

@@ -11,7 +11,6 @@ from hypothesis import settings
 from hypothesis.stateful import run_state_machine_as_test
 
 from baryscope.fmu.generate.build import describe_unit
-from baryscope.models.scenario import load_scenario
 from fuzz_machine import Machine
 from importer import Importer
 
@@ -36,9 +35,9 @@ def sanitizing_compiler(tmp_path_factory):
 
 
 @pytest.mark.parametrize("fmi, scalar", [(2, True), (3, False), (3, True)])
-def test_a_million_random_calls_in_c(sanitizing_compiler, tmp_path, fmi, scalar, request):
+def test_a_million_random_calls_in_c(sanitizing_compiler, small, tmp_path, fmi, scalar, request):
     """The harness has its own model of what is legal; see fuzz_harness.c."""
-    _, sources = describe_unit(load_scenario("cubesat-class"), fmi, scalar=scalar)
+    _, sources = describe_unit(small, fmi, scalar=scalar)
     for name, content in sources.items():
         (tmp_path / name).write_bytes(content)
     here = request.path.parent

@@ -8,7 +8,7 @@ from scipy.integrate import simpson
 from scipy.spatial.transform import Rotation
 
 import oracles
-from baryscope.fmu import Session, build_fmu, simulate
+from baryscope.fmu import Session, simulate
 
 POSITION_TOLERANCE = 1e-6  # m over one orbit
 ATTITUDE_TOLERANCE = 1e-8  # rad over one orbit
@@ -125,8 +125,7 @@ def test_the_length_of_the_steps_does_not_matter(envisat_fmu, step):
                 np.testing.assert_allclose(session[name], reference[name], rtol=0, atol=1e-9)
 
 
-def test_every_preset_simulates(tmp_path, preset):
-    unit = build_fmu(preset, tmp_path / "unit.fmu")
-    recording = simulate(unit, np.linspace(0, 100, 11))
+def test_every_preset_simulates(preset, preset_fmu):
+    recording = simulate(preset_fmu, np.linspace(0, 100, 11))
     error = np.linalg.norm(recording["target.position"] - oracles.com_in_chaser_frame(preset, recording.time), axis=1)
     assert error.max() < POSITION_TOLERANCE
