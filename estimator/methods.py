@@ -10,6 +10,7 @@ from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.plausibility import refuse_implausible
+from baryscope.estimator.progress import Progress, silent
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.score import estimate_by_score
 from baryscope.estimator.screws import gpa, least_squares, raw
@@ -26,20 +27,34 @@ class Method:
     name: str
     summary: str
     options: type[Options]
-    run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]
+    run: Callable[[FeatureTracks, Orbit | None, Any, Progress], Estimate]
 
     def __call__(
-        self, tracks: FeatureTracks, *, orbit: Orbit | None = None, options: Options | None = None
+        self,
+        tracks: FeatureTracks,
+        *,
+        orbit: Orbit | None = None,
+        options: Options | None = None,
+        progress: Progress = silent,
     ) -> Estimate:
         """Estimate the path of the centre of mass; see `estimate`."""
         chosen = self.options() if options is None else options
         if not isinstance(chosen, self.options):
             raise InputError(f"{self.name} takes {self.options.__name__}, found {type(chosen).__name__}")
-        return self.run(tracks, orbit, chosen)
+        return self.run(tracks, orbit, chosen, progress)
+
+
+def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:
+    """A method that is done before anybody asks how far it is."""
+
+    def with_progress(tracks: FeatureTracks, orbit: Orbit | None, options: Any, _: Progress) -> Estimate:
+        return run(tracks, orbit, options)
+
+    return with_progress
 
 
 def _by_screws(name: str, summary: str, screws: ScrewFunction) -> Method:
-    return Method(name, summary, ScrewOptions, partial(estimate_by_screws, name, screws))
+    return Method(name, summary, ScrewOptions, _at_once(partial(estimate_by_screws, name, screws)))
 
 
 METHODS: dict[str, Method] = {
@@ -49,11 +64,14 @@ METHODS: dict[str, Method] = {
         _by_screws("screw-ls", "least-squares screws of all features (CasADi)", least_squares.screws),
         _by_screws("screw-gpa", "screws of Procrustes-registered poses, as published", gpa.screws),
         Method(
-            "pivot", "drifting pivot: least squares of path and points, attitudes free", PathOptions, estimate_by_pivot
+            "pivot",
+            "drifting pivot: least squares of path and points, attitudes free",
+            PathOptions,
+            _at_once(estimate_by_pivot),
         ),
         Method("ml", "maximum likelihood: path, points and free tumble at once", PathOptions, estimate_by_likelihood),
         Method("ekf", "iterated extended Kalman filter, tuned and smoothed", PathOptions, estimate_by_filter),
-        Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, estimate_by_score),
+        Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, _at_once(estimate_by_score)),
     )
 }
 """All methods by their names on the command line, in the order of its tables."""
@@ -74,6 +92,7 @@ def attempt(
     method: str = "pivot",
     orbit: Orbit | None = None,
     options: Options | None = None,
+    progress: Progress = silent,
 ) -> Estimate | Failure:
     """As `estimate`, but what cannot be computed is a value.
 
@@ -81,7 +100,7 @@ def attempt(
         InputError: no such method, or options that do not go together.
     """
     try:
-        return estimate(tracks, method=method, orbit=orbit, options=options)
+        return estimate(tracks, method=method, orbit=orbit, options=options, progress=progress)
     except ComputationError as error:
         return Failure(method, error.reason, str(error))
 
@@ -92,10 +111,12 @@ def estimate(
     method: str = "pivot",
     orbit: Orbit | None = None,
     options: Options | None = None,
+    progress: Progress = silent,
 ) -> Estimate:
     """The path of the centre of mass in C at every time of the tracks, by the method of that name in METHODS.
 
-    options: ScrewOptions for the screw methods, PathOptions for the others.
+    options: ScrewOptions for the screw methods, PathOptions for the others. progress: told the share that is done, by
+    `ml` and `ekf`, which may take long; their rounds are not known beforehand, so it is a rough one.
 
     Raises:
         InputError: no such method, options that do not go together, or tracks that are not of one body in metres.
@@ -104,4 +125,4 @@ def estimate(
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
     refuse_implausible(tracks, "tracks")
-    return METHODS[method](tracks, orbit=orbit, options=options)
+    return METHODS[method](tracks, orbit=orbit, options=options, progress=progress)

@@ -15,7 +15,7 @@ LAYERS = [
     ["models"],
     ["models.scenario"],
     ["models.sensor"],
-    ["fmu.layout", "estimator.limits", "estimator.geometry"],
+    ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.tables"],
     ["fmu.check", "estimator.tracks"],
     ["estimator.registration", "estimator.plausibility"],

@@ -13,6 +13,7 @@ from baryscope.estimator.ekf.smoother import SmoothedPath
 from baryscope.estimator.ekf.start import Start
 from baryscope.estimator.ekf.state import Measured
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.lvlh import lvlh_attitude
@@ -29,7 +30,8 @@ class Problem:
     """The tracks, orbit and options, and the initial state.
 
     on_orbit: whether the path is free relative motion; degree: of the derivative of the path that is constant or noisy,
-    None if the path model is not given; inliers (n, m): from the screening; observations with their precisions, if any.
+    None if the path model is not given; inliers (n, m): from the screening; observations with their precisions, if any;
+    rounds: told of each pass.
     """
 
     tracks: FeatureTracks
@@ -40,6 +42,7 @@ class Problem:
     inliers: BoolArray
     observations: Observations
     start: Start
+    rounds: Rounds
 
 
 @dataclass(frozen=True, eq=False)

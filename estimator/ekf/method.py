@@ -41,6 +41,7 @@ from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.ekf.state import State
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
@@ -82,7 +83,9 @@ class Passes:
     converged: bool
 
 
-def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
+def estimate_by_filter(
+    tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, progress: Progress = silent
+) -> Estimate:
     """The centre of mass by an iterated extended Kalman filter, smoothed.
 
     The covariance is the smoother's; `FilterDetails` has the filter's own at the last frame, the mean normalised
@@ -109,6 +112,7 @@ def estimate_by_filter(tracks: FeatureTracks, orbit: Orbit | None, options: Path
         inliers,
         observations_of(tracks, tracks.seen),
         start,
+        Rounds(progress),
     )
     return _result(problem, _passes(problem), begin)
 
@@ -256,7 +260,9 @@ def _filtered(
         np.zeros((k, m, 3)),
         P,
     )
-    return run_filter(state, frames, time, process, noise, guess.measured, keep), process, noise
+    run = run_filter(state, frames, time, process, noise, guess.measured, keep)
+    problem.rounds.did(len(frames) / len(time))
+    return run, process, noise
 
 
 def _result(problem: Problem, passes: Passes, begin: float) -> Estimate:

@@ -32,6 +32,7 @@ from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import MAX_VARIANCE_RATIO, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
+from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
@@ -44,6 +45,7 @@ STEP_TOLERANCE = 1e-4  # squared length of the last step, in units of the covari
 ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 PRIOR_INERTIA_DEVIATION = 0.5  # standard deviation of the prior of the five elements of the inertia of trace 1
+STAGE = 0.5  # of the unit of progress, that the start, the tumble and each round take
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,19 +99,23 @@ class _Prior:
         return float(deviation @ self.information @ deviation)
 
 
-def estimate_by_likelihood(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
+def estimate_by_likelihood(
+    tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, progress: Progress = silent
+) -> Estimate:
     """The maximum a posteriori estimate of the centre of mass.
 
     Raises:
         InputError: an invalid combination of options, or a singular covariance.
         ComputationError: the tracks do not determine the unknowns.
     """
-    begin = clock.perf_counter()
+    begin, done = clock.perf_counter(), Rounds(progress)
     torques = _torques(orbit, options)
     tracks, pivot = relabelled(tracks, solve_pivot(tracks, orbit, options))
+    done.did(STAGE)
     noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
-    best = _maximised(tracks, pivot, tumble, options)
+    done.did(STAGE)
+    best = _maximised(tracks, pivot, tumble, options, done)
     origin = best.sampled.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())
     y, offsets = _covariances(best, [body.features for body in pivot.bodies], distance)
@@ -215,7 +221,7 @@ def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, .
     return (orbit,) if options.torque == "gravity-gradient" else (None, orbit)
 
 
-def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions) -> Likelihood:
+def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
     """Damped Gauss–Newton steps from the path of `pivot` and the fitted rotation, with updates of the weights."""
     measured = observations_of(tracks, tracks.seen)
     weight = np.where(tracks.seen, NEGLIGIBLE, 0.0)
@@ -230,6 +236,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     found, deviation = equations(observations, motion, sampled, origin, points), prior.deviation(rotation, x)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
+        done.did(STAGE)
         matrix, rhs = found.matrix + prior.information, found.rhs - prior.information @ deviation
         cost = found.cost + prior.cost(deviation)
         accepted = False

@@ -128,8 +128,8 @@ def estimate_file(
         with stage(progress, f"reading {tracks}"):
             data = FeatureTracks.read_csv(csv_path(tracks))
             refuse_implausible(data, str(tracks))
-        with stage(progress, f"estimating by {method}: {METHODS[method].summary}"):
-            result = estimate(data, method=method, orbit=known_orbit, options=options)
+        with stage(progress, f"estimating by {method}: {METHODS[method].summary}") as share:
+            result = estimate(data, method=method, orbit=known_orbit, options=options, progress=share)
     write_estimate(result, target)
     diagnostics = target.with_suffix(".json")
     words = [_headline(result, target), *(f"  {line}" for line in summary(result)), f"  more in {diagnostics}"]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from baryscope import __version__
 from baryscope.estimator.bound import Bound, cramer_rao_bound
 from baryscope.estimator.methods import METHODS, Failure, attempt
+from baryscope.estimator.progress import silent
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath
@@ -18,7 +19,7 @@ from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
 from baryscope.study.flight import Flight, fly
 from baryscope.study.methods import axes_of, labels_of, options_of
-from baryscope.study.progress import Progress, stage
+from baryscope.study.progress import Progress, Share, stage
 from baryscope.study.table import Table
 
 FloatArray = NDArray[np.float64]
@@ -184,8 +185,8 @@ def compare(
     outcomes = []
     with stage(progress, f"estimating by {counted(len(labels), 'method')}") as share:
         for label in labels:
-            with stage(progress, f"estimating by {label}"):
-                outcomes.append(judge(label, flight))
+            with stage(progress, f"estimating by {label}") as share_of_one:
+                outcomes.append(judge(label, flight, share_of_one))
             share(len(outcomes) / len(labels))
     bound, no_bound = None, ""
     with stage(progress, "Cramér–Rao bound"):
@@ -196,10 +197,11 @@ def compare(
     return Comparison(flight, tuple(outcomes), bound, no_bound)
 
 
-def judge(label: str, flight: Flight) -> Outcome:
+def judge(label: str, flight: Flight, progress: Share = silent) -> Outcome:
     """Estimate by the method of a label, and measure its error."""
     method, options = options_of(label)
-    result = attempt(flight.tracks, method=method, orbit=flight.scenario.orbit, options=options)
+    orbit = flight.scenario.orbit
+    result = attempt(flight.tracks, method=method, orbit=orbit, options=options, progress=progress)
     if isinstance(result, Failure):
         return Outcome(label, failure=result.message)
     return Outcome(label, result, np.linalg.norm(result.position - flight.true_path, axis=1))
