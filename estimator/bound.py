@@ -1,8 +1,8 @@
-"""The Cramér–Rao bound of a scenario: how well anything could do, before anything is flown.
+"""The Cramér–Rao bound of a scenario: the least covariance of any unbiased estimate, without simulated tracks.
 
-The Fisher information is that of `ml`'s normal equations at the truth, with the true noise of each observation.
-Attitude, rate and inertia are those of axes that the features themselves hold, since no others can be seen; inertia is
-up to scale (trace 1).
+The Fisher information is that of `ml`'s normal equations at the true values, with the true noise of each observation
+and without a prior. Attitude, rate and inertia are those of axes attached to the features, as no others are observable;
+the inertia is up to scale (trace 1).
 """
 
 from dataclasses import dataclass
@@ -32,12 +32,12 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """The bound of every unbiased estimate from a scenario's observations.
+    """The bound for all unbiased estimates from a scenario's observations.
 
-    time (n,) in s; position_covariance (n, 3, 3) of the CoM in C, m²; offset_covariance (3, 3) of the CoM in the axes
-    that all features hold, m²; attitude_covariance (n, 3, 3), rad², rate_covariance (3, 3), rad²/s², at the middle of
-    the time, and inertia_covariance (5, 5), of trace 1, in the coefficients of INERTIA_BASIS: all in these axes.
-    observations: how many there are; observability of the CoM.
+    time (n,) in s; position_covariance (n, 3, 3) of the CoM in C, m²; offset_covariance (3, 3) of the CoM in axes
+    attached to all features, m². In these axes: attitude_covariance (n, 3, 3), rad²; rate_covariance (3, 3), rad²/s²,
+    at the middle of the time; inertia_covariance (5, 5), of the coefficients of INERTIA_BASIS for trace 1.
+    observations: their number; observability of the CoM.
     """
 
     time: FloatArray
@@ -51,39 +51,39 @@ class Bound:
 
     @cached_property
     def position_deviation(self) -> float:
-        """Root of the mean over time of the squared error of the CoM's path, at least, m."""
+        """Bound of the root mean squared error of the CoM's path, over all times, m."""
         return _rms(self.position_covariance)
 
     @cached_property
     def offset_deviation(self) -> float:
-        """Root mean squared error of the CoM in the features' axes, at least, m."""
+        """Bound of the root mean squared error of the CoM in the features' axes, m."""
         return _rms(self.offset_covariance[None])
 
     @cached_property
     def attitude_deviation(self) -> float:
-        """Root mean squared error of the attitude, at least, rad, over three axes."""
+        """Bound of the root mean squared error of the attitude, rad, over three axes."""
         return _rms(self.attitude_covariance)
 
     @cached_property
     def rate_deviation(self) -> float:
-        """Root mean squared error of the angular rate, at least, rad/s, over three axes."""
+        """Bound of the root mean squared error of the angular rate, rad/s, over three axes."""
         return _rms(self.rate_covariance[None])
 
     @cached_property
     def inertia_deviation(self) -> float:
-        """Root mean squared error of the inertia over its trace, at least (Frobenius norm)."""
+        """Bound of the root mean squared error of the inertia over its trace (Frobenius norm)."""
         return _rms(self.inertia_covariance[None])
 
 
 def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bound:
-    """The bound of a scenario, for a path of a kind that is known: relative-orbit unless given, see `PathOptions`.
+    """The bound of a scenario for a given path model: relative-orbit unless given, see `PathOptions`.
 
-    A polynomial needs its degree. The bound counts what the sensor is likely to see: of a share of observations that is
-    dropped or wrong, the information is lost; features that slide or are swapped are not taken into account.
+    A polynomial needs its degree. The information is reduced by the shares of dropped, wrong and swapped observations;
+    drifting features are not taken into account.
 
     Raises:
-        InputError: a trajectory that makes no sense here.
-        ComputationError: nothing is seen.
+        InputError: a polynomial without a degree, or an accelerated chaser.
+        ComputationError: no feature is seen, or there is no noise.
     """
     if np.any(scenario.chaser.acceleration):
         raise InputError("chaser.acceleration: the bound is that of free relative motion, expected [0, 0, 0]")
@@ -100,7 +100,7 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
     seen = np.nonzero(observations.weight.any(axis=0))[0]
     offset, _ = found.offset_covariance(y, seen)
-    attitude, rate, inertia = _in_held_axes(rotation, motion, found, y, seen)
+    attitude, rate, inertia = _in_attached_axes(rotation, motion, found, y, seen)
     position_covariance = sampled.covariance(of_path)
     body = Body(seen, np.arange(len(time)), points[seen], motion.attitude)
     return Bound(
@@ -127,7 +127,7 @@ def _path(scenario: Scenario, trajectory: str | None, time: FloatArray) -> Path:
 
 
 def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, FloatArray]:
-    """The rotation from an epoch in the middle of the time, the motion, and the path of the CoM in C, (n, 3)."""
+    """The true rotation with the epoch in the middle of the time, the motion, and the path of the CoM in C, (n, 3)."""
     target = scenario.target
     quaternion = np.array(target.attitude) / np.linalg.norm(target.attitude)
     start = Rotation(
@@ -149,7 +149,7 @@ def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, F
 def _expected(
     scenario: Scenario, time: FloatArray, attitude: FloatArray, origin: FloatArray, points: FloatArray
 ) -> Observations:
-    """The features where they are, with the true precision of each observation that may be expected."""
+    """The true positions of the features, with the true precision and the probability of each observation."""
     features_C = origin[:, None] + points @ np.swapaxes(attitude, 1, 2)
     normals = np.array([point.normal for point in scenario.features.points])
     covariance = observation_covariance(scenario, features_C, origin)
@@ -166,13 +166,13 @@ def _expected(
     return Observations(position, weight, precision)
 
 
-def _in_held_axes(
+def _in_attached_axes(
     rotation: Rotation, motion: Attitudes, found: Equations, y: FloatArray, seen: NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Covariances of attitude (n, 3, 3), rate (3, 3) and inertia (5, 5) in axes that the features hold.
+    """Covariances of attitude (n, 3, 3), rate (3, 3) and inertia (5, 5) in axes attached to the features.
 
-    The equations' own axes are those of the attitude at the epoch. The features' best turn against them, −κ, is one of
-    the points: κ = (Σ −[a]×²)⁻¹ Σ a × δb, a from the centroid. Turned axes see rate and inertia turned, too.
+    The axes of the equations are defined by the attitude at the epoch. The features' least-squares rotation relative to
+    them, −κ, depends on the points: κ = (Σ −[a]×²)⁻¹ Σ a × δb, a from the centroid. It changes rate and inertia, too.
     """
     by_points = turn_by_points(found.points[seen])
     q = len(y)
@@ -182,12 +182,12 @@ def _in_held_axes(
     own = (blocks @ found.point_inverse[seen] @ blocks.transpose(0, 2, 1)).sum(axis=0)
 
     def covariance(of_y: FloatArray, of_kappa: FloatArray) -> FloatArray:
-        whole = of_y + of_kappa @ by_y
-        return np.asarray(whole @ y @ np.swapaxes(whole, -1, -2) + of_kappa @ own @ np.swapaxes(of_kappa, -1, -2))
+        total = of_y + of_kappa @ by_y
+        return np.asarray(total @ y @ np.swapaxes(total, -1, -2) + of_kappa @ own @ np.swapaxes(of_kappa, -1, -2))
 
     turn = np.concatenate([motion.turn, np.zeros((*motion.turn.shape[:2], q - RATE_AND_INERTIA))], axis=2)
     of_rate, of_inertia = np.eye(3, q), np.eye(5, q, 3)
-    # Axes turned by κ see a vector v as v − κ × v and a tensor J as J − [κ]× J + J [κ]×.
+    # In axes rotated by κ a vector v is v − κ × v and a tensor J is J − [κ]× J + J [κ]×.
     J = rotation.inertia
     turned = [J @ K - K @ J for K in cross_matrices(np.eye(3))]
     by_kappa = np.array([[np.sum(basis * change) for change in turned] for basis in INERTIA_BASIS])

@@ -1,4 +1,4 @@
-"""What only one method, or one family of methods, knows of its result."""
+"""Results that are specific to a method, or to a family of methods."""
 
 from dataclasses import dataclass, field
 
@@ -10,7 +10,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TiedClusters:
-    """Two clusters by their numbers, and the labels of the tie points: features that both see."""
+    """Two clusters by their indices, and the labels of their tie points."""
 
     clusters: tuple[int, int]
     labels: tuple[str, ...]
@@ -18,7 +18,7 @@ class TiedClusters:
 
 @dataclass(frozen=True)
 class PivotDetails:
-    """Of `pivot`: which clusters are tied by features that they share."""
+    """Of `pivot`: the tie points between clusters."""
 
     tie_points: tuple[TiedClusters, ...] = ()
 
@@ -27,8 +27,9 @@ class PivotDetails:
 class TumbleDetails:
     """Of `ml`: the rotational state at the epoch.
 
-    epoch in s; attitude (3, 3) R_C_B; angular_rate (3,) in B, rad/s, and its deviations (3,); inertia (3, 3) in B over
-    its trace, and its deviation (Frobenius norm); gravity_gradient: whether that turns the target.
+    epoch in s; attitude (3, 3) R_C_B; angular_rate (3,) in B, rad/s, and its standard deviations (3,); inertia (3, 3)
+    in B over its trace, and its standard deviation (Frobenius norm); gravity_gradient: whether the model has this
+    torque.
     """
 
     epoch: float
@@ -42,13 +43,13 @@ class TumbleDetails:
 
 @dataclass(frozen=True, eq=False)
 class FilterDetails:
-    """Of `ekf`: the process noise that was chosen, and the filter's own end.
+    """Of `ekf`: the chosen process noise, and the filter's final state.
 
-    order: of the path's derivative that noise drives; path_noise: m by which it carries the centre of mass off in the
-    span of the time; turn_noise: share of itself by which noise changes the rate while the target turns by a radian;
-    gravity_gradient: whether that turns the target; nis: mean normalised innovation squared, 1 is expected; restarts of
-    the attitude; log_likelihood of the innovations; final_covariance (3, 3) of the position at the last frame, m²;
-    angular_rate (3,) there, rad/s in B; inertia (3, 3) over its trace.
+    order: of the noisy derivative of the path; path_noise: standard deviation of the position in m due to this noise
+    after the whole time span; turn_noise: relative standard deviation of the rate after a rotation by a radian;
+    gravity_gradient: whether the model has this torque; nis: mean normalised innovation squared, 1 is expected;
+    restarts: number of registrations of a lost attitude; log_likelihood of the innovations; final_covariance (3, 3) of
+    the position at the last frame, m²; angular_rate (3,) there, rad/s in B; inertia (3, 3) over its trace.
     """
 
     order: int
@@ -65,20 +66,21 @@ class FilterDetails:
 
 @dataclass(frozen=True)
 class ScoreDetails:
-    """Of `score`: rms of c_k + R_k u − v per coordinate, m: how far from at rest the centre is."""
+    """Of `score`: centre_residual, the rms of c_k + R_k u − v per coordinate, m, which is large if the centre moves."""
 
     centre_residual: float
 
 
 @dataclass(frozen=True, eq=False)
 class ScrewDetails:
-    """Of the screw methods: what was chosen from the data, and how the axes fared.
+    """Of the screw methods: the options chosen from the data, and statistics of the axes.
 
     chosen: names of the options that the data chose; sampling_interval in s; screw_angle: median, rad; axis_angle:
     median angle between successive axes, rad; segment_rms, segment_median: length of the shortest segments between
-    them, m; fit_rms of the polynomial, m per coordinate; axis_spread (3,), rising, and its directions (3, 3), a row
-    each: the mean of 1 − a aᵀ, how well each direction is seen; screws and intersections: how many came to what end;
-    com_scatter: of the centre of mass in each cluster's axes, (3,) each, m.
+    them, m; fit_rms of the polynomial, m per coordinate; axis_spread (3,), ascending, and axis_directions (3, 3), a row
+    each: eigenvalues and eigenvectors of the mean of 1 − a aᵀ, the observability of directions; screws and
+    intersections: their number for each status; com_scatter: standard deviation of the centre of mass in each
+    cluster's axes, (3,) each, m.
     """
 
     chosen: tuple[str, ...]

@@ -1,6 +1,6 @@
-"""An estimate as files: the path as CSV, and beside it everything else as JSON of a documented, versioned schema.
+"""An estimate as files: the path as CSV, and everything else as JSON with a documented, versioned schema.
 
-The schema is what pydantic makes of `EstimateDocument`; docs/estimate.schema.json is a copy that a test compares.
+The schema is derived from `EstimateDocument` by pydantic; a test compares docs/estimate.schema.json with it.
 """
 
 import csv
@@ -45,16 +45,16 @@ class _Part(BaseModel):
 class AxesPart(_Part):
     """Principal axes of a covariance."""
 
-    deviations: Vector = Field(description="standard deviations, rising, m")
+    deviations: Vector = Field(description="standard deviations, ascending, m")
     directions: Matrix = Field(description="a unit vector a row, one for each deviation")
 
 
 class ObservabilityPart(_Part):
-    """How well the centre of mass is seen."""
+    """Observability of the centre of mass."""
 
     verdict: str = Field(description="in words; not to be parsed")
-    cluster: int = Field(description="number of the cluster whose axes `body` is in: that of most frames")
-    threshold: float = Field(description="deviation from which on a direction counts as not observable, m")
+    cluster: int = Field(description="index of the cluster whose axes `body` refers to: that of most frames")
+    threshold: float = Field(description="standard deviation above which a direction is not observable, m")
     observable: tuple[bool, bool, bool] = Field(description="for each direction of `body`")
     condition_number: float | None = Field(description="greatest over least variance in body axes")
     body: AxesPart = Field(description="of the centre of mass in the cluster's axes")
@@ -65,8 +65,8 @@ class NoisePart(_Part):
     """Standard deviation of an observation's coordinate."""
 
     a_priori: float | None = Field(description="as given with --sigma")
-    a_posteriori: float = Field(description="as the residuals show it")
-    unit: Literal["m", "1"] = Field(description="1: a factor on the deviations that the tracks bring")
+    a_posteriori: float = Field(description="from the residuals")
+    unit: Literal["m", "1"] = Field(description="1: a factor on the standard deviations given with the tracks")
 
 
 class ClusterPart(_Part):
@@ -75,33 +75,35 @@ class ClusterPart(_Part):
     start: float = Field(description="first time with an attitude, s")
     end: float = Field(description="last time with an attitude, s")
     frames: int = Field(description="number of frames with an attitude")
-    intervals: tuple[Interval, ...] = Field(description="stretches in which it was followed, s")
+    intervals: tuple[Interval, ...] = Field(description="begin and end of the periods in which it is tracked, s")
     features: dict[str, Vector] = Field(description="points in cluster axes from their centroid, m")
     centre_of_mass: Vector | None = Field(description="in the same axes, from the centroid, m")
-    centre_of_mass_covariance: Matrix | None = Field(description="m², in axes that the points hold")
+    centre_of_mass_covariance: Matrix | None = Field(description="m², in axes attached to the points")
 
 
 class RejectedPart(_Part):
-    """Observations that count as wrong."""
+    """Rejected observations."""
 
-    share: float = Field(description="of all that were used")
-    features: tuple[str, ...] = Field(description="features that are wrong most of the time")
+    share: float = Field(description="of the used observations")
+    features: tuple[str, ...] = Field(description="features with most of their observations rejected")
     intervals: dict[str, tuple[Interval, ...]] = Field(description="for each feature, from first to last time, s")
 
 
 class FindingPart(_Part):
-    """Something that speaks against a model."""
+    """Evidence against a model."""
 
     kind: Literal["lack-of-fit", "excess-residuals", "different-points"]
     text: str = Field(description="in words; not to be parsed")
-    path: str | None = Field(None, description="lack-of-fit: the kind of path")
-    magnitude: float | None = Field(None, description="lack-of-fit: how far the path departs, m")
-    chi_square: float | None = Field(None, description="lack-of-fit: gain of a cubic in time, in variances")
-    dof: int | None = Field(None, description="lack-of-fit: what chi_square is expected to be")
-    model: str | None = Field(None, description="excess-residuals: the kind of path, or free tumble")
+    path: str | None = Field(None, description="lack-of-fit: the path's model")
+    magnitude: float | None = Field(None, description="lack-of-fit: rms departure of the path, m")
+    chi_square: float | None = Field(
+        None, description="lack-of-fit: decrease of the normalised squares by a cubic in time"
+    )
+    dof: int | None = Field(None, description="lack-of-fit: expectation of chi_square for a right model")
+    model: str | None = Field(None, description="excess-residuals: the path's model, or free tumble")
     ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
-    labels: tuple[str, ...] | None = Field(None, description="different-points: features that are not the same")
-    clusters: tuple[int, int] | None = Field(None, description="different-points: where they are not")
+    labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
+    clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
 
 
 class PivotPart(_Part):
@@ -109,7 +111,7 @@ class PivotPart(_Part):
 
     kind: Literal["pivot"] = "pivot"
     tie_points: tuple[dict[str, tuple[int, int] | tuple[str, ...]], ...] = Field(
-        description="clusters, two numbers, and labels: features that tie them"
+        description="indices of two clusters, and labels of their tie points"
     )
 
 
@@ -132,14 +134,14 @@ class FilterPart(_Part):
     """Of ekf."""
 
     kind: Literal["filter"] = "filter"
-    order: int = Field(description="of the path's derivative that noise drives")
-    path_noise: float = Field(description="m by which noise carries the centre of mass off in the span of the time")
-    turn_noise: float = Field(description="share of the rate that noise changes in a radian of turn")
+    order: int = Field(description="of the noisy derivative of the path")
+    path_noise: float = Field(description="standard deviation of the position due to noise after the time span, m")
+    turn_noise: float = Field(description="relative standard deviation of the rate after a rotation by a radian")
     gravity_gradient: bool
     mean_normalised_innovation_squared: float | None = Field(description="1 is expected")
-    restarts: int = Field(description="how often the attitude was found anew by registration")
+    restarts: int = Field(description="number of registrations of a lost attitude")
     log_likelihood: float | None
-    final_position_covariance: Matrix = Field(description="the filter's own at the last time, C, m²")
+    final_position_covariance: Matrix = Field(description="of the filter at the last time, C, m²")
     angular_rate: Vector = Field(description="body axes, at the last time, rad/s")
     inertia_over_trace: Matrix
 
@@ -148,7 +150,7 @@ class ScorePart(_Part):
     """Of score."""
 
     kind: Literal["score"] = "score"
-    centre_residual: float = Field(description="rms of c + R u − v per coordinate: how far from at rest, m")
+    centre_residual: float = Field(description="rms of c + R u − v per coordinate, m; large if the centre moves")
 
 
 class ScrewPart(_Part):
@@ -162,12 +164,12 @@ class ScrewPart(_Part):
     segment_rms: float = Field(description="of the shortest segments between successive axes, m")
     segment_median: float = Field(description="m")
     fit_rms: float = Field(description="of the path's polynomial, per coordinate, m")
-    axis_spread: Vector = Field(description="eigenvalues, rising, of the mean of 1 − a aᵀ")
+    axis_spread: Vector = Field(description="eigenvalues, ascending, of the mean of 1 − a aᵀ")
     axis_directions: Matrix = Field(description="their eigenvectors, a row each")
     screws: dict[str, int]
     intersections: dict[str, int]
     com_scatter: tuple[tuple[float | None, float | None, float | None], ...] = Field(
-        description="of the centre of mass in each cluster's axes, m"
+        description="standard deviation of the centre of mass in each cluster's axes, m"
     )
 
 
@@ -181,11 +183,11 @@ class EstimateDocument(_Part):
     version: str = Field(description="of baryscope")
     method: str
     status: Status = Field(description="whether the estimate can be used")
-    path: str = Field(description="kind of path: fixed, polynomial:N, relative-orbit, fixed in LVLH")
+    path: str = Field(description="the path's model: fixed, polynomial:N, relative-orbit, fixed in LVLH")
     options: dict[str, str | float | int | None] = Field(description="as given or chosen; null: not given, not needed")
     converged: bool
     rounds: int
-    coverage: float = Field(description="share of the times at which the tracks show an attitude")
+    coverage: float = Field(description="share of the times at which the tracks determine an attitude")
     predicted_rmse: float | None = Field(description="of the path, from its covariance, m")
     noise: NoisePart
     observability: ObservabilityPart | None
@@ -198,7 +200,7 @@ class EstimateDocument(_Part):
 
 
 def document_of(result: Estimate) -> EstimateDocument:
-    """Everything of an estimate but its series over time."""
+    """The document of an estimate: everything except its series over time."""
     return EstimateDocument(
         version=result.version,
         method=result.method,
@@ -234,7 +236,7 @@ def schema() -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The JSON schema as docs/estimate.schema.json has it."""
+    """The JSON schema as the text of docs/estimate.schema.json."""
     return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
 
 
@@ -263,7 +265,7 @@ def write_estimate(result: Estimate, path: AnyPath) -> None:
 
 
 def _number(value: Any) -> Any:
-    """The value, None where it is a number that JSON has no word for."""
+    """The value, None if it is a number that is not finite, which JSON does not have."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -310,7 +312,7 @@ def _cluster(cluster: Cluster, result: Estimate) -> ClusterPart:
 
 
 def rejected_intervals(result: Estimate) -> dict[str, tuple[Interval, ...]]:
-    """For each feature with rejected observations, the stretches of frames from first to last of them."""
+    """For each feature with rejected observations, their intervals from first to last time, s."""
     found = {}
     for index in np.nonzero(result.rejected.any(axis=0))[0]:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], result.rejected[:, index], [False]]).astype(np.int8)))

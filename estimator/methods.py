@@ -1,4 +1,4 @@
-"""The list of all methods, which the command line and the tests read, and the one way to call them."""
+"""The list of all methods, for the command line and the tests, and the functions that call them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from baryscope.models.orbit import Orbit
 
 @dataclass(frozen=True)
 class Method:
-    """A method: its name on the command line, what it does in a line, the options it takes, and how it runs."""
+    """A method: its name on the command line, a summary in one line, the type of its options, and its function."""
 
     name: str
     summary: str
@@ -69,7 +69,12 @@ METHODS: dict[str, Method] = {
             PathOptions,
             _at_once(estimate_by_pivot),
         ),
-        Method("ml", "maximum likelihood: path, points and free tumble at once", PathOptions, estimate_by_likelihood),
+        Method(
+            "ml",
+            "maximum a posteriori: path, points and free tumble at once, weak prior on inertia and path",
+            PathOptions,
+            estimate_by_likelihood,
+        ),
         Method("ekf", "iterated extended Kalman filter, tuned and smoothed", PathOptions, estimate_by_filter),
         Method("score", "symmetrical centre of rotation (SCoRE), at rest", PathOptions, _at_once(estimate_by_score)),
     )
@@ -79,7 +84,7 @@ METHODS: dict[str, Method] = {
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a method has no estimate: the kind of reason, and the particulars in a sentence."""
+    """The reason why a method has no estimate, as a value and in a sentence."""
 
     method: str
     reason: Reason
@@ -94,10 +99,10 @@ def attempt(
     options: Options | None = None,
     progress: Progress = silent,
 ) -> Estimate | Failure:
-    """As `estimate`, but what cannot be computed is a value.
+    """As `estimate`, but returns a Failure instead of raising a ComputationError.
 
     Raises:
-        InputError: no such method, or options that do not go together.
+        InputError: an unknown method, an invalid combination of options, or tracks that are not of one body in metres.
     """
     try:
         return estimate(tracks, method=method, orbit=orbit, options=options, progress=progress)
@@ -119,8 +124,8 @@ def estimate(
     `ml` and `ekf`, which may take long; their rounds are not known beforehand, so it is a rough one.
 
     Raises:
-        InputError: no such method, options that do not go together, or tracks that are not of one body in metres.
-        ComputationError: the tracks do not hold what it takes, in a sentence that says what is missing.
+        InputError: an unknown method, an invalid combination of options, or tracks that are not of one body in metres.
+        ComputationError: the tracks do not determine the centre of mass; the message says what is missing.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")

@@ -1,4 +1,4 @@
-"""What can be chosen for each family of methods; what is left None is chosen from the data."""
+"""The options of each family of methods; the data choose those that are None."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +21,7 @@ class ScrewOptions:
     polynomial in time; axes in which the tracks are registered; reference of the Procrustes registration.
 
     Raises:
-        InputError: a value that makes no sense.
+        InputError: an invalid value.
     """
 
     lag: float | None = None
@@ -43,15 +43,15 @@ class ScrewOptions:
 
 @dataclass(frozen=True)
 class PathOptions:
-    """trajectory of the CoM: fixed, polynomial, polynomial:N or relative-orbit; sigma, the known deviation of a
-    coordinate in m (a factor on the deviations where the tracks bring covariances); noise, how given covariances
-    belong to the measured point: stereo, growing with range, or fixed; torque on the target, for `ml`.
+    """trajectory of the CoM: fixed, polynomial, polynomial:N or relative-orbit; sigma: the known standard deviation of
+    a coordinate in m, or a factor on the standard deviations if the tracks have covariances; noise: whether the given
+    covariances depend on the range (stereo) or not (fixed); torque on the target, for `ml` and `ekf`.
 
-    Left None: relative-orbit where an orbit is given, else a polynomial whose degree the data choose; sigma from the
-    residuals; the torque that explains the tracks better.
+    None means: relative-orbit if an orbit is given, else a polynomial whose degree the data choose; sigma from the
+    residuals; the torque that fits the tracks better.
 
     Raises:
-        InputError: a value that makes no sense.
+        InputError: an invalid value.
     """
 
     trajectory: str | None = None

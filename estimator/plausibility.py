@@ -1,4 +1,4 @@
-"""Tracks that are well formed but cannot be what they say: the likely cause, before an estimator fails at them."""
+"""Checks of well-formed tracks for likely mistakes in labels, times and units, before an estimator fails."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from baryscope.estimator.limits import NARROWEST
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
-LARGEST = 2000.0  # m, the width of a body; what is wider was probably measured in millimetres
-SAMPLE = 200  # frames looked at for the width
+LARGEST = 2000.0  # m, the width of a body; wider ones are probably given in millimetres
+SAMPLE = 200  # frames examined for the width
 
 
 def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
@@ -40,7 +40,7 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
 
 
 def _width(tracks: FeatureTracks) -> float | None:
-    """Roughly how far apart the features of a frame are, m; hardly moved by some that are wrong. None if unknown."""
+    """A robust estimate of the extent of the features in a frame, m; None if no frame has two features."""
     shared = np.nonzero(tracks.seen.sum(axis=1) > 1)[0]
     if not shared.size:
         return None

@@ -1,4 +1,4 @@
-"""An estimate in sentences: the only place where what a result holds is put into words."""
+"""An estimate in sentences: the texts of a result's verdict, findings and summary."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,17 +45,16 @@ def sentence(finding: Finding) -> str:
             return f"{finding.model} does not fit: residuals are {finding.ratio:.2g} times those of the bodies alone"
         case DifferentPoints():
             first, second = finding.clusters
-            by = "it" if len(finding.labels) == 1 else "them"
-            names = ", ".join(finding.labels)
-            return f"{names}: not the same in clusters {first} and {second}, which are not tied by {by}"
+            names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"
+            return f"{names}: not the same in clusters {first} and {second}, {no_ties}"
 
 
 def summary(result: Estimate) -> list[str]:
-    """What a method chose and how good it thinks it is, in a few lines."""
+    """The options that a method chose, and its predicted accuracy, in a few lines."""
     if isinstance(result.details, ScrewDetails):
         return _screw_summary(result, result.details)
     noise = (
-        f"noise √{result.noise.a_posteriori**2:.3g} of what the tracks say"
+        f"noise √{result.noise.a_posteriori**2:.3g} times that of the tracks' covariances"
         if result.noise.relative
         else f"noise {result.noise.a_posteriori:.3g} m per axis"
     )
@@ -66,7 +65,7 @@ def summary(result: Estimate) -> list[str]:
     if result.observability is not None and result.predicted_rmse is not None:
         lines.append(f"centre of mass {verdict(result.observability)}; path ±{result.predicted_rmse:.2g} m RMSE")
     if result.status is Status.NOT_CONVERGED:
-        lines.append("did not converge: take the result for a first guess")
+        lines.append("did not converge: the result is a rough approximation only")
     return lines + [f"note: {sentence(finding)}" for finding in result.findings]
 
 

@@ -1,6 +1,6 @@
-"""The result of an estimation as values: the path of the centre of mass, how sure it is, and what speaks against it.
+"""The result of an estimation as values: the path of the centre of mass, its covariance, and findings against models.
 
-Sentences and files are made from these elsewhere: see `prose` and `document`.
+See `prose` for sentences and `document` for files.
 """
 
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is no path
+FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a path
 VERSION = version("baryscope")
-UNOBSERVABLE = 0.25  # deviation over the features' radius, from which on a direction counts as not observable
-PERSISTENT = 0.5  # share of a feature's observations rejected, from which on the feature is
+UNOBSERVABLE = 0.25  # standard deviation over the features' radius, above which a direction is not observable
+PERSISTENT = 0.5  # share of a feature's observations that are rejected, above which the feature is rejected
 
 
 class Status(StrEnum):
@@ -36,30 +36,33 @@ class Status(StrEnum):
 
     @property
     def trustworthy(self) -> bool:
-        """Whether position and covariance mean what they say; where a direction is not observable, they do."""
+        """Whether the covariance describes the position's error; this includes directions that are not observable."""
         return self in (Status.GOOD, Status.NOT_OBSERVABLE)
 
 
 @dataclass(frozen=True, eq=False)
 class PrincipalAxes:
-    """A covariance by its principal axes: deviations (3,) in m, rising, and directions (3, 3), a unit vector a row."""
+    """Principal axes of a covariance: standard deviations (3,) in m, ascending, and directions (3, 3), a unit vector a
+    row.
+    """
 
     deviations: FloatArray
     directions: FloatArray
 
     @classmethod
     def of(cls, covariance: FloatArray) -> Self:
-        """Those of a covariance (3, 3) in m²."""
+        """The principal axes of a covariance (3, 3) in m²."""
         values, vectors = np.linalg.eigh(covariance)
         return cls(np.sqrt(np.maximum(values, 0.0)), vectors.T)
 
 
 @dataclass(frozen=True, eq=False)
 class Observability:
-    """How well the centre of mass is seen.
+    """The observability of the centre of mass.
 
-    body: in the axes of the cluster that was seen in most frames, which `cluster` counts; inertial: in C, the mean over
-    all times of the path's covariance; threshold: deviation in m from which on a direction counts as not observable.
+    body: covariance in the axes of the cluster with an attitude in the most frames; cluster: its index; inertial: the
+    mean over all times of the path's covariance in C; threshold: standard deviation in m above which a direction is not
+    observable.
     """
 
     body: PrincipalAxes
@@ -74,18 +77,18 @@ class Observability:
 
     @property
     def condition_number(self) -> float:
-        """Greatest over least variance in body axes; infinite where a direction has none."""
+        """Greatest over least variance in body axes; infinite if the least is zero."""
         least, _, greatest = self.body.deviations
         return float((greatest / least) ** 2) if least > 0 else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """Features that are seen together, a rigid body in axes S of its own (with `ml` all clusters have the same).
+    """Features that are seen together: a rigid body with its own axes S (with `ml` all clusters have the same axes).
 
-    labels, and features (m,), their indices in the tracks; frames (n,): indices of those with an attitude; intervals in
-    which it was seen; points (m, 3) in S from their centroid, m; centre_of_mass (3,), from there, too; covariance
-    (3, 3) of it, m², in axes that the points hold, None where the method has none.
+    labels, and features (m,): their indices in the tracks; frames (n,): indices of the frames with an attitude;
+    intervals in which it is seen; points (m, 3) in S from their centroid, m; centre_of_mass (3,) in S from there, m;
+    covariance (3, 3) of it, m², in axes attached to the points, None if the method has none.
     """
 
     labels: tuple[str, ...]
@@ -98,14 +101,15 @@ class Cluster:
 
     @property
     def radius(self) -> float:
-        """Of the features about their centroid, rms, m."""
+        """The rms distance of the features from their centroid, m."""
         return float(np.sqrt((self.points**2).sum() / len(self.points)))
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of an observation's coordinate: a priori as it was given, None if it was not, and a posteriori
-    as the residuals show it. In m, or where the tracks bring covariances (relative) as a factor on their deviations.
+    """Standard deviation of an observation's coordinate: a priori, as given or None, and a posteriori, from residuals.
+
+    In m, or, if `relative`, as a factor on the standard deviations of the tracks' covariances.
     """
 
     a_priori: float | None
@@ -115,7 +119,10 @@ class Noise:
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """The path departs from its model, by about `magnitude` m: a cubic in time gains chi_square, dof expected."""
+    """The path departs from its model by about `magnitude` m rms.
+
+    A cubic in time decreases the normalised sum of squares by chi_square; dof is expected for a right model.
+    """
 
     path: str
     magnitude: float
@@ -133,7 +140,7 @@ class ExcessResiduals:
 
 @dataclass(frozen=True)
 class DifferentPoints:
-    """Features whose labels stand for other points in the second cluster than in the first: they tie nothing."""
+    """Labels of features that are different points in two clusters, by index, and are not used as tie points."""
 
     labels: tuple[str, ...]
     clusters: tuple[int, int]
@@ -144,12 +151,12 @@ Finding = LackOfFit | ExcessResiduals | DifferentPoints
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """How the target moves at n times; what a method does not tell is None.
+    """The target's motion at n times; None for what a method does not estimate.
 
-    velocity (n, 3) of the centre of mass in C, m/s. attitude (n, 3, 3) R_C_B of the axes of the cluster that was seen
-    in most frames, NaN where it has none; angular_rate (n, 3), rad/s in B. Covariances (n, 3, 3): of the velocity in
-    C, (m/s)²; of the attitude, a small rotation vector in B, rad²; of the rate in B, (rad/s)². The points that hold
-    the axes B count as known.
+    velocity (n, 3) of the centre of mass in C, m/s. attitude (n, 3, 3) R_C_B of the axes of the cluster of most frames,
+    NaN where it has no attitude; angular_rate (n, 3), rad/s in B. Covariances (n, 3, 3): of the velocity in C, (m/s)²;
+    of the attitude, a small rotation vector in B, rad²; of the rate in B, (rad/s)². They do not include the uncertainty
+    of the points that define the axes B.
     """
 
     velocity: FloatArray | None = None
@@ -162,25 +169,25 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The centre of mass in C at every time of the tracks, and how it came about.
+    """The centre of mass in C at every time of the tracks, and the circumstances of the estimate.
 
     Attributes:
         time: (n,), s.
-        labels: of the m features, as the method tells them apart.
+        labels: of the m features; `ml` may add features, see `relabelling`.
         position: (n, 3), m in C.
-        covariance: (n, 3, 3), m², None where the method has none.
+        covariance: (n, 3, 3), m², None if the method has none.
         motion: velocity, attitude and angular rate.
-        observability: None where the method has no covariance.
+        observability: None if the method has no covariance.
         clusters: the rigid clusters of features.
         noise: of the observations.
-        residuals: (n, m, 3), observed less estimated, m in C; NaN where nothing is seen or no cluster has an attitude.
-        used: (n, m), of which observations the method took account, be it to reject them.
-        rejected: (n, m), which of these count as wrong.
-        covered: (n,), at which times the tracks show an attitude.
+        residuals: (n, m, 3), observed less estimated, m in C; NaN without an observation or a cluster's attitude.
+        used: (n, m), the observations that the method processed, including rejected ones.
+        rejected: (n, m), the observations rejected as outliers.
+        covered: (n,), the times at which the tracks determine an attitude.
         converged, rounds: of the method's iteration.
-        findings: what speaks against the models.
-        method, path, options, version: what made it; path is the kind of path, options have what was chosen.
-        details: what only this method knows.
+        findings: evidence against the models.
+        method, path, options, version: path is the path's model; options include those chosen from the data.
+        details: results specific to the method.
         wall_time: s.
     """
 
@@ -208,7 +215,7 @@ class Estimate:
 
     @property
     def status(self) -> Status:
-        """Whether the estimate can be used: the worst of what is known against it."""
+        """Whether the estimate can be used: the most severe of its defects."""
         if not self.converged:
             return Status.NOT_CONVERGED
         if any(isinstance(finding, LackOfFit | ExcessResiduals) for finding in self.findings):
@@ -219,7 +226,7 @@ class Estimate:
 
     @property
     def velocity(self) -> FloatArray | None:
-        """Of the centre of mass in C, (n, 3), m/s."""
+        """Velocity of the centre of mass in C, (n, 3), m/s."""
         return self.motion.velocity
 
     @property
@@ -229,24 +236,24 @@ class Estimate:
 
     @property
     def angular_rate(self) -> FloatArray | None:
-        """In B, (n, 3), rad/s, see `Motion`."""
+        """Angular rate in B, (n, 3), rad/s, see `Motion`."""
         return self.motion.angular_rate
 
     @cached_property
     def predicted_rmse(self) -> float | None:
-        """What the covariance predicts for the root of the mean squared error of the path, m; None without one."""
+        """The root mean squared error of the path that the covariance predicts, m; None without a covariance."""
         if self.covariance is None:
             return None
         return float(np.sqrt(np.trace(self.covariance, axis1=1, axis2=2).mean()))
 
     @property
     def coverage(self) -> float:
-        """Share of the times at which the tracks show an attitude."""
+        """Share of the times at which the tracks determine an attitude."""
         return float(self.covered.mean())
 
     @cached_property
     def feature_rms(self) -> FloatArray:
-        """Rms of each feature's residuals per coordinate, without those rejected, (m,), m; NaN where none is left."""
+        """Rms of each feature's residuals per coordinate, (m,), m, without rejected ones; NaN if none is left."""
         used = np.isfinite(self.residuals[..., 0]) & ~self.rejected
         squares = np.where(used, np.einsum("kmi,kmi->km", self.residuals, self.residuals), 0.0).sum(axis=0)
         count = used.sum(axis=0)
@@ -254,11 +261,11 @@ class Estimate:
 
     @property
     def rejected_share(self) -> float:
-        """Of the observations in use, the share that counts as wrong."""
+        """The share of the used observations that are rejected."""
         return float(self.rejected.sum() / max(self.used.sum(), 1))
 
     @property
     def rejected_features(self) -> tuple[str, ...]:
-        """Labels of the features that are wrong most of the time."""
+        """Labels of the features with more than PERSISTENT of their observations rejected."""
         wrong, total = self.rejected.sum(axis=0), np.maximum(self.used.sum(axis=0), 1)
         return tuple(self.labels[index] for index in np.nonzero(wrong > PERSISTENT * total)[0])

@@ -1,10 +1,10 @@
 """score: the symmetrical centre of rotation estimation of Ehrig, Taylor, Duda and Heller (J. Biomech. 39, 2006).
 
-Between two moving bodies, the joint's centre is at rest in both: R_k u + c_k = S_k v + e_k in all frames. Here one of
-the two is the ground: the target's bodies are posed by registration, and v is one point for all of them,
+The centre of a joint between two moving bodies is at rest in both: R_k u + c_k = S_k v + e_k in all frames. Here one of
+the two is the ground: the poses of the target's bodies come from registration, and v is the same point for all of them,
     c_k + R_k u = v,
-by unweighted least squares. It holds for a centre of mass at rest, and for nothing else: a baseline. With an orbit the
-ground is the target's LVLH frame, in which a chaser on V-bar is at rest, and without one frame C.
+by unweighted least squares. The model is right for a centre of mass at rest only: a baseline. The ground is the
+target's LVLH frame if an orbit is given, in which a chaser on V-bar is at rest, else frame C.
 """
 
 import time as clock
@@ -33,14 +33,14 @@ from baryscope.models.orbit import Orbit
 
 
 def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
-    """The centre of mass as the fixed centre of rotation, in LVLH where an orbit is given and `fixed` is not asked for.
+    """The centre of mass as the fixed centre of rotation: in LVLH if an orbit is given and no trajectory, else in C.
 
-    The covariance is that of the least squares, whose noise is what is left over: of c_k + R_k u − v, per coordinate,
-    `ScoreDetails.centre_residual`. Where the centre moves it is wrong. A sigma in the options is not used.
+    The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
+    `ScoreDetails.centre_residual`. It is wrong if the centre moves. A sigma in the options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`.
-        ComputationError: the tracks show no attitude.
+        ComputationError: the tracks determine no attitude.
     """
     begin = clock.perf_counter()
     if options.trajectory not in (None, "fixed"):
@@ -95,11 +95,11 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
 
 
 def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """The least squares of c_k = v + R_k d, d = −u, over all bodies at once.
+    """The least-squares solution of c_k = v + R_k d, d = −u, jointly for all bodies.
 
     Returns:
-        v (3,) and d (j, 3), each body's in its axes, m; the inverse (3 j + 3, 3 j + 3) of the normal equations of
-        (d, v), zero where undetermined; and the variance of a coordinate that is left over, m².
+        v (3,) and d (j, 3), each body's in its axes, m; the pseudo-inverse (3 j + 3, 3 j + 3) of the normal equations
+        of (d, v); and the residuals' variance per coordinate, m².
     """
     bodies, origins = registered.bodies, registered.origins
     j = len(bodies)

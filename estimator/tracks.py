@@ -1,4 +1,4 @@
-"""Tracks of features on the target's surface: what the estimator is given, in memory and as a CSV file."""
+"""Tracks of features on the target's surface, the input of the estimators, in memory and as a CSV file."""
 
 import csv
 from collections.abc import Sequence

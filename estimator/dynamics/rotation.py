@@ -78,14 +78,14 @@ class Rotation:
         return bool(np.linalg.eigvalsh(self.inertia)[0] > MIN_PRINCIPAL_MOMENT)
 
     def reaches(self, time: FloatArray, nodes: float = MAX_NODES) -> bool:
-        """Whether an integration from the epoch over times (n,) in s takes so many nodes at most."""
+        """Whether the integration from the epoch over times (n,) in s needs at most `nodes` nodes."""
         return _highest_rate(self) * _span(self.epoch, time) <= NODE_ANGLE * nodes
 
     def at(self, time: FloatArray) -> "Attitudes":
         """Attitude, rate and sensitivities at times (n,) in s, in any order.
 
         Raises:
-            ComputationError: the rotation does not reach the times.
+            ComputationError: the integration needs more than MAX_NODES nodes.
         """
         return self._nodes_around(time).between(time)
 
@@ -100,17 +100,17 @@ class Rotation:
 
 
 def too_long(rate: float, span: float) -> ComputationError:
-    """The error where a target turns at a rate in rad/s for a span in s, and its motion cannot be followed so long."""
+    """The error to raise if the integration of a rate in rad/s over a span in s needs too many nodes."""
     turns = rate * span / (2 * np.pi)
     return ComputationError(
         f"the target turns at {rate:.3g} rad/s, {turns:.2g} times in the {span:.3g} s of the tracks: too often for its "
-        "motion to be followed in so few frames; use a shorter stretch of the tracks, or the method pivot",
+        "motion to be followed in so few frames; use a shorter part of the tracks, or the method pivot",
         Reason.TOO_LONG,
     )
 
 
 def _span(epoch: float, time: FloatArray) -> float:
-    """Of times (n,) and an epoch, s."""
+    """The span in s of times (n,) and an epoch."""
     return float(max(time.max(initial=epoch), epoch) - min(time.min(initial=epoch), epoch))
 
 

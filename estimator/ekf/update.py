@@ -128,16 +128,16 @@ def _own_squares(innovation: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _solved(matrix: FloatArray, solve: Callable[..., FloatArray], *rhs: FloatArray) -> FloatArray:
-    """What `solve` makes of matrices (..., p, p) and their right-hand sides; NaN where a matrix is singular.
+    """The result of `solve` for matrices (..., p, p) and right-hand sides; NaN where a matrix is singular.
 
-    A covariance is singular where rounding beside a great uncertainty has hidden a small one: the member goes astray.
+    Rounding can make the covariance of a diverging member singular.
     """
     try:
         return solve(matrix, *rhs)
     except np.linalg.LinAlgError:
-        sound = np.linalg.slogdet(matrix)[0] != 0
+        regular = np.linalg.slogdet(matrix)[0] != 0
         found = np.full_like(rhs[0] if rhs else matrix, np.nan)
-        found[sound] = solve(matrix[sound], *(values[sound] for values in rhs))
+        found[regular] = solve(matrix[regular], *(values[regular] for values in rhs))
         return found
 
 

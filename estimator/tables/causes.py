@@ -1,4 +1,4 @@
-"""Why a table probably cannot be read: other separators, decimal commas, dates; in words for the message."""
+"""Likely causes of an unreadable table, in words for the message: other separators, decimal commas, dates."""
 
 import re
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ WHOLE = re.compile(r"\s*[+-]?\d*(e[+-]?\d+)?\s*", re.IGNORECASE)
 
 
 def separator_of(line: str, form: Form) -> str | None:
-    """What separates the names of a header line, if it is not commas: "tabs", "semicolons", "bars" or "blanks"."""
+    """The separator of a header line, if it is not a comma: "tabs", "semicolons", "bars" or "blanks"."""
     for separator, name in SEPARATORS.items():
         names = {part.strip().strip('"') for part in line.split(separator)}
         if names >= set(form.required):
@@ -21,17 +21,17 @@ def separator_of(line: str, form: Form) -> str | None:
 
 
 def looks_like_numbers(header: Sequence[str]) -> bool:
-    """Whether what should be a header is a row of numbers, but for one text at most."""
+    """Whether the header is a row of numbers with at most one text."""
     return len(header) > 1 and sum(not _is_number(cell) for cell in header) <= 1
 
 
 def has_decimal_commas(cells: Sequence[str], columns: int) -> bool:
-    """Whether a row of so many columns may have more cells than that because its numbers have decimal commas."""
+    """Whether a row has more cells than the table has columns, probably because its numbers have decimal commas."""
     return columns + 1 < len(cells) < 2 * columns and sum(not WHOLE.fullmatch(cell) for cell in cells) <= 1
 
 
 def wanted_of(cell: str) -> str:
-    """What a cell should hold that is not a finite number, and why it may not be one."""
+    """What is expected in a cell that has no finite number, with the likely cause."""
     if DECIMAL_COMMA.fullmatch(cell):
         return "a finite number, with a decimal point"
     if DATE.fullmatch(cell):

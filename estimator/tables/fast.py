@@ -1,6 +1,6 @@
-"""The fast way of reading a CSV table: polars, wherever it is certain to read the same as the strict reader.
+"""The fast reader of CSV tables: polars, for files of which it certainly reads the same as the strict reader.
 
-A file whose form is at all unusual is left to the strict reader, which reads it or says what is wrong.
+A file with an unusual form is left to the strict reader, which reads it or reports the error.
 """
 
 import warnings
@@ -17,11 +17,12 @@ ENDS = np.frombuffer(b",\n", np.uint8)
 
 
 def read_fast(content: bytes, header: Sequence[str], label: str) -> Columns | None:
-    """Read the rows below the first line of `content`, or None where the strict reader has to.
+    """The rows below the first line of `content`, or None if the strict reader is needed.
 
-    content: UTF-8 without a byte order mark, its lines ended by "\\n". Column `label` is text, the others are finite
-    numbers or empty. None means that a row is short or long, a line empty, a quote anything but around a whole cell, a
-    number not plain or not finite, the text not UTF-8, or the processor too old for polars; the file need not be wrong.
+    content: UTF-8 without a byte order mark, lines ended by "\\n". Column `label` is text, the others are finite
+    numbers or empty. None means that a row is short or long, a line is empty, a quote is not around a whole cell, a
+    number is not plain or not finite, the text is not UTF-8, or polars does not support the processor; the file may be
+    valid.
     """
     if content.endswith(b"\n\n") or not content.endswith(b"\n"):
         content = content.rstrip(b"\n") + b"\n"
@@ -31,8 +32,8 @@ def read_fast(content: bytes, header: Sequence[str], label: str) -> Columns | No
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         try:
-            import polars as pl  # takes as long as reading some thousand rows the other way, so only if there are more
-        except RuntimeWarning:  # of a processor on which it would crash
+            import polars as pl  # here, as it takes as long as reading some thousand rows with the strict reader
+        except RuntimeWarning:  # of a processor that it does not support
             return None
     types = {name: pl.String if name == label else pl.Float64 for name in header}
     try:
@@ -54,7 +55,7 @@ def _count(content: bytes, byte: int) -> int:
 
 
 def _quotes_are_plain(content: bytes) -> bool:
-    """Whether each cell either has a quote at its begin and its end only, or none."""
+    """Whether every cell has quotes at its begin and end only, or none."""
     if QUOTE not in content:
         return True
     view = np.frombuffer(content, np.uint8)
@@ -68,7 +69,7 @@ def _quotes_are_plain(content: bytes) -> bool:
 
 
 def _stripped(texts: Sequence[str], codes: NDArray[np.integer]) -> tuple[tuple[str, ...], IntArray]:
-    """The texts without blanks around, each once and none empty, and `codes` (rows,) into them, -1 for the empty."""
+    """The distinct texts without surrounding blanks, none empty, and `codes` (rows,) into them, -1 for empty ones."""
     labels: dict[str, int] = {}
     index = [labels.setdefault(text.strip(), len(labels)) if text.strip() else -1 for text in texts]
     return tuple(labels), np.array(index, dtype=np.intp)[codes]

@@ -1,4 +1,4 @@
-"""What a CSV table is to hold, what it holds, and its header."""
+"""The expected form of a CSV table, and its columns."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Form:
-    """What a table is to hold: columns that it must have, those it has all or none of, and which one is text."""
+    """The form of a table: required columns, optional columns (all or none), and the one column of text."""
 
     what: str  # "feature tracks in CSV", for errors
     required: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""The strict way of reading a CSV table: row by row, with errors that name the line and the column."""
+"""The strict reader of CSV tables: row by row, with errors that name the line and the column."""
 
 import csv
 import io
@@ -79,7 +79,7 @@ def read_header(text: str, source: str, form: Form) -> list[str]:
 
 
 def _rows(text: str, source: str) -> Iterator[tuple[int, list[str]]]:
-    """The number of the line on which a row ends, and its cells; empty lines are passed over."""
+    """The number of the line on which a row ends, and its cells; empty lines are skipped."""
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         for cells in reader:
@@ -103,7 +103,7 @@ def _numbers(cells: Sequence[str], name: str, lines: Sequence[int], source: str)
         values = np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
     except ValueError:
         values = None
-    # Python's float also takes nan, inf and 1_000, none of which is a number in the file's contract.
+    # Python's float also accepts nan, inf and 1_000, which are no numbers in this file format.
     empty = np.array([not cell for cell in cells])
     odd = "_" in "".join(cells) or not cells
     if values is not None and not odd and np.array_equal(np.isfinite(values), ~empty):

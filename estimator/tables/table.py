@@ -1,4 +1,4 @@
-"""A CSV table read by columns: the fast way where that is certain to read the same, else the strict way."""
+"""A CSV table read by columns: with the fast reader if it certainly reads the same, else with the strict one."""
 
 from codecs import BOM_UTF8
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from baryscope.estimator.tables.strict import data_rows, read_header, read_stric
 from baryscope.models.errors import InputError
 from baryscope.models.files import decoded
 
-LONG = 1_000_000  # bytes from which on the fast way is worth the import of polars
+LONG = 1_000_000  # bytes from which the fast reader saves more time than the import of polars takes
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of a CSV file, and the file itself, to find the line of a row that is wrong."""
+    """The columns of a CSV file, and its content, to find the line of a wrong row."""
 
     source: str  # names the file in errors
     columns: Columns
@@ -33,8 +33,7 @@ class Table:
 def read_table(content: bytes, source: str, form: Form) -> Table:
     """Parse the content of a CSV file; `source` names it in errors.
 
-    The text column's cells are stripped of blanks around; the others are finite numbers or empty. Columns may stand in
-    any order. A long file goes the fast way, where that reads it.
+    Cells of the text column are stripped; the others are finite numbers or empty. Columns may be in any order.
 
     Raises:
         InputError: one line that names file, line and column, what was found and what was expected.

@@ -1,4 +1,4 @@
-"""The CSV form of feature tracks, one row per sighting, and its rows as arrays over frames and features."""
+"""The CSV form of feature tracks, one row per observation, and its rows as arrays over frames and features."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ BoolArray = NDArray[np.bool_]
 
 COLUMNS = ("time", "feature", "x", "y", "z")
 COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
-UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # where the six columns stand in the matrix
+UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # matrix elements of the six columns
 MOST_PLACES = 10**8  # frames times features: 2.4 GB of positions, three times that of covariances
 FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature")
 
@@ -22,10 +22,10 @@ FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature")
 def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], FloatArray | None]:
     """Time (n,), position (n, m, 3), labels (m) and covariance (n, m, 3, 3), or None, from the rows of a file.
 
-    NaN stands where a feature is not seen. Whether the covariances are some is left to be checked.
+    NaN means not seen. Whether the covariances are positive semidefinite is checked elsewhere.
 
     Raises:
-        InputError: what only rows can get wrong: half a position, a position without a label or time, one given twice.
+        InputError: an incomplete position, a position without a label or time, one given twice, a number out of range.
     """
     numbers, labels, codes = table.columns.numbers, table.columns.labels, table.columns.codes
     empty = np.stack([np.isnan(numbers[axis]) for axis in "xyz"])
@@ -55,10 +55,10 @@ def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], Fl
 
 
 def refuse_covariances(table: Table) -> None:
-    """Name the row whose covariance is not one, if there is such a row.
+    """Check that the covariances of the rows are positive semidefinite.
 
     Raises:
-        InputError: there is.
+        InputError: one is not; the message names the row.
     """
     numbers = table.columns.numbers
     if COVARIANCE_COLUMNS[0] in numbers:
@@ -70,7 +70,7 @@ def refuse_covariances(table: Table) -> None:
 
 
 def _frames(time: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The distinct times, rising, and each row's index into them."""
+    """The distinct times, ascending, and each row's index into them."""
     steps = np.diff(time)
     if (steps < 0).any():
         return np.unique(time, return_inverse=True)
@@ -88,7 +88,7 @@ def _refuse_sparse(table: Table, times: int, labels: int) -> None:
 
 
 def _refuse_repetition(table: Table, place: IntArray, places: int) -> None:
-    """place (rows,): which of so many pairs of frame and feature a row is for, where it names a feature."""
+    """Check that no pair of frame and feature is given twice; place (rows,): index of a row's pair among `places`."""
     named = table.columns.codes >= 0
     taken = np.zeros(places, dtype=bool)
     taken[place[named]] = True

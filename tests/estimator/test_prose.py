@@ -40,8 +40,8 @@ def test_verdict_names_a_skew_axis():
         (LackOfFit("fixed", 0.123, 91.4, 3), "the path departs from fixed by 0.12 m or so (χ² 91, expected 3)"),
         (ExcessResiduals("free tumble", 2.04), "no free tumble fits: residuals are 2 times those with free attitudes"),
         (ExcessResiduals("fixed", 3.3), "fixed does not fit: residuals are 3.3 times those of the bodies alone"),
-        (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, which are not tied by it"),
-        (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, which are not tied by them"),
+        (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, no tie point"),
+        (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, no tie points"),
     ],
 )
 def test_sentences(finding, expected):
@@ -55,11 +55,11 @@ def test_summary_names_noise_what_is_rejected_and_every_finding():
     assert summary(found) == [
         "trajectory fixed; noise 0.02 m per axis; 15 % of the observations rejected, features b",
         "centre of mass observable: ±0.03 m in the worst direction; path ±0.037 m RMSE",
-        "did not converge: take the result for a first guess",
-        "note: a: not the same in clusters 0 and 1, which are not tied by it",
+        "did not converge: the result is a rough approximation only",
+        "note: a: not the same in clusters 0 and 1, no tie point",
     ]
     factor = an_estimate(noise=Noise(None, 1.2, relative=True))
-    assert "noise √1.44 of what the tracks say" in summary(factor)[0]
+    assert "noise √1.44 times that of the tracks' covariances" in summary(factor)[0]
 
 
 def test_summary_of_a_screw_method_says_what_the_data_chose(case_of, at_rest):

@@ -148,9 +148,7 @@ def test_a_label_of_two_points_is_reported(method):
     position[60:, 3] += R[60:] @ (0.1 * TEN[3])
     found = found_by(method, with_positions(case, position), "relative-orbit")
     assert found.rejected_share < 0.01
-    assert [sentence(finding) for finding in found.findings] == [
-        "F3: not the same in clusters 0 and 1, which are not tied by it"
-    ]
+    assert [sentence(finding) for finding in found.findings] == ["F3: not the same in clusters 0 and 1, no tie point"]
     assert squared_error(found, case) < 4.5**2
     # `ml`, which has one body, gives the second point a label of its own.
     names = [list(cluster.labels) for cluster in found.clusters]
