@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.box import SIMPLE_HEAD
@@ -20,7 +20,7 @@ from baryscope.study.table import Table
 out = Console(highlight=False, markup=False)
 err = Console(stderr=True, highlight=False, markup=False)
 
-MANY_COLUMNS = 8
+LEAST_HEADING = 9  # characters of a heading's line at least
 LEAST_WIDTH = 90  # columns of a table at least, so that no number is cut off
 TELL_EVERY = 60.0  # s between lines of progress where there is no terminal
 
@@ -99,14 +99,15 @@ def _duration(seconds: float) -> str:
 
 
 def _print_table(table: Table) -> None:
-    """A table on the terminal, closely set where it has many columns; nothing of it is cut off."""
-    close = len(table.headings) > MANY_COLUMNS
+    """A table on the terminal, closely set where there is little room; nothing of it is cut off."""
+    widths = [max([LEAST_HEADING, *(len(row[k]) for row in table.rows)]) for k in range(len(table.headings))]
+    close = sum(widths) + 3 * len(widths) > out.width
     rich = RichTable(box=SIMPLE_HEAD, pad_edge=False, show_edge=not close, collapse_padding=True)
     if close:
         rich.padding = 0
-    for k, heading in enumerate(table.headings):
-        width = max([10, *(len(row[k]) for row in table.rows)])  # a long heading stands in two lines
-        rich.add_column(textwrap.fill(heading, width), justify="left" if k < table.left else "right", no_wrap=True)
+    for k, (heading, width) in enumerate(zip(table.headings, widths, strict=True)):
+        side: Literal["left", "right"] = "left" if k < table.left else "right"
+        rich.add_column(textwrap.fill(heading, width), justify=side, no_wrap=True)  # a long heading takes two lines
     for row in table.rows:
         rich.add_row(*row)
     if table.title:

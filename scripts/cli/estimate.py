@@ -128,7 +128,7 @@ def estimate_file(
         with stage(progress, f"reading {tracks}"):
             data = FeatureTracks.read_csv(csv_path(tracks))
             refuse_implausible(data, str(tracks))
-        with stage(progress, f"estimating by {method}: {METHODS[method].summary}") as share:
+        with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, progress=share)
     write_estimate(result, target)
     diagnostics = target.with_suffix(".json")
