@@ -20,6 +20,9 @@ from baryscope.models.errors import InputError
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+NEAREST = 1e-6  # m, of a point from the rig
+MAX_CORRECTION = 0.5  # of a range: where noise is as large as the range, the second order says nothing
+
 
 def observations_of(tracks: FeatureTracks, used: BoolArray) -> Observations:
     """The observations used (n, m) of the tracks, with weight 1, and precisions if the tracks have covariances.
@@ -58,8 +61,9 @@ def moved_to(observations: Observations, measured: Observations, estimated: Floa
     """
     if measured.precision is None:
         return observations
-    used = measured.weight > 0
-    near, far = np.where(used[..., None], measured.position, 1.0), np.where(used[..., None], estimated, 1.0)
+    # A point measured at the rig itself has no line of sight: it stays as it is.
+    sighted = (measured.weight > 0) & (np.linalg.norm(measured.position, axis=2) > NEAREST)
+    near, far = np.where(sighted[..., None], measured.position, 1.0), np.where(sighted[..., None], estimated, 1.0)
     r, r_new = np.linalg.norm(near, axis=2), np.linalg.norm(far, axis=2)
     a, a_new = near / r[..., None], far / np.maximum(r_new, 1e-300)[..., None]
     ratio = np.clip(r_new / r, 0.5, 2.0)
@@ -70,7 +74,7 @@ def moved_to(observations: Observations, measured: Observations, estimated: Floa
     precision = D @ measured.precision @ np.swapaxes(D, 2, 3)
     covariance_along = np.linalg.solve(precision, a_new[..., None])[..., 0]
     variance = np.einsum("kmi,kmi->km", a_new, covariance_along)
-    range_correction = np.where(used, 1 - variance / (r * ratio) ** 2, 1.0)
+    range_correction = np.where(sighted, 1 - np.minimum(variance / (r * ratio) ** 2, MAX_CORRECTION), 1.0)
     return Observations(measured.position * range_correction[..., None], observations.weight, precision)
 
 

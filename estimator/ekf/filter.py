@@ -81,6 +81,12 @@ class Run:
     restarts: IntArray
     traces: tuple[Trace, ...]
 
+    @property
+    def accepted(self) -> FloatArray:
+        """Normalised squared innovations of the first member's observations that lie within the gate, (j,)."""
+        squares = self.squares[0]
+        return np.asarray(squares[(squares >= 0) & (squares < GATE)])
+
     def only(self, member: int) -> "Run":
         """The result of one member."""
         one = np.array([member])
@@ -241,6 +247,7 @@ def _replace_diverged(bank: _Bank) -> None:
     """Replace diverged members by copies of a regular one, with the log-likelihood −∞ from then on."""
     state = bank.state
     regular = (state.inertia.trace(axis1=1, axis2=2) < MAX_INERTIA_TRACE) & np.isfinite(state.path).all(axis=1)
+    regular &= (np.einsum("kii->ki", state.covariance) >= 0).all(axis=1)  # or it is lost in rounding
     regular &= np.isfinite(bank.log_likelihood) & (np.abs(state.rate).max(axis=1) < MAX_RATE_RATIO * bank.max_rate)
     bank.log_likelihood[~regular] = -np.inf
     if not regular.all() and regular.any():

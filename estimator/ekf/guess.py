@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN
+from baryscope.estimator.adjustment.reweighting import MEDIAN
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.ekf.filter import Run
 from baryscope.estimator.ekf.motion import ROTATION, span_of
@@ -15,7 +15,6 @@ from baryscope.estimator.ekf.state import Measured
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
-from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 
@@ -94,7 +93,11 @@ def _first_scale(problem: Problem) -> float:
     """The variance of a coordinate, or the factor on the given covariances: as given, or from the registration."""
     if problem.options.sigma is not None:
         return problem.options.sigma**2
-    noise = max(problem.start.noise, MIN_NOISE * problem.start.radius)
+    return _scale_of(problem, max(problem.start.noise, MIN_NOISE * problem.start.radius))
+
+
+def _scale_of(problem: Problem, noise: float) -> float:
+    """The variance of a coordinate, or the factor on the given covariances, of a standard deviation in m."""
     if problem.tracks.covariance is None:
         return noise**2
     given = np.trace(problem.tracks.covariance[problem.inliers], axis1=1, axis2=2)
@@ -132,7 +135,7 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
     of_inertia = state.covariance[0, p + 6 : p + ROTATION, p + 6 : p + ROTATION]
     scale, observations = last.scale, problem.observations
     if problem.options.sigma is None:
-        scale = max(renewed_scale(last, run), _least_scale(problem))
+        scale = max(renewed_scale(last, run), _scale_of(problem, MIN_NOISE * problem.start.radius))
     if observations.precision is not None and problem.options.noise == "stereo":
         predicted = run.predicted[0]
         observations = moved_to(
@@ -150,22 +153,8 @@ def next_guess(problem: Problem, last: Guess, run: Run, path: SmoothedPath, orde
 
 
 def renewed_scale(guess: Guess, run: Run) -> float:
-    """The variance of a coordinate, or the factor on the given covariances, from the innovations of a pass.
-
-    Raises:
-        ComputationError: all innovations lie beyond the gate.
-    """
-    squares = run.squares[0]
-    accepted = squares[squares < GATE]
-    if not accepted.size:
-        raise ComputationError(
-            "no observation lies where the filter expects it: the features do not move as one body", Reason.DIVERGED
-        )
-    return guess.scale * float(np.median(accepted)) / MEDIAN
-
-
-def _least_scale(problem: Problem) -> float:
-    return (MIN_NOISE * problem.start.radius) ** 2 if problem.tracks.covariance is None else 0.0
+    """The variance of a coordinate, or the factor on the given covariances, from the innovations of a pass."""
+    return guess.scale * float(np.median(run.accepted)) / MEDIAN
 
 
 def _capped(covariance: FloatArray, most: FloatArray) -> FloatArray:

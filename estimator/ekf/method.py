@@ -213,7 +213,7 @@ def _next(problem: Problem, last: Pass) -> Guess:
 
 
 def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range) -> Pass | None:
-    """A pass of the bank over the frames; None if all members diverge."""
+    """A pass of the bank over the frames; None if all members diverge, or the best one rejects everything."""
     try:
         run, process, noise = _filtered(problem, guess, members, frames, keep=False)
     except ComputationError:  # the initial values are on an open orbit
@@ -224,14 +224,15 @@ def _passed(problem: Problem, guess: Guess, members: list[Member], frames: range
         return None
     alone = run.only(best)
     path = smoothed_path(alone.state, process.until(frames.stop), noise.of_path(best), problem.start.frame, ())
-    return Pass(guess, members[best], alone, path)
+    return Pass(guess, members[best], alone, path) if alone.accepted.size and path.regular else None
 
 
 def _smoothed(problem: Problem, best: Pass) -> Pass:
-    """The best member filtered again over all frames, and smoothed with the noise of its path."""
+    """The best member filtered again over all frames, and smoothed with the noise of its path where rounding allows."""
     frames = range(problem.start.frame, len(problem.tracks.time))
     run, process, noise = _filtered(problem, best.guess, [best.member], frames, keep=True)
-    return replace(best, run=run, path=smoothed_path(run.state, process, noise.of_path(0), frames.start, run.traces))
+    path = smoothed_path(run.state, process, noise.of_path(0), frames.start, run.traces)
+    return replace(best, run=run, path=path) if run.accepted.size and path.regular else best
 
 
 def _filtered(

@@ -34,6 +34,12 @@ class SmoothedPath:
         return self._projected(self.process.observed)
 
     @property
+    def regular(self) -> bool:
+        """Whether positions are finite and variances positive: they may be lost in rounding."""
+        variance = np.einsum("kii->ki", self.position_covariance)
+        return bool(np.isfinite(self.position).all() and (variance >= 0).all() and np.isfinite(variance).all())
+
+    @property
     def velocity(self) -> FloatArray:
         """Of the centre of mass in C, (n, 3), m/s."""
         moved = (self.process.observed_rate @ self.u[:, :, None])[:, :, 0]

@@ -45,7 +45,7 @@ def akaike_unbiased(values: float, squares: FloatArray, unknowns: FloatArray) ->
     unknowns (d,): k, the number of unknowns of each model. Infinite where k + 2 >= n.
     """
     left = values - unknowns
-    variance = squares / np.where(left > 2, left, 1.0)
+    variance = np.where(left > 2, squares, 1.0) / np.where(left > 2, left, 1.0)
     penalty = 2 * values * (unknowns + 1) / np.where(left > 2, left - 2, 1.0)
     return np.where(left > 2, values * np.log(variance) + penalty, np.inf)
 

@@ -128,22 +128,32 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     measured = observations_of(tracks, tracks.seen)
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
+    _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span, degree=0))
     if trajectory.kind == "polynomial" and trajectory.degree is None:
         degree = choose_degree(registered, observations, tracks.time, span)
         path: Path = Polynomial(degree, *span)
+        _refuse_few_frames(registered.bodies, path)
     else:
         path = trajectory.path(orbit, *span, degree=0)
-    frames, count = sum(len(body.frames) for body in registered.bodies), len(registered.bodies)
+    bodies, x = linear_start(registered, observations, path, tracks.time)
+    start = Start(path, path.at(tracks.time), bodies, x, measured, observations, inliers)
+    found = refined(start, options)
+    return replace(found, findings=_findings(found, registered.noise, measured, tracks))
+
+
+def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
+    """Check that bodies have attitudes in enough frames for the unknowns of a path and of their offsets.
+
+    Raises:
+        ComputationError: they have not.
+    """
+    frames, count = sum(len(body.frames) for body in bodies), len(bodies)
     if 3 * frames <= path.size + 3 * count:
         raise ComputationError(
             f"{counted(frames, 'frame shows', 'frames show')} an attitude, too few for {path.name}: "
             f"more than {path.size // 3 + count} needed",
             Reason.TOO_FEW_FRAMES,
         )
-    bodies, x = linear_start(registered, observations, path, tracks.time)
-    start = Start(path, path.at(tracks.time), bodies, x, measured, observations, inliers)
-    found = refined(start, options)
-    return replace(found, findings=_findings(found, registered.noise, measured, tracks))
 
 
 def _findings(found: Pivot, noise: float, measured: Observations, tracks: FeatureTracks) -> tuple[Finding, ...]:
