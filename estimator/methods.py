@@ -45,7 +45,7 @@ class Method:
 
 
 def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:
-    """A method that is done before anybody asks how far it is."""
+    """A method that reports no progress, with the signature of those that do."""
 
     def with_progress(tracks: FeatureTracks, orbit: Orbit | None, options: Any, _: Progress) -> Estimate:
         return run(tracks, orbit, options)

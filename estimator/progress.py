@@ -1,23 +1,23 @@
-"""How far an estimate is, where nobody knows how many rounds it takes."""
+"""Progress of an estimate whose number of iterations is unknown."""
 
 from collections.abc import Callable
 
 Progress = Callable[[float], None]
-"""Called with the share of the work that is done, from 0 to below 1."""
+"""A function that is called with the share of the work done, from 0 to below 1."""
 
 
 def silent(share: float) -> None:
-    """Tell nobody."""
+    """Ignore the progress."""
 
 
 class Rounds:
-    """Tells the share of work that has no known end: each unit of it is half of what is left."""
+    """Reports the progress of work of unknown length: each unit of work is half of the remaining share."""
 
     def __init__(self, progress: Progress):
         self._progress = progress
         self._done = 0.0
 
     def did(self, work: float) -> None:
-        """Tell that so many units more are done."""
+        """Report that so many more units of work are done."""
         self._done += work
         self._progress(1 - 0.5**self._done)

@@ -60,8 +60,8 @@ class FeatureTracks:
     def read_csv(cls, path: AnyPath) -> "FeatureTracks":
         """Read a file of one row per observation, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
 
-        A row whose position is empty stands for "not seen"; where its feature is empty too, it keeps the
-        time of a frame in which nothing is seen.
+        A row with an empty position means that the feature is not seen. If the feature is empty, too, the row only
+        gives the time of a frame without observations.
 
         Raises:
             InputError: one line that names file, line and column, what was found and what was expected.
@@ -71,11 +71,11 @@ class FeatureTracks:
         try:
             return cls(*arrays)
         except InputError as error:
-            refuse_covariances(table)  # with the line, if it is one of these
+            refuse_covariances(table)  # names the line if a covariance is the cause
             raise InputError(f"{path}: {error}") from error
 
     def write_csv(self, path: AnyPath) -> None:
-        """Write the file that `read_csv` gives back exactly, times of empty frames and order of labels included.
+        """Write the tracks so that `read_csv` restores them exactly, with times of empty frames and order of labels.
 
         Raises:
             InputError, DiskError: the file cannot be written.
@@ -83,10 +83,10 @@ class FeatureTracks:
         write_together({Path(path): self.write_rows})
 
     def write_rows(self, stream: TextIO) -> None:
-        """Write what `write_csv` writes to a text stream that leaves line ends as they are."""
+        """Write the file of `write_csv` to a text stream that does not translate line ends."""
         seen = self.seen
         rows = seen.copy()
-        rows[:1] = True  # the first frame lists every feature: that keeps their order
+        rows[:1] = True  # the first frame lists all features, which keeps their order
         frame, feature = np.nonzero(rows)
         blank = np.nonzero(~rows.any(axis=1))[0]
         values = [self.position[frame, feature, axis] for axis in range(3)]

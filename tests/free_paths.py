@@ -1,4 +1,4 @@
-"""What the tests of `pivot` and `ml` share: paths, cases, and how far an estimate is off; truth of synthetic.py."""
+"""Paths, cases and error measures for the tests of `pivot` and `ml`; the true values come from synthetic.py."""
 
 from functools import cache
 
@@ -30,10 +30,10 @@ CLUSTERS = [
 
 
 @cache
-def turning(count, step=1.0, pace=1.0):
-    """Times and attitudes of Envisat, turning at 7 °/s or a part of it."""
+def turning(count, step=1.0, relative_rate=1.0):
+    """Times and attitudes of Envisat at a rate of relative_rate times 7 °/s."""
     time = step * np.arange(float(count))
-    return time, attitude(ENVISAT, pace * RATE, time)
+    return time, attitude(ENVISAT, relative_rate * RATE, time)
 
 
 def at_rest(time):
@@ -46,7 +46,7 @@ def on_parabola(time):
 
 
 def in_orbit(time):
-    """By two Kepler orbits."""
+    """The path as the difference of two Kepler orbits."""
     target, chaser = inertial_states(ORBIT.model(), *CHASER)
     difference = [propagate_kepler(*target, MU, t)[0] - propagate_kepler(*chaser, MU, t)[0] for t in time]
     return np.array(difference, dtype=float)
@@ -64,8 +64,8 @@ def found_by(method, tracks, path="fixed", **options):
     return estimate(tracks, method=method, orbit=orbit, options=PathOptions(trajectory=trajectory, **options))
 
 
-def fixed_case(count=200, *, step=1.0, pace=1.0, noise=NOISE, seed=0, features=FEATURES, clusters=None):
-    time, R = turning(count, step, pace)
+def fixed_case(count=200, *, step=1.0, relative_rate=1.0, noise=NOISE, seed=0, features=FEATURES, clusters=None):
+    time, R = turning(count, step, relative_rate)
     return make_case(time, R, at_rest(time), features, noise=noise, seed=seed, clusters=clusters)
 
 
@@ -85,7 +85,7 @@ def squared_error(found, case):
 
 
 def squared_error_of_cluster(found, case, index=0):
-    """The same of the centre of mass in axes that a cluster's features hold: the truth is turned to them by scipy."""
+    """The normalised squared error, χ²₃, of the centre of mass in a cluster's axes, aligned with the truth by scipy."""
     cluster = found.clusters[index]
     members = [case.tracks.labels.index(label) for label in cluster.labels]
     centroid = case.features[members].mean(axis=0)
@@ -96,7 +96,7 @@ def squared_error_of_cluster(found, case, index=0):
 
 
 def assert_good(found, case, deviations=4.5):
-    """Observable, settled, nothing to remark, and the errors what the covariance says: χ₃ beyond 4.5 is 1 in 6,000."""
+    """Observable, converged, without findings, and with an error within 4.5 of χ₃, which 1 in 6,000 exceeds."""
     assert verdict(found.observability).startswith("observable")
     assert found.converged
     assert found.findings == ()
@@ -104,6 +104,6 @@ def assert_good(found, case, deviations=4.5):
 
 
 def assert_as_few_frames(found, case, share):
-    """Good, and hardly worse than if nothing were wrong, but for the share of frames that tell."""
+    """Good, and with a predicted error that grows by the root of the share of frames lost, and 30 % at most."""
     assert_good(found, case)
     assert found.predicted_rmse < 1.3 * 0.001 / np.sqrt(share)

@@ -1,4 +1,4 @@
-"""An estimate made by hand, for tests of what is said and written of one."""
+"""A constructed estimate, for tests of sentences and files."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ POINTS = np.array([[4.0, 0, 0], [2, 0, 0], [3, 1, 0], [3, -1, 0]])  # rms radius
 
 
 def a_cluster(deviations, frames=10, axes=None):
-    """Four features, seen from the centre of mass to these deviations (3,) along axes (columns)."""
+    """A cluster of four features; standard deviations (3,) of the centre of mass along axes (columns)."""
     axes = np.eye(3) if axes is None else axes
     covariance = axes @ np.diag(np.square(deviations)) @ axes.T
     interval = Interval(0, frames, (0, 1, 2, 3))
@@ -25,7 +25,7 @@ def a_cluster(deviations, frames=10, axes=None):
 
 
 def an_estimate(clusters=None, frames=10, **changes):
-    """Ten frames of four features; the path deviates by 1, 2 and 3 cm along the axes of C."""
+    """Ten frames of four features; the path has standard deviations of 1, 2 and 3 cm along the axes of C."""
     clusters = (a_cluster([0.01, 0.02, 0.03], frames),) if clusters is None else clusters
     covariance = np.tile(np.diag([1.0, 4.0, 9.0]) * 1e-4, (frames, 1, 1))
     plain = Estimate(

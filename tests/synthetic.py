@@ -62,7 +62,7 @@ class Orbit:
         return (plane * Rotation.from_euler("Z", latitude[:, None])).as_matrix()
 
     def model(self):  # type: ignore[no-untyped-def]
-        """The same orbit as baryscope's own."""
+        """The same orbit as a model of baryscope."""
         from baryscope.models.orbit import Orbit as ModelOrbit
 
         return ModelOrbit(
@@ -81,14 +81,14 @@ def box_features(
     """Points (count, 3) on the surface of a box around `centre`, origin of the body axes at the centre of mass."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(-0.5, 0.5, (count, 3))
-    rhs = rng.integers(0, 3, count)
-    points[np.arange(count), rhs] = rng.choice([-0.5, 0.5], count)
+    face = rng.integers(0, 3, count)
+    points[np.arange(count), face] = rng.choice([-0.5, 0.5], count)
     return points * np.array(size) + np.array(centre)
 
 
 @dataclass(frozen=True)
 class Case:
-    """Tracks and the truth they were made from."""
+    """Tracks and the true values from which they are simulated."""
 
     tracks: FeatureTracks
     com: FloatArray
@@ -142,12 +142,12 @@ def differences(function, x: FloatArray, step: float = 1e-6) -> FloatArray:  # t
 
 
 def turned_back(points: FloatArray, reference: FloatArray) -> FloatArray:
-    """The centroid of points (m, 3), seen in the axes that they hold: turned as reference is, by scipy's alignment."""
+    """The centroid of points (m, 3) in axes attached to them: rotated to `reference` by scipy's alignment."""
     centred, still = points - points.mean(axis=0), reference - reference.mean(axis=0)
     return Rotation.align_vectors(still, centred)[0].as_matrix() @ points.mean(axis=0)
 
 
 def roots(weight: FloatArray, precision: FloatArray | None) -> FloatArray:
-    """What whitens residuals (n, m, 3) of observations: W with Wᵀ W the weighted precision, (n, m, 3, 3)."""
+    """Whitening matrices (n, m, 3, 3) of residuals (n, m, 3): W with Wᵀ W the weighted precision."""
     of_one = np.eye(3) if precision is None else np.swapaxes(np.linalg.cholesky(precision), -1, -2)
     return np.sqrt(weight)[..., None, None] * of_one

@@ -22,12 +22,14 @@ from baryscope.estimator.adjustment.normal_equations import (
     turn_information,
 )
 from baryscope.estimator.adjustment.observations import Observations, as_slice
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN, NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 
 __all__ = [
     "CHUNK_SIZE",
+    "GATE",
+    "MEDIAN",
     "NEGLIGIBLE",
     "Observations",
     "Pieces",

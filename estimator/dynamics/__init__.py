@@ -12,7 +12,7 @@ from baryscope.estimator.dynamics.paths import (
     Trajectory,
     trajectory_of,
 )
-from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation, too_long
 
 __all__ = [
     "INERTIA_BASIS",
@@ -24,5 +24,6 @@ __all__ = [
     "Rotation",
     "SampledPath",
     "Trajectory",
+    "too_long",
     "trajectory_of",
 ]

@@ -4,7 +4,18 @@
 Uses geometry, registration, dynamics, result and adjustment.
 """
 
-from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
-from baryscope.estimator.pivot.refinement import Pivot
+from baryscope.estimator.pivot.degree import HIGHEST_CHOSEN, Criterion, akaike_unbiased, choose_degree
+from baryscope.estimator.pivot.method import MAX_VARIANCE_RATIO, estimate_by_pivot, solve_pivot
+from baryscope.estimator.pivot.refinement import Pivot, least_variance
 
-__all__ = ["Pivot", "estimate_by_pivot", "solve_pivot"]
+__all__ = [
+    "HIGHEST_CHOSEN",
+    "MAX_VARIANCE_RATIO",
+    "Criterion",
+    "Pivot",
+    "akaike_unbiased",
+    "choose_degree",
+    "estimate_by_pivot",
+    "least_variance",
+    "solve_pivot",
+]

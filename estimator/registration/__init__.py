@@ -9,6 +9,7 @@ from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.intervals import (
     Interval,
     collinear_features,
+    cut_intervals,
     find_intervals,
     sampling_interval,
     too_few_features,
@@ -22,6 +23,7 @@ __all__ = [
     "Registered",
     "Registration",
     "collinear_features",
+    "cut_intervals",
     "find_bodies",
     "find_intervals",
     "register",

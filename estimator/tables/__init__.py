@@ -5,6 +5,7 @@ Uses geometry and limits.
 """
 
 from baryscope.estimator.tables.form import Columns, Form
+from baryscope.estimator.tables.strict import read_strict
 from baryscope.estimator.tables.table import Table, read_table
 from baryscope.estimator.tables.tracks import (
     COLUMNS,
@@ -24,6 +25,7 @@ __all__ = [
     "Form",
     "Table",
     "arrays_of",
+    "read_strict",
     "read_table",
     "refuse_covariances",
 ]

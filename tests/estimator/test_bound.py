@@ -176,7 +176,7 @@ def test_scales_as_the_noise():
     assert five.position_deviation == pytest.approx(5 * one.position_deviation, rel=1e-6)
 
 
-def test_a_rigs_scales_as_the_noise_of_its_pixels():
+def test_scales_as_the_pixel_noise_of_a_stereo_rig():
     fine, coarse = (
         cramer_rao_bound(scenario(sensor=Sensor(stereo=StereoRig(focal_length=1911, baseline=1, pixel_noise=noise))))
         for noise in (0.5, 1.0)
@@ -193,7 +193,7 @@ def test_scales_as_one_over_the_root_of_the_number_of_frames():
         assert ratio == pytest.approx(4, rel=0.01)
 
 
-def test_what_is_dropped_or_wrong_is_lost():
+def test_dropped_and_wrong_observations_have_no_information():
     plain = cramer_rao_bound(scenario())
     sensor = Sensor(noise=0.02, dropout=0.5, outliers=Outliers(share=0.2, swapped=0.1))
     lossy = cramer_rao_bound(scenario(sensor=sensor))
@@ -211,7 +211,7 @@ def test_more_features_are_never_worse(members, trajectory):
     assert lost.min() > -1e-6 * few.position_covariance.max()
 
 
-def test_what_is_known_of_the_path_is_worth_something():
+def test_a_more_specific_path_model_has_a_smaller_bound():
     """Of nested kinds of paths each has the smaller bound."""
     kinds = ["fixed", "polynomial:1", "polynomial:2", "polynomial:5"]
     bounds = [cramer_rao_bound(scenario(), trajectory=kind).position_covariance for kind in kinds]
@@ -230,7 +230,7 @@ def test_a_pure_spin_is_not_observable_along_its_axis():
     assert values[0] > 0
 
 
-def test_what_has_no_bound_is_said():
+def test_scenarios_without_a_bound_are_refused():
     with pytest.raises(ComputationError, match="no feature is seen"):
         cramer_rao_bound(
             scenario(tracking=Tracking(intervals=(Interval(start=500, end=600, features=("F0", "F1", "F2")),)))

@@ -41,12 +41,12 @@ def test_the_path_in_full_precision(tmp_path):
     assert (values["predicted_rmse"], values["observability"]) == (None, None)
 
 
-def test_covariance_is_written_where_there_is_one(tmp_path):
+def test_covariance_is_written_if_there_is_one(tmp_path):
     rows, _ = written(an_estimate(frames=1, covariance=np.arange(9.0).reshape(1, 3, 3)), tmp_path)
     assert rows[1][4:] == ["0.0", "1.0", "2.0", "4.0", "5.0", "8.0"]
 
 
-def test_every_value_has_its_place(tmp_path):
+def test_every_value_is_written(tmp_path):
     findings = (LackOfFit("fixed", 0.1, 90.0, 3), DifferentPoints(("a",), (0, 1)))
     residuals = np.full((10, 4, 3), 0.01)
     residuals[:, 3] = np.nan
@@ -70,20 +70,20 @@ def test_every_value_has_its_place(tmp_path):
     assert values["details"] == {"kind": "pivot", "tie_points": [{"clusters": [0, 1], "labels": ["a", "c"]}]}
 
 
-def test_when_what_was_rejected():
+def test_rejected_intervals():
     rejected = np.zeros((10, 4), dtype=bool)
     rejected[2:5, 0] = rejected[7, 0] = rejected[:6, 1] = True
     assert rejected_intervals(an_estimate(rejected=rejected)) == {"a": ((2.0, 4.0), (7.0, 7.0)), "b": ((0.0, 5.0),)}
     assert rejected_intervals(an_estimate()) == {}
 
 
-def test_what_json_has_no_number_for_is_null(tmp_path):
+def test_numbers_that_are_not_finite_are_null(tmp_path):
     _, values = written(an_estimate(clusters=(a_cluster([0.0, 0.1, 0.2]),)), tmp_path)
     assert values["observability"]["condition_number"] is None
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_writes_what_the_schema_says(method, case_of, at_rest, tmp_path):
+def test_every_method_writes_according_to_the_schema(method, case_of, at_rest, tmp_path):
     tracks = case_of(at_rest, noise=0.02, seed=5).tracks
     try:
         result = estimate(tracks, method=method, orbit=Orbit().model())
@@ -105,7 +105,7 @@ def test_the_documented_schema_is_the_one_in_use():
     assert SCHEMA.read_text(encoding="utf-8") == schema_text()
 
 
-def test_every_field_stands_in_the_page():
+def test_the_page_names_every_field():
     page, found = SCHEMA.with_name("estimate.md").read_text(encoding="utf-8"), schema()
     for part in [found, *found["$defs"].values()]:
         assert set(part.get("properties", {})) <= set(re.findall(r"`(\w+)`", page)), part["title"]

@@ -1,4 +1,4 @@
-"""What both methods of free paths, `pivot` and `ml`, must do; the truth is that of tests/synthetic.py."""
+"""Requirements for `pivot` and `ml`; the true values come from tests/synthetic.py."""
 
 import numpy as np
 import pytest
@@ -68,13 +68,13 @@ def test_clusters_and_gaps_with_noise(method, path):
 
 
 @BOTH
-def test_a_rigid_motion_of_the_frame_moves_the_estimate_along(method):
+def test_the_estimate_follows_a_rigid_motion_of_the_frame(method):
     time, R = turning(200)
     case = make_case(time, R, on_parabola(time), FEATURES, noise=NOISE, seed=3)
     turn, shift = Rotation.from_rotvec([0.4, -1.0, 2.0]).as_matrix(), np.array([100.0, -50.0, 7.0])
     moved = FeatureTracks(time + 1000.0, case.tracks.position @ turn.T + shift, case.tracks.labels)
     before, after = (found_by(method, tracks, "polynomial:2") for tracks in (case.tracks, moved))
-    # An estimate settles to a part of its deviation of 1 mm only: `pivot` to 1e-5 of its first step, `ml` to 1 %.
+    # Convergence is to a share of the standard deviation of 1 mm: `pivot` to 1e-5 of its first step, `ml` to 1 %.
     np.testing.assert_allclose(after.position, before.position @ turn.T + shift, atol=2e-5)
     np.testing.assert_allclose(after.covariance, turn @ before.covariance @ turn.T, atol=2e-3 * before.covariance.max())
 
@@ -92,7 +92,7 @@ def test_order_of_features_does_not_matter(method):
 SAMPLINGS = {
     "three features": lambda: fixed_case(features=FEATURES[[0, 2, 5]], seed=1),
     "coplanar features": lambda: fixed_case(features=FEATURES * [1, 1, 0] + [0, 0, 0.3]),
-    "50 frames at 0.1 Hz": lambda: fixed_case(50, step=10.0, pace=0.3),
+    "50 frames at 0.1 Hz": lambda: fixed_case(50, step=10.0, relative_rate=0.3),
     "50 frames at 0.1 Hz, 70° apart": lambda: fixed_case(50, step=10.0, features=FEATURES[:5]),
     "5000 frames at 100 Hz": lambda: fixed_case(5000, step=0.01, features=FEATURES[:5]),
 }
@@ -100,7 +100,7 @@ SAMPLINGS = {
 
 @pytest.mark.parametrize("name", SAMPLINGS)
 @BOTH
-def test_few_features_and_all_rates_of_sampling(method, name):
+def test_few_features_and_different_sampling_rates(method, name):
     case = SAMPLINGS[name]()
     found = found_by(method, case.tracks)
     assert_good(found, case)
@@ -147,8 +147,8 @@ def subsampled(kind):
     ],
 )
 @BOTH
-def test_frames_that_show_too_little_are_bridged(method, kind):
-    """Also where a single frame between two others is all that an interval has."""
+def test_frames_without_an_attitude_are_bridged(method, kind):
+    """Also intervals of a single frame."""
     case, position, share = subsampled(kind)
     found = found_by(method, with_positions(case, position))
     assert len(found.position) == 200
@@ -156,7 +156,7 @@ def test_frames_that_show_too_little_are_bridged(method, kind):
 
 
 @BOTH
-def test_empty_frames_and_frames_left_out_are_the_same(method):
+def test_empty_frames_agree_with_missing_frames(method):
     case = fixed_case(features=FEATURES[:5])
     kept = np.arange(200) % 3 > 0
     position = case.tracks.position.copy()
@@ -167,8 +167,8 @@ def test_empty_frames_and_frames_left_out_are_the_same(method):
 
 
 @BOTH
-def test_three_features_in_a_line_that_tie_two_clusters(method):
-    """All they share: an interval may go on across the change, but the bodies' turn about the line is open there."""
+def test_two_clusters_with_three_collinear_tie_points(method):
+    """They share no other feature: the relative rotation of the bodies about the line is undetermined."""
     features = FEATURES.copy()
     features[2:5] = np.array([0.5, 1, 2]) + np.outer([1.0, 2, 3], [1, 0.5, -0.3])
     clusters = [(0, 100, [0, 1, 2, 3, 4]), (100, 200, [2, 3, 4, 5, 6])]
@@ -182,17 +182,17 @@ def test_a_known_deviation_scales_the_covariance_and_nothing_else(method):
     plain, known = found_by(method, case.tracks), found_by(method, case.tracks, sigma=0.05)
     np.testing.assert_allclose(known.position, plain.position, atol=1e-12)
     factor = (0.05 / plain.noise.a_posteriori) ** 2
-    # Not quite in proportion: the noise also says what only seems to be seen.
+    # Not exactly in proportion, as the spurious information depends on the noise, too.
     np.testing.assert_allclose(known.covariance, factor * plain.covariance, rtol=0.01, atol=1e-8)
-    # What is given is not what the residuals show.
+    # The residuals have another noise than the given one.
     assert (known.noise.a_priori, plain.noise.a_priori) == (0.05, None)
     assert known.noise.a_posteriori == pytest.approx(NOISE, rel=0.06)
     assert known.options.sigma == 0.05
 
 
 @BOTH
-def test_given_covariances_weigh(method):
-    """Every other feature is ten times as noisy, and says so; the stated ones are twice the true deviations."""
+def test_given_covariances_determine_the_weights(method):
+    """Every other feature is ten times as noisy, with its covariance; all given deviations are twice the true ones."""
     case, rng = fixed_case(noise=0.0), np.random.default_rng(7)
     deviation = np.where(np.arange(8) % 2, 0.2, 0.02)[:, None, None]
     position = case.tracks.position + deviation[..., 0] * rng.normal(size=case.tracks.position.shape)
@@ -210,7 +210,7 @@ def test_given_covariances_weigh(method):
 
 
 @BOTH
-def test_options_that_do_not_go_together_are_refused(method):
+def test_invalid_combinations_of_options_are_refused(method):
     tracks = fixed_case(20).tracks
     with pytest.raises(InputError, match="needs the target's orbit"):
         estimate(tracks, method=method, options=PathOptions(trajectory="relative-orbit"))
@@ -234,7 +234,7 @@ def test_wrong_options_are_refused(options, expected):
     assert expected in str(caught.value)
 
 
-def test_the_list_has_both_with_their_options_and_pivot_is_what_is_taken():
+def test_the_list_of_methods_and_the_default():
     assert METHODS["pivot"].options is METHODS["ml"].options is PathOptions
     assert estimate(fixed_case(20).tracks).method == "pivot"
     with pytest.raises(InputError, match="ml takes PathOptions, found ScrewOptions"):
@@ -242,7 +242,7 @@ def test_the_list_has_both_with_their_options_and_pivot_is_what_is_taken():
 
 
 def test_cases_are_frozen_truths():
-    """The tests above share their truth: nothing may have changed it."""
+    """The tests above share their cases, which no test may change."""
     case = fixed_case(noise=0.0)
     assert isinstance(case, Case)
     seen = case.com[:, None] + FEATURES @ np.swapaxes(case.R_I_B, 1, 2)

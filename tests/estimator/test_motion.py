@@ -1,4 +1,4 @@
-"""Velocity, attitude and angular rate that come with a path, against the truth and their own covariances."""
+"""Velocity, attitude and angular rate of an estimate, against the truth and their covariances."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_the_rate_of_a_path_is_its_derivative(path, count):
 
 
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
-def test_velocity_deviates_by_what_its_covariance_says(method, cases):
+def test_velocity_error_agrees_with_its_covariance(method, cases):
     true, k = velocity_of(cases[0].tracks.time), FRAMES // 2
     squares = []
     for case in cases[:: 4 if method == "ekf" else 1]:
@@ -74,8 +74,8 @@ def test_velocity_at_rest_in_lvlh(cases):
     np.testing.assert_allclose(found.velocity[1:-1], (found.position[2:] - found.position[:-2]) / 2, atol=1e-7)
 
 
-def test_attitude_and_rate_of_ml_deviate_by_what_their_covariances_say(cases):
-    """In axes that are the truth's at the epoch, where those of `ml` are exact; far from it, errors have grown."""
+def test_attitude_and_rate_errors_of_ml_agree_with_their_covariances(cases):
+    """In axes that agree with the true ones at the epoch, where those of `ml` are exact; errors grow with time."""
     time, R = turning(FRAMES)
     truth = Rotation(0.0, np.eye(3), RATE, ENVISAT).at(time)
     squares = []
@@ -89,11 +89,11 @@ def test_attitude_and_rate_of_ml_deviate_by_what_their_covariances_say(cases):
         squares.append([squared(turned[last], motion.attitude_covariance[last])])
         squares[-1].append(squared(rate[last], motion.angular_rate_covariance[last]))
         np.testing.assert_allclose(motion.attitude_covariance[k], 0, atol=1e-15)
-    # B's axes are held by the features' errors, which are common to both: less than what three χ² values tell.
+    # The error of B's axes from the features is common to all frames, and less than three χ² values resolve.
     assert np.mean(squares, axis=0).max() < 1.5 * chi2.ppf(0.9995, 3 * DRAWS) / DRAWS
 
 
-def test_attitude_of_pivot_deviates_frame_by_frame(cases):
+def test_attitude_errors_of_pivot_agree_with_their_covariances(cases):
     _, R = turning(FRAMES)
     squares = []
     for case in cases[:3]:

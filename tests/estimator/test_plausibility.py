@@ -1,4 +1,4 @@
-"""Tracks that are well formed but cannot be of one body in metres: one line that names the likely cause."""
+"""Well-formed tracks that cannot be of one body in metres: the error names the likely cause."""
 
 import numpy as np
 import pytest
@@ -22,22 +22,25 @@ def rows(label, time, scale=1.0):
     return "\n".join(["time,feature,x,y,z", *lines]) + "\n"
 
 
-def usual_label(_, i):
+def regular_label(_, i):
     return f"F{i}"
 
 
-def usual_time(k, _):
+def regular_time(k, _):
     return k
 
 
 CASES = {
-    "millimetres": (rows(usual_label, usual_time, 1000.0), "m apart, in millimetres?, expected metres and one body"),
+    "millimetres": (
+        rows(regular_label, regular_time, 1000.0),
+        "m apart, in millimetres?, expected metres and one body",
+    ),
     "a time stamp for each feature": (
-        rows(usual_label, lambda k, i: k + 0.01 * i),
+        rows(regular_label, lambda k, i: k + 0.01 * i),
         f"no two of the {FEATURES} features have a time in common, a time stamp for each feature?",
     ),
     "a new label in every row": (
-        rows(lambda k, i: f"id{k * FEATURES + i}", usual_time),
+        rows(lambda k, i: f"id{k * FEATURES + i}", regular_time),
         f"{FRAMES * FEATURES} labels in {FRAMES * FEATURES} observations, a new one in each, expected the same label",
     ),
     "a new label and a time in every row": (

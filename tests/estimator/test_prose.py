@@ -7,7 +7,7 @@ from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfF
 from results import a_cluster, an_estimate
 
 
-def said(deviations, axes=None):
+def verdict_of(deviations, axes=None):
     return verdict(an_estimate(clusters=(a_cluster(deviations, axes=axes),)).observability)
 
 
@@ -25,13 +25,13 @@ def said(deviations, axes=None):
 )
 def test_verdict(deviations, expected):
     """A quarter of the features' radius, 1 m, is the limit."""
-    assert said(deviations).replace("-0.00", "0.00").replace("-1.00", "1.00") == expected
+    assert verdict_of(deviations).replace("-0.00", "0.00").replace("-1.00", "1.00") == expected
 
 
 def test_verdict_names_a_skew_axis():
     axis = np.array([0.0, 0.6, 0.8])
     axes = np.column_stack([axis, [1, 0, 0], np.cross(axis, [1, 0, 0])])
-    assert "along (0.00, 0.60, 0.80)" in said([2.0, 0.01, 0.01], axes).replace("-", "")
+    assert "along (0.00, 0.60, 0.80)" in verdict_of([2.0, 0.01, 0.01], axes).replace("-", "")
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_sentences(finding, expected):
     assert sentence(finding) == expected
 
 
-def test_summary_names_noise_what_is_rejected_and_every_finding():
+def test_summary_has_noise_rejected_features_and_every_finding():
     rejected = np.zeros((10, 4), dtype=bool)
     rejected[:6, 1] = True
     found = an_estimate(rejected=rejected, converged=False, findings=(DifferentPoints(("a",), (0, 1)),))
@@ -62,7 +62,7 @@ def test_summary_names_noise_what_is_rejected_and_every_finding():
     assert "noise √1.44 times that of the tracks' covariances" in summary(factor)[0]
 
 
-def test_summary_of_a_screw_method_says_what_the_data_chose(case_of, at_rest):
+def test_summary_of_a_screw_method_has_the_options_chosen_from_data(case_of, at_rest):
     first, second = summary(estimate(case_of(at_rest, noise=0.02).tracks, method="screw-gpa"))
     assert first.endswith("(chosen from the data: lag, cutoff, degree)")
     assert second.startswith("rms of the registration 0.02 m, ")

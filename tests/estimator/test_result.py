@@ -1,4 +1,4 @@
-"""What an estimate holds, by covariances, residuals and weights made for the purpose."""
+"""The derived values of an estimate, from constructed covariances, residuals and weights."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_coverage_is_the_share_of_frames_with_an_attitude():
     assert an_estimate(clusters=clusters).coverage == pytest.approx(0.6)
 
 
-def test_status_is_the_worst_that_is_known():
+def test_status_is_the_most_severe_defect():
     hidden = (a_cluster([0.01, 0.02, 4.0]),)
     misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0))
     assert an_estimate().status is Status.GOOD
@@ -47,7 +47,7 @@ def test_predicted_rmse_is_the_mean_trace():
     assert an_estimate(covariance=None).predicted_rmse is None
 
 
-def test_residuals_by_feature_leave_out_what_is_rejected_or_not_there():
+def test_residuals_by_feature_leave_out_rejected_and_missing_observations():
     residuals, rejected = np.zeros((10, 4, 3)), np.zeros((10, 4), dtype=bool)
     residuals[:, 0], residuals[:5, 1] = [0.03, 0.0, 0.0], 0.02
     residuals[5:, 1] = np.nan
@@ -56,7 +56,7 @@ def test_residuals_by_feature_leave_out_what_is_rejected_or_not_there():
     np.testing.assert_allclose(found, [0.03 / np.sqrt(3), 0.02, np.nan, 0.0])
 
 
-def test_what_is_rejected():
+def test_rejected_share_and_features():
     used, rejected = np.ones((10, 4), dtype=bool), np.zeros((10, 4), dtype=bool)
     rejected[2:5, 0] = rejected[7, 0] = rejected[:6, 1] = True
     used[5:, 3] = False
@@ -66,7 +66,7 @@ def test_what_is_rejected():
 
 
 def test_the_centre_of_mass_in_the_axes_of_each_cluster(case_of, at_rest):
-    """By the truth: the shape's axes are C's at the interval's first frame, its origin the features' centroid."""
+    """Against the truth: the shape's axes are those of C in the interval's first frame, its origin the centroid."""
     case = case_of(at_rest)
     found = estimate(case.tracks, method="screw-gpa")
     for cluster in found.clusters:

@@ -27,8 +27,8 @@ def test_exact_without_noise_through_clusters_and_blackouts(case_of, at_rest):
     assert found.path == "fixed"
 
 
-def test_the_closed_form_of_attitudes_that_add_up_to_nothing():
-    """The twelve turns of a tetrahedron: Σ R = 0, so v is the mean of c, and u that of −Rᵀ c."""
+def test_the_closed_form_for_attitudes_of_zero_sum():
+    """The twelve rotations of a tetrahedron: Σ R = 0, so v is the mean of c, and u that of −Rᵀ c."""
     R = Rotation.create_group("T").as_matrix()
     assert np.abs(R.sum(axis=0)).max() < 1e-12
     c = np.random.default_rng(1).normal(size=(12, 3))
@@ -63,13 +63,13 @@ def test_against_scipy_for_several_bodies(case_of, at_rest):
     assert len(found.clusters) == 3
 
 
-def test_its_error_is_that_of_its_covariance(case_of, at_rest):
+def test_the_error_agrees_with_the_covariance(case_of, at_rest):
     squares = [normalised(estimate(case_of(at_rest, noise=0.02, seed=s).tracks, method="score")) for s in range(8)]
     # The mean of eight χ² of three degrees of freedom has the deviation √(6/8).
     assert np.mean(squares) < 3 + 4 * np.sqrt(6 / 8)
 
 
-def test_a_centre_that_moves_is_missed_by_more_than_it_says(case_of, on_v_bar):
+def test_the_error_for_a_moving_centre_exceeds_the_covariance(case_of, on_v_bar):
     case = case_of(on_v_bar, noise=0.02)
     found = estimate(case.tracks, method="score")
     error = np.linalg.norm(found.position - case.com, axis=1)
@@ -86,7 +86,7 @@ def test_errors_name_what_is_wrong(case_of, at_rest, orbit):
 
 
 def test_at_rest_in_the_orbit(case_of, on_v_bar, orbit):
-    """A V-bar hold moves the centre in C by metres, and not in LVLH, which an orbit makes the ground."""
+    """In a V-bar hold the centre moves by metres in C, and is at rest in LVLH, the ground if an orbit is given."""
     tracks = case_of(on_v_bar, noise=0.02).tracks
     found = estimate(tracks, method="score", orbit=orbit.model())
     error = np.linalg.norm(found.position - on_v_bar, axis=1)

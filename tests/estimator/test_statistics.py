@@ -1,4 +1,4 @@
-"""Errors over 200 draws of `pivot` and `ml`, against their own covariances and the Cramér–Rao bound."""
+"""Errors over 200 draws of `pivot` and `ml`, against their covariances and the Cramér–Rao bound."""
 
 import numpy as np
 import pytest
@@ -76,13 +76,13 @@ def test_ml_reaches_the_bound_and_pivot_comes_within_a_quarter(draws):
         assert spread < 0.25
         assert ratio.mean() > 1 - spread
         assert ratio.mean() < (1 + spread if method == "ml" else 1.25**2)
-    # What they say of themselves is the bound, but for how well 1,200 numbers tell the noise.
+    # The predicted errors agree with the bound up to the error of the noise from 1,200 values.
     stated = np.mean([one.predicted_rmse for one in found["ml"]])
     assert stated == pytest.approx(bound.position_deviation, rel=0.02)
 
 
-def in_held_axes(found, case, time):
-    """Attitude, rate and inertia of `ml` at a time, in axes turned so that the features stand as in the truth."""
+def in_attached_axes(found, case, time):
+    """Attitude, rate and inertia of `ml` at a time, in axes aligned with the true features."""
     cluster, rotation = found.clusters[0], found.details
     shape = cluster.points
     turn = Rotation.align_vectors(case.features - case.features.mean(axis=0), shape)[0].as_matrix()
@@ -98,7 +98,7 @@ def test_attitude_rate_and_inertia_of_ml_reach_the_bound(draws):
     start = Tumbling(0.0, np.eye(3), RATE, ENVISAT).at(np.array([middle]))
     squares = []
     for one, case in zip(found["ml"], cases, strict=True):
-        attitude, rate, inertia = in_held_axes(one, case, middle)
+        attitude, rate, inertia = in_attached_axes(one, case, middle)
         turned = Rotation.from_matrix(start.attitude[0].T @ attitude).magnitude()
         missed = np.linalg.norm(rate - start.rate[0]), np.linalg.norm(inertia - ENVISAT / np.trace(ENVISAT))
         squares.append(np.square([turned, *missed]))

@@ -55,7 +55,7 @@ def some_tracks(draw):
 
 
 @given(some_tracks())
-def test_what_is_written_is_read_back_exactly(tmp_path_factory, tracks):
+def test_written_tracks_are_read_back_exactly(tmp_path_factory, tracks):
     path = tmp_path_factory.mktemp("round") / "tracks.csv"
     tracks.write_csv(path)
     back = FeatureTracks.read_csv(path)
@@ -68,7 +68,7 @@ def test_what_is_written_is_read_back_exactly(tmp_path_factory, tracks):
         np.testing.assert_array_equal(back.covariance[..., *upper], tracks.covariance[..., *upper])
 
 
-def test_blanks_around_labels_do_not_count(tmp_path):
+def test_blanks_around_labels_are_ignored(tmp_path):
     path = tmp_path / "tracks.csv"
     path.write_text('time,feature,x,y,z\n0, left,1,2,3\n1,left,4,5,6\n1," right ",7,8,9\n', encoding="utf-8")
     assert FeatureTracks.read_csv(path).labels == ("left", "right")

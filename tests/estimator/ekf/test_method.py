@@ -1,4 +1,4 @@
-"""The iterated extended Kalman filter: from its own start to the bound, on tracks made without any of its models."""
+"""The iterated extended Kalman filter on tracks that are simulated without any of its models."""
 
 import numpy as np
 import pytest
@@ -67,7 +67,7 @@ def normalised(found, case):
 
 
 @pytest.mark.parametrize("rates", [FAST, SLOW])
-def test_from_its_own_start_it_comes_to_the_likelihood_s_estimate(tracked, rates):
+def test_agrees_with_the_estimate_of_ml(tracked, rates):
     """Measured over 20 seeds at 1 Hz and 8 features: the same rms error as `ml` to 1 %."""
     squares = []
     for seed in range(2):
@@ -96,8 +96,8 @@ def test_features_that_come_and_go(tracked):
     assert found.coverage < 1
 
 
-def test_after_gaps_that_a_poor_first_inertia_cannot_foretell_the_attitude_is_found_again(tracked):
-    """The first passes lose the attitude, by radians, in gaps of 180 s; the last one predicts it."""
+def test_a_lost_attitude_is_recovered_after_gaps(tracked):
+    """The first passes lose the attitude in gaps of 180 s; the last one predicts it."""
     case = tracked(clusters=[(start, start + 36.0, range(6)) for start in (0.0, 216.0, 432.0, 564.0)], seed=2)
     found = run(case)
     best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), PathOptions(torque="none"))
@@ -107,8 +107,8 @@ def test_after_gaps_that_a_poor_first_inertia_cannot_foretell_the_attitude_is_fo
     assert found.predicted_rmse == pytest.approx(best.predicted_rmse, rel=0.1)
 
 
-def test_long_tracks_are_learnt_from_their_first_frames(tracked):
-    """600 frames of which the first 200 choose the noise, with a gap of 150 s, against the likelihood."""
+def test_long_tracks_choose_the_noise_from_their_first_frames(tracked):
+    """600 frames, of which the first 200 choose the noise, with a gap of 150 s, against `ml`."""
     time = np.arange(0.0, 750.0)
     com = -(CIRCULAR.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
     clusters = [(0.0, 300.0, range(4)), (450.0, 750.0, range(1, 6))]
@@ -134,7 +134,7 @@ def test_outliers_are_gated(tracked):
     assert found.noise.a_posteriori == pytest.approx(0.02, rel=0.05)
 
 
-def test_a_feature_that_jumps_is_placed_anew(tracked):
+def test_a_feature_that_jumps_is_initialised_again(tracked):
     case = tracked(seed=2)
     position = case.tracks.position.copy()
     position[100:, 2] += np.einsum("nij,j->ni", case.R_I_B[100:], [2.0, -1.0, 1.0])
@@ -142,7 +142,7 @@ def test_a_feature_that_jumps_is_placed_anew(tracked):
     assert normalised(found, case) < 5 * 3
 
 
-def test_where_the_path_is_unknown_its_noise_is_tuned_and_smoothed(tracked):
+def test_an_unknown_path_has_its_noise_chosen_and_is_smoothed(tracked):
     case = tracked(seed=3)
     found = run(case, orbit=None)
     chosen = found.details
@@ -150,12 +150,12 @@ def test_where_the_path_is_unknown_its_noise_is_tuned_and_smoothed(tracked):
     assert found.converged
     assert found.path == f"polynomial:{chosen.order}"
     assert normalised(found, case) < 3 * 3
-    # The filter's own deviation at the end is more than that of the smoothed path in the middle.
+    # The filter's standard deviation at the end exceeds that of the smoothed path in the middle.
     assert np.sqrt(np.trace(found.details.final_covariance)) > np.sqrt(np.trace(found.covariance[100]))
 
 
-def test_a_path_that_is_not_free_motion_is_believed_less(tracked):
-    """On an ellipse a hold on V-bar takes thrust: 1e-6 m/s² that nobody has told the filter of."""
+def test_a_path_with_thrust_gets_process_noise(tracked):
+    """On an ellipse a hold on V-bar needs thrust: 1e-6 m/s² that the filter does not know."""
     elliptic = Orbit(eccentricity=0.01)
     case = tracked(seed=5, on=elliptic)
     found = run(case, orbit=elliptic)
@@ -164,7 +164,7 @@ def test_a_path_that_is_not_free_motion_is_believed_less(tracked):
 
 
 def test_a_thrust_that_the_first_frames_do_not_show():
-    """The hold on an ellipse again: free motion fits the first 200 of 600 frames well enough, and all of them not."""
+    """The hold on an ellipse: free motion fits the first 200 of 600 frames, but not all of them."""
     elliptic, time = Orbit(eccentricity=0.003), np.arange(0.0, 1800.0, 3.0)
     com = -(elliptic.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
     points = box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
@@ -175,7 +175,7 @@ def test_a_thrust_that_the_first_frames_do_not_show():
     assert normalised(found, case) < 5 * 3
 
 
-def test_the_gravity_gradient_is_told_from_none():
+def test_the_gravity_gradient_is_distinguished_from_none():
     time = np.arange(0.0, 1500.0, 5.0)
     R_I_B = Tumbling(0.0, np.eye(3), np.deg2rad(SLOW), ENVISAT, CIRCULAR.model()).at(time).attitude
     com = -(CIRCULAR.R_I_L(time) @ np.array([0.0, -20.0, 0.0]))
@@ -200,7 +200,7 @@ def test_a_fixed_centre_and_known_noise(tracked, sampled):
     assert guessed.noise.a_posteriori**2 == pytest.approx(4.0, rel=0.1)
 
 
-def test_what_it_cannot_start_from_is_said_in_a_sentence(tracked):
+def test_insufficient_first_frames_are_refused_in_one_sentence(tracked):
     with pytest.raises(ComputationError, match="at most 2 features"):
         run(tracked(members=slice(2)))
     tracks = tracked().tracks
@@ -221,7 +221,7 @@ def test_rotation_against_an_independent_integration():
     assert missed.magnitude() < 1e-6
 
 
-def test_growth_of_a_rotation_s_errors_against_differences():
+def test_transition_of_rotation_errors_against_differences():
     rate, J, h = np.deg2rad(FAST), ENVISAT / np.trace(ENVISAT), 4.0
     root = np.linalg.cholesky(J)
 
@@ -243,7 +243,7 @@ def test_growth_of_a_rotation_s_errors_against_differences():
         np.testing.assert_allclose(growth[0][:, index], difference, atol=2e-3 * np.abs(difference).max())
 
 
-def test_a_restart_finds_the_attitude_where_the_body_is_known():
+def test_a_restart_finds_the_attitude_of_a_known_body():
     rng = np.random.default_rng(0)
     truth = Rotation.from_rotvec([2.0, -1.0, 0.5])
     points = rng.normal(size=(2, 4, 3))  # the second member knows another body
@@ -265,7 +265,7 @@ def test_a_restart_finds_the_attitude_where_the_body_is_known():
     assert not restarted(state, 0, np.arange(2), measured, told[:, :2], np.array([True, True]), 0.1)[1].any()
 
 
-def test_errors_are_taken_out_of_attitude_and_inertia():
+def test_corrections_of_attitude_and_inertia():
     """Against scipy's rotations and an eigenvalue decomposition."""
     turn, change = np.array([0.3, -0.2, 0.4]), np.array([0.2, -0.1, 0.05, 0.3, -0.2])
     before = Rotation.from_rotvec([0.5, 1.0, -2.0])
@@ -284,7 +284,7 @@ def test_errors_are_taken_out_of_attitude_and_inertia():
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3])
-def test_unit_noise_carries_the_path_off_by_a_metre(order):
+def test_unit_noise_gives_one_metre_after_the_time_span(order):
     time = np.array([0.0, 3.0, 4.0, 9.0, 15.0])
     process, noise = derivatives(order + 1, time, np.zeros(3)), white_noise(order, order + 1, time)
     covariance = np.zeros_like(noise[0])
@@ -294,7 +294,7 @@ def test_unit_noise_carries_the_path_off_by_a_metre(order):
 
 
 def test_the_smoother_against_dense_least_squares():
-    """A path alone, seen directly: the filter by its textbook, the oracle one linear system of all frames."""
+    """A directly observed path: a textbook filter, and as oracle one linear system of all frames."""
     rng = np.random.default_rng(0)
     time = np.array([0.0, 1.0, 2.5, 3.0, 5.0, 6.0])
     process, noise = derivatives(2, time, np.zeros(3)), 0.3 * white_noise(1, 2, time)

@@ -1,4 +1,4 @@
-"""Rate and inertia from noisy attitudes, against the truth they were made from."""
+"""Rate and inertia from noisy attitudes, against the true values."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def bodies_of(R_I_B, seen, seed=0, points=POINTS):
     return tuple(bodies), Observations(np.zeros((*weight.shape, 3)), weight)
 
 
-def worst_miss(found, R_I_B, time):
+def greatest_error(found, R_I_B, time):
     """Of the attitudes that the motion predicts, in axes of the first body, rad."""
     predicted = found.rotation.at(time).attitude @ found.bodies[0]
     return float(ScipyRotation.from_matrix(np.swapaxes(predicted, 1, 2) @ R_I_B).magnitude().max())
@@ -56,7 +56,7 @@ TUMBLES = {
 
 
 @pytest.mark.parametrize("name", TUMBLES)
-def test_the_motion_of_many_bodies_is_found(name):
+def test_the_rotation_of_different_bodies_is_found(name):
     """The attitudes predicted are better than those seen by the square root of how many there are for 11 unknowns."""
     moments, rate, step, count = TUMBLES[name]
     inertia = body_with(moments, seed=5)
@@ -65,7 +65,7 @@ def test_the_motion_of_many_bodies_is_found(name):
     bodies, observations = bodies_of(R_I_B, [np.arange(count)])
     found = fit_tumble(bodies, observations, NOISE**2, time, (None,))
     # Each attitude is off by 0.005 rad or so; the worst of a fit by 11 unknowns by 4 √(11/n) of that.
-    assert worst_miss(found, R_I_B, time) < 4 * np.sqrt(11 / count) * 0.008
+    assert greatest_error(found, R_I_B, time) < 4 * np.sqrt(11 / count) * 0.008
     # Cauchy's cost of χ²₃ values is a little below three each.
     assert found.cost < 3.3 * count
 
@@ -84,7 +84,7 @@ def test_rate_and_inertia_of_envisat():
     np.testing.assert_allclose(inertia, ENVISAT / np.trace(ENVISAT), atol=0.01)
 
 
-def test_bodies_that_share_no_features_are_joined_through_the_motion():
+def test_bodies_without_common_features_get_relative_attitudes_from_the_motion():
     time = np.arange(900.0)
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
     seen = [np.arange(0, 350), np.arange(400, 600), np.arange(650, 900)]
@@ -98,20 +98,20 @@ def test_bodies_that_share_no_features_are_joined_through_the_motion():
         np.testing.assert_allclose(true.apply(bodies[index].points), POINTS, atol=1e-13)
         turn = ScipyRotation.from_matrix(first.T @ R_B_S @ true.as_matrix().T)
         assert turn.magnitude() < 0.005
-    assert worst_miss(found, R_I_B, time) < 0.005
+    assert greatest_error(found, R_I_B, time) < 0.005
 
 
-def test_wrong_attitudes_do_not_rule():
+def test_wrong_attitudes_have_limited_influence():
     time = np.arange(500.0)
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
     (body,), observations = bodies_of(R_I_B, [np.arange(500)])
     wrong = np.random.default_rng(0).random(500) < 0.02
     body.attitude[wrong] = ScipyRotation.random(int(wrong.sum()), random_state=0).as_matrix()
     found = fit_tumble((body,), observations, NOISE**2, time, (None,))
-    assert worst_miss(found, R_I_B, time) < 0.005
+    assert greatest_error(found, R_I_B, time) < 0.005
 
 
-def test_the_gravity_gradient_is_found_where_it_acts():
+def test_the_gravity_gradient_is_chosen_if_it_acts():
     """A slow tumble over two fifths of an orbit, which the torque bends by radians, and the same without the torque."""
     orbit = Orbit().model()
     time = np.linspace(0.0, 2400.0, 200)
@@ -122,10 +122,10 @@ def test_the_gravity_gradient_is_found_where_it_acts():
         bodies, observations = bodies_of(R_I_B, [np.arange(200)])
         found = fit_tumble(bodies, observations, NOISE**2, time, (None, orbit))
         assert found.rotation.orbit == expected
-        assert worst_miss(found, R_I_B, time) < 0.008
+        assert greatest_error(found, R_I_B, time) < 0.008
 
 
-def test_too_short_a_stretch_is_said():
+def test_too_few_frames_are_refused():
     time = np.arange(3.0)
     R_I_B = attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time)
     bodies, observations = bodies_of(R_I_B, [np.arange(3)])

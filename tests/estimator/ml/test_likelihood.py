@@ -1,4 +1,4 @@
-"""The equations of everything at once, against the dense problem: differences of residuals by all unknowns."""
+"""The joint normal equations against the dense problem: differences of the residuals by all unknowns."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,7 @@ def test_matrix_is_the_schur_complement(problem):
     np.testing.assert_allclose(found.rhs / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-4)
 
 
-def test_points_are_the_linear_least_squares_of_this_motion(problem):
+def test_points_are_the_linear_least_squares_for_a_given_motion(problem):
     found, points, residual, J = problem
     change = np.linalg.lstsq(J[:, Q:], -residual, rcond=None)[0]
     np.testing.assert_allclose(found.points[:5], points[:5] + change.reshape(-1, 3), atol=1e-7)
@@ -81,7 +81,7 @@ def test_points_are_the_linear_least_squares_of_this_motion(problem):
     assert found.cost == pytest.approx(float(np.sum((residual + J[:, Q:] @ change) ** 2)), rel=1e-9)
 
 
-def test_covariances_are_those_of_the_dense_inverse(problem):
+def test_covariances_agree_with_the_dense_inverse(problem):
     found, _, _, J = problem
     units = UNITS[: J.shape[1]]
     covariance = np.linalg.inv((J * units).T @ (J * units)) * np.outer(units, units)
@@ -100,7 +100,7 @@ def test_covariances_are_those_of_the_dense_inverse(problem):
     np.testing.assert_allclose(crossed / size, held @ covariance[np.ix_(places, np.arange(Q))] / size, atol=1e-3)
 
 
-def test_many_frames_are_summed_as_few():
+def test_many_frames_agree_with_one_of_their_total_weight():
     """More frames than a chunk holds, all at one time, against one frame with their weight together."""
     start, *_ = scene(full=False)
     n = 20_000
@@ -120,8 +120,8 @@ def test_many_frames_are_summed_as_few():
     assert found[0].cost == pytest.approx(found[1].cost, rel=1e-9)
 
 
-def test_what_is_not_seen_at_all_may_be_anywhere_within_reach():
-    """A spin about a principal axis: along it no place of the centre of mass is told from another."""
+def test_unobserved_directions_get_the_given_displacement():
+    """In a spin about a principal axis, the position of the centre of mass along it is not observable."""
     start = Rotation(30.0, np.eye(3), np.array([0.0, 0.0, 0.07]), np.diag([1.0, 2.0, 2.5]))
     path = Polynomial(0, 0.0, 60.0)
     motion, sampled = start.at(TIME), path.at(TIME)

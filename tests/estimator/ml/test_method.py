@@ -1,4 +1,4 @@
-"""Maximum likelihood: its motion against the truth, and what it says where there is no free tumble."""
+"""The maximum a posteriori estimate: its motion against the truth, and its findings if there is no free tumble."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def at_rest(time):
     return np.tile([4.0, -19.0, 3.0], (len(time), 1))
 
 
-def test_rate_and_inertia_are_found_with_what_they_deviate_by():
+def test_rate_and_inertia_agree_with_their_standard_deviations():
     time = np.arange(300.0)
     R = attitude(ENVISAT, RATE, time)
     case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=1)
@@ -46,8 +46,8 @@ def test_rate_and_inertia_are_found_with_what_they_deviate_by():
     assert found.options.torque == "none"
 
 
-def test_an_unknown_torque_is_noticed_and_pivot_is_not_disturbed():
-    """5 N m for 150 s: the momentum becomes another by a twentieth."""
+def test_an_unknown_torque_is_reported_and_does_not_affect_pivot():
+    """5 N m for 150 s change the angular momentum by a twentieth."""
     time = np.arange(150.0)
     torque = np.array([3.0, 3.0, -3.0])
 
@@ -77,7 +77,7 @@ def gravity_gradient():
     return make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=3), orbit
 
 
-def test_the_gravity_gradient_is_taken_where_it_explains_more(gravity_gradient):
+def test_the_gravity_gradient_is_chosen_if_it_fits_better(gravity_gradient):
     case, orbit = gravity_gradient
     found = estimate(case.tracks, method="ml", orbit=orbit, options=FIXED)
     assert found.options.torque == "gravity-gradient"
@@ -104,7 +104,7 @@ def test_no_gravity_gradient_where_none_acts():
 
 
 def test_features_never_seen_together_share_the_motion():
-    """Four clusters without a common feature: each is held by the tumble, and pivot has four bodies to solve."""
+    """Four clusters without a common feature: the tumble determines each, while `pivot` solves for four bodies."""
     time = np.arange(240.0)
     features = box_features(12, (10, 5, 5), seed=5, centre=(1, 0.5, 0))
     clusters = [(60 * k, 60 * k + 60, list(range(3 * k, 3 * k + 3))) for k in range(4)]
@@ -118,8 +118,8 @@ def test_features_never_seen_together_share_the_motion():
     assert found.predicted_rmse < 0.95 * plain.predicted_rmse
 
 
-def test_a_rigs_range_has_no_bias_either():
-    """As `pivot`, which is tried with more draws: in deviations along the line of sight, 1.7 of them as measured."""
+def test_stereo_range_is_unbiased():
+    """As for `pivot`, with fewer draws: the uncorrected bias along the line of sight is 1.7 standard deviations."""
     time = np.arange(300.0)
     R, com = attitude(ENVISAT, RATE, time), at_rest(time)
     sight = com[0] / np.linalg.norm(com[0])

@@ -21,7 +21,7 @@ def test_middle_and_length_of_the_shortest_segment():
     np.testing.assert_allclose(found.sine, np.linalg.norm(np.cross(axis[0], axis[1]), axis=1))
 
 
-def test_parallel_lines_are_flagged_not_divided_by():
+def test_parallel_lines_are_invalid():
     axis = np.tile([0, 0, 1.0], (3, 1))
     other = np.array([[0, 0, 1.0], [0, 0, -1], [0.01, 0, np.sqrt(1 - 1e-4)]])
     found = intersect(axis, np.zeros((3, 3)), other, np.ones((3, 3)), np.array([0.0, 0.0, 0.02]))

@@ -29,7 +29,7 @@ def closed_form(before, after, weights):
 
 
 @pytest.mark.parametrize("m, noise", [(3, 0.02), (4, 0.0), (8, 0.05), (10, 0.5)])
-def test_same_as_the_closed_form_of_the_pose(m, noise):
+def test_agrees_with_the_closed_form_of_the_pose(m, noise):
     before, after = noisy_pairs(300, m, noise=noise, seed=m, angles=[0.3, 0.8, 1.5, 2.5, 3.0])
     weights = np.random.default_rng(m).uniform(0.5, 2, (300, m))
     found, expected = least_squares_screws(before, after, weights), closed_form(before, after, weights)
@@ -41,7 +41,7 @@ def test_same_as_the_closed_form_of_the_pose(m, noise):
     np.testing.assert_allclose(found.translation[ok], expected.translation[ok], atol=1e-5)
 
 
-def test_missing_points_have_no_say_and_two_are_too_few():
+def test_missing_points_are_ignored_and_two_are_too_few():
     before, after = noisy_pairs(40, 6, noise=0.02, seed=1, angles=[1.0])
     weights = np.ones((40, 6))
     weights[:, 4:] = 0
@@ -55,7 +55,7 @@ def test_missing_points_have_no_say_and_two_are_too_few():
     np.testing.assert_allclose(found.axis[1:], expected.axis[1:], atol=1e-6)
 
 
-def test_pairs_are_solved_together_or_alone_alike():
+def test_pairs_solved_together_or_alone_agree():
     before, after = noisy_pairs(3000, 4, noise=0.02, seed=2, angles=[0.5, 1.0])
     together = least_squares_screws(before, after, np.ones((3000, 4)))
     alone = least_squares_screws(before[2999:], after[2999:], np.ones((1, 4)))

@@ -28,7 +28,7 @@ def lines_through(pivot, n, seed):
     return axis, pivot + rng.normal(size=(n, 1)) * axis
 
 
-def test_lines_through_a_point_still_pass_through_it_to_the_very_ends():
+def test_filtered_lines_still_pass_through_their_common_point():
     pivot = np.array([3.0, -20, 7])
     axis, point = lines_through(pivot, 200, seed=1)
     new_axis, new_point = low_pass_axes(axis, point, 1.0, cutoff=0.05)
@@ -37,7 +37,7 @@ def test_lines_through_a_point_still_pass_through_it_to_the_very_ends():
     assert np.abs(new_axis - axis).max() < 0.2
 
 
-def test_noise_is_taken_away():
+def test_noise_is_reduced_as_the_bandwidth():
     rng = np.random.default_rng(2)
     axis, point = lines_through(np.zeros(3), 2000, seed=2)
     noisy = axis + 0.05 * rng.normal(size=axis.shape)

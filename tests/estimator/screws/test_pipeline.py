@@ -1,4 +1,4 @@
-"""What every screw method of the list must do, and how they compare."""
+"""Requirements for every screw method, and their comparison."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_given_options_are_used_and_recorded(method, case_of, at_rest):
 
 
 @pytest.mark.parametrize("method", SCREWS)
-def test_a_rigid_motion_of_the_frame_moves_the_estimate_along(method, case_of, at_rest):
+def test_the_estimate_follows_a_rigid_motion_of_the_frame(method, case_of, at_rest):
     tracks = case_of(at_rest, noise=0.02, seed=3).tracks
     options = ScrewOptions(degree=0)
     before = estimate(tracks, method=method, options=options)
@@ -147,7 +147,7 @@ UNSOLVABLE = {
 
 @pytest.mark.parametrize("method", SCREWS)
 @pytest.mark.parametrize("case", UNSOLVABLE)
-def test_what_cannot_be_computed_is_said_in_a_sentence(case, method):
+def test_insufficient_tracks_are_refused_in_one_sentence(case, method):
     make, options, expected = UNSOLVABLE[case]
     with pytest.raises(ComputationError) as caught:
         estimate(make(), method=method, options=ScrewOptions(**options))

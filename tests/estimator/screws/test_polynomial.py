@@ -50,7 +50,7 @@ def test_an_orbit_seen_in_inertial_axes():
     assert np.abs(fitted(time) - circle).max() < 0.02
 
 
-def test_wild_samples_lose_their_weight():
+def test_outliers_lose_their_weight():
     time, position = samples()
     wild = np.random.default_rng(4).random(len(time)) < 0.1
     position[wild] += 50.0

@@ -33,7 +33,7 @@ def test_the_screw_of_an_exact_displacement(seed, m, angle):
     pole, points = 3 * rng.normal(size=3), rng.normal(size=(m, 3))
     after = displaced(points, axis, angle, pole, 0.3)
     found = reuleaux(points[None], after[None], np.ones((1, m)), deviation=1e-3)
-    if not found.valid[0]:  # nearly degenerate by chance, and said so
+    if not found.valid[0]:  # nearly degenerate by chance
         return
     np.testing.assert_allclose(found.axis[0], axis, atol=1e-6)
     np.testing.assert_allclose(found.angle[0], angle, atol=1e-6)
@@ -43,7 +43,7 @@ def test_the_screw_of_an_exact_displacement(seed, m, angle):
     np.testing.assert_allclose(np.dot(found.point[0] - middle, axis), 0, atol=1e-9)
 
 
-def test_most_random_triangles_are_sound():
+def test_most_random_triangles_are_valid():
     rng = np.random.default_rng(0)
     before = rng.normal(size=(2000, 3, 3))
     after = np.array([displaced(p, np.array([0, 0, 1.0]), 1.0, np.ones(3), 0.1) for p in before])
@@ -52,7 +52,7 @@ def test_most_random_triangles_are_sound():
     np.testing.assert_allclose(found.axis[found.valid], [[0, 0, 1]] * found.valid.sum(), atol=1e-6)
 
 
-def test_at_180_degrees_the_sense_is_open_and_all_else_is_not():
+def test_at_180_degrees_only_the_sense_is_undetermined():
     axis, pole = np.array([0.6, 0, 0.8]), np.array([1.0, 2, 3])
     points = np.random.default_rng(1).normal(size=(5, 3))
     found = reuleaux(points[None], displaced(points, axis, np.pi, pole, 0.2)[None], np.ones((1, 5)))
@@ -82,7 +82,7 @@ DEGENERATE = {
 
 @pytest.mark.parametrize("case", DEGENERATE)
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
-def test_degenerate_displacements_are_flagged_not_divided_by(case, noise):
+def test_degenerate_displacements_are_invalid(case, noise):
     points, angle, shift, status = DEGENERATE[case]
     rng = np.random.default_rng(3)
     before = np.tile(points, (100, 1, 1))
@@ -95,7 +95,7 @@ def test_degenerate_displacements_are_flagged_not_divided_by(case, noise):
     assert found.valid.mean() <= (0.0 if noise == 0 else 0.03)
 
 
-def test_missing_points_do_not_matter_but_two_are_too_few():
+def test_missing_points_are_ignored_and_two_are_too_few():
     points = np.random.default_rng(8).normal(size=(5, 3))
     after = displaced(points, Z, 1.0, np.ones(3), 0.5)
     weights = np.array([[1.0, 1, 1, 0, 0], [1, 1, 0, 0, 0], [1, 1, 1, 1, 1]])

@@ -12,7 +12,7 @@ def random_poses(n, seed):
     return rotation[:n], centre[:n], rotation[n:], centre[n:]
 
 
-def test_same_as_pytransform3d():
+def test_agrees_with_pytransform3d():
     R_1, c_1, R_2, c_2 = random_poses(100, seed=4)
     found = screws_of_poses(R_1, c_1, R_2, c_2)
     for k in range(100):
@@ -30,7 +30,7 @@ def test_same_as_pytransform3d():
         np.testing.assert_allclose(np.dot(found.point[k] - middle, direction), 0, atol=1e-9)
 
 
-def test_holds_up_to_and_at_180_degrees():
+def test_accuracy_up_to_and_at_180_degrees():
     axis = np.array([2.0, -1, 2]) / 3
     angle = np.array([np.pi - 1e-6, np.pi - 1e-12, np.pi])
     pole = np.array([1.0, 2, 3])
@@ -45,7 +45,7 @@ def test_holds_up_to_and_at_180_degrees():
     np.testing.assert_allclose(np.cross(found.point - pole, axis), 0, atol=1e-9)
 
 
-def test_no_rotation_is_flagged_not_divided_by():
+def test_no_rotation_is_invalid():
     one = np.tile(np.eye(3), (2, 1, 1))
     found = screws_of_poses(one, np.zeros((2, 3)), one, np.ones((2, 3)))
     assert (found.status == TOO_LITTLE_ROTATION).all()

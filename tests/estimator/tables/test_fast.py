@@ -1,4 +1,4 @@
-"""The fast way reads what the strict way reads, to the last bit, or leaves the file to it."""
+"""The fast reader gives the same as the strict reader, to the last bit, or leaves the file to it."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ written = st.one_of(
     st.sampled_from(["", "-0", "+1", "5.", ".5", "9007199254740993", "5e-324", "2.4703282292062328e-324"]),
 )
 names = st.text(st.characters(exclude_categories=["Cs"], exclude_characters='\r\n",'), max_size=4)
-# What only one of two readers may take for a number, a cell or an end of a line.
+# Texts that only one of the two readers may accept as a number, a cell or the end of a line.
 odd = st.one_of(
     st.sampled_from(["nan", "NaN", "inf", "-Infinity", "1_0", "1e", "1e999", "0x1", "True", "NA", "null", "1,5", "١"]),
     st.sampled_from(
@@ -100,7 +100,7 @@ def test_malformed_tracks_are_refused_with_the_same_line(case, monkeypatch):
     fast, strict = (outcome(content, long, monkeypatch, tracks.FORM) for long in (0, 10**9))
     if isinstance(strict, str):
         assert fast == strict
-    else:  # each row is sound, what they say together isn't
+    else:  # each row is valid, but not all rows together
         assert_same(fast, strict)
 
 
