@@ -89,6 +89,7 @@ def _work(function: Callable[[Any], Any], connection: Connection) -> None:
     with suppress(EOFError, OSError):
         while (task := connection.recv()) is not None:
             connection.send(_done(function, task))
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # on the way out it would be an exception that nobody catches
 
 
 def _done(function: Callable[[Any], Any], task: Any) -> Any:
@@ -99,6 +100,7 @@ def _done(function: Callable[[Any], Any], task: Any) -> Any:
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     sys.exit(128 + number)  # an exception, so that temporary files are removed on the way out
 
 

@@ -1,5 +1,6 @@
 """Worker processes: what they return and raise, and how they end."""
 
+import atexit
 import multiprocessing
 import os
 import sys
@@ -23,6 +24,16 @@ def test_a_worker_that_is_killed_does_not_keep_us_waiting():
     with pytest.raises(ComputationError, match="a worker process has ended with the code 9"):
         list(results_of(os._exit, [9, 9], 1))
     assert not multiprocessing.active_children()
+
+
+def slow_to_leave(seconds):
+    atexit.register(time.sleep, seconds)
+
+
+def test_a_worker_that_is_on_its_way_out_is_not_disturbed(capfd):
+    """It is terminated while it runs what it does at its exit; a traceback of that would be seen on the terminal."""
+    assert list(results_of(slow_to_leave, [0.5], 1)) == [None]
+    assert capfd.readouterr().err == ""
 
 
 def test_closing_ends_the_workers():
