@@ -29,7 +29,7 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-NODE_ANGLE = 0.5  # rad from node to node: the interpolation's error is some 1e-8 rad, that of the steps is less
+NODE_ANGLE = 0.5  # rad from node to node: the interpolation's error is 1e-8 to 1e-7 rad, that of the steps is less
 MAX_NODES = 200_000  # of an integration: 600 MB, and 10 s
 CHUNK = 32  # steps in one call of the compiled function
 MIN_PRINCIPAL_MOMENT = 1e-3  # over the trace: bound on the inertia of an estimate

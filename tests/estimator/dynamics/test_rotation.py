@@ -12,8 +12,9 @@ from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from oracles import TorqueFree, inertial_states
 from synthetic import ENVISAT, MU, Orbit, attitude
 
-# rad: a quintic over 0.4 rad has the error 2 (0.4/2)⁶/46080 = 3e-9 for a pure spin, some ten times that for a tumble.
-INTERPOLATION = 5e-8
+# rad: a quintic over NODE_ANGLE has the error 2 (0.5/2)⁶/46080 = 1e-8 for a pure spin, some ten times that for a tumble
+# (7.4e-8 at most for 250 random bodies).
+INTERPOLATION = 1e-7
 RATE = np.deg2rad([1.2, 2.2, 2.4])
 
 
