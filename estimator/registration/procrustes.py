@@ -22,6 +22,7 @@ BoolArray = NDArray[np.bool_]
 
 TOLERANCE = 1e-11  # greatest change of a converged shape in one iteration, relative to its size
 MAX_ROUNDS = 100
+ADEQUATE = 0.1  # change in the last iteration, over the noise of a point's mean, of a shape that is good enough
 OFF_LINE = 3.0  # standard deviations that the visible points must lie off a line for a valid pose
 
 
@@ -32,7 +33,8 @@ class Registration:
     shape (m, 3) p_S in m, NaN for features that are never seen; rotation (n, 3, 3) R_C_S; translation (n, 3) in m, the
     shape's centroid in C; valid (n,), False where fewer than three or collinear points leave the pose undetermined;
     rms in m, the residual's standard deviation per coordinate; radius in m, the shape's rms radius; rounds, the number
-    of iterations; converged.
+    of iterations; converged: whether the last one changed the shape by less than a tenth of
+    what noise does.
     """
 
     shape: FloatArray
@@ -100,7 +102,8 @@ def register(points: FloatArray, reference: Reference = "mean", tolerance: float
     rms = _residual(cloud, weights, np.nan_to_num(shape), rotation, translation)
     radius = _radius(shape[in_shape])
     valid = (seen.sum(axis=1) >= 3) & (spread > (OFF_LINE * rms) ** 2) & (spread > (1e-9 * radius) ** 2)
-    return Registration(shape, rotation, translation, valid, rms, radius, rounds, converged)
+    adequate = converged or bool(change <= ADEQUATE * rms / np.sqrt(len(points)))
+    return Registration(shape, rotation, translation, valid, rms, radius, rounds, adequate)
 
 
 def _poses(
