@@ -296,7 +296,7 @@ TRACKS = {
     "overflow": (HEADER + "0,a,1e999,2,3\n", ["line 2", "column x", "'1e999'"]),
     "half a position": (HEADER + "0,a,1,2,3\n0,b,1,,3\n", ["line 3", "column y", "empty"]),
     "position without label": (HEADER + "0,,1,2,3\n", ["line 2", "column feature", "empty"]),
-    "sighting twice": (HEADER + "0,a,1,2,3\n1,a,1,2,3\n0,a,1,2,4\n", ["line 4", "'a'", "twice", "0.0 s"]),
+    "observation twice": (HEADER + "0,a,1,2,3\n1,a,1,2,3\n0,a,1,2,4\n", ["line 4", "'a'", "twice", "0.0 s"]),
     "quote never closed": (HEADER + '0,"a,1,2,3\n', ["line 2", "CSV"]),
     "half a covariance": (WIDE + "0,a,1,2,3,1,0,0,1,,1\n", ["line 2", "column cyz", "empty"]),
     "covariance of nothing": (WIDE + "0,a,,,,1,0,0,1,0,1\n", ["line 2", "column cxx"]),

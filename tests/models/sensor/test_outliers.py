@@ -1,4 +1,4 @@
-"""Sightings that are wrong: how many, by how much, for how long, and that the others are left alone."""
+"""Observations that are wrong: how many, by how much, for how long, and that the others are left alone."""
 
 import numpy as np
 import pytest
