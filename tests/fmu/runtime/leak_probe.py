@@ -14,7 +14,7 @@ import numpy as np
 from baryscope.fmu import Session
 from baryscope.fmu.runtime import UnitError
 
-WARM_UP = 200  # rounds, until buffers and the allocator's pools have their size
+WARM_UP = 1000  # rounds, until buffers and pools have their size; Python 3.14 collects cycles more seldom
 
 
 def resident():
