@@ -37,11 +37,10 @@ def test_a_worker_that_is_on_its_way_out_is_not_disturbed(capfd):
 
 
 def test_closing_ends_the_workers():
-    results = results_of(time.sleep, [0, 60, 60], 2)
+    """They would sleep for a day, and closing would not return before."""
+    results = results_of(time.sleep, [0, 86_400, 86_400], 2)
     assert next(results) is None
-    begin = time.perf_counter()
     results.close()
-    assert time.perf_counter() - begin < 3
     assert not multiprocessing.active_children()
 
 
