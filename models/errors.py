@@ -19,6 +19,7 @@ class Reason(StrEnum):
     DEGENERATE_SCREWS = "no screw can be told"
     DIVERGED = "diverged"
     TOO_LONG = "too long"
+    TOO_LARGE = "too many features or frames"
     OPEN_ORBIT = "open orbit"
     NO_NOISE = "no noise"
     OTHER = "other"

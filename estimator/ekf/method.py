@@ -23,7 +23,6 @@ from baryscope.estimator.adjustment.reweighting import GATE, NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.paths import trajectory_of
-from baryscope.estimator.dynamics.rotation import too_long
 from baryscope.estimator.ekf.bank import (
     ORDERS,
     Member,
@@ -33,11 +32,12 @@ from baryscope.estimator.ekf.bank import (
     middle_members,
     next_members,
 )
+from baryscope.estimator.ekf.effort import refuse_effort
 from baryscope.estimator.ekf.filter import ProcessNoise, Run, run_filter
 from baryscope.estimator.ekf.guess import Guess, Problem, first_guess, next_guess, renewed_scale
-from baryscope.estimator.ekf.motion import ROTATION, STEP_ANGLE, PathProcess, derivatives, free_orbit
+from baryscope.estimator.ekf.motion import ROTATION, PathProcess, derivatives, free_orbit
 from baryscope.estimator.ekf.smoother import SmoothedPath, smoothed_path
-from baryscope.estimator.ekf.start import Start, start_from
+from baryscope.estimator.ekf.start import start_from
 from baryscope.estimator.ekf.state import State
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.options import PathOptions
@@ -46,7 +46,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
-from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
@@ -55,7 +55,6 @@ FIRST_FRAMES = 200  # with observations, from which the process noise is chosen
 MIN_LENGTH = 1.5  # times FIRST_FRAMES, up to which all frames are used at once
 MIN_GAIN = 1.0  # of the log-likelihood in a pass, below which the passes have converged
 ROUGH_GAIN = 10.0  # the same for the first frames; also the greatest loss of a converged pass
-MAX_STEPS, STEPS_PER_FRAME = 30_000, 10  # bound of the integration steps of a pass: more would take many minutes
 DIVERGED_NIS = 2.0  # mean normalised innovation squared from which the filter counts as diverged
 
 
@@ -101,7 +100,7 @@ def estimate_by_filter(
         raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
     inliers = screen(tracks.position, tracks.seen)
     start = start_from(tracks, inliers)
-    _refuse_long(start, tracks.time)
+    refuse_effort(start, tracks)
     on_orbit = trajectory.kind == "relative-orbit"
     problem = Problem(
         tracks,
@@ -115,18 +114,6 @@ def estimate_by_filter(
         Rounds(progress),
     )
     return _result(problem, _passes(problem), begin)
-
-
-def _refuse_long(start: Start, time: FloatArray) -> None:
-    """Check that the integration of the rotation does not need too many steps.
-
-    Raises:
-        ComputationError: it does.
-    """
-    span = float(time[-1] - time[start.frame])
-    speed = float(np.hypot(np.linalg.norm(start.rate), start.rate_deviation))
-    if speed * span > STEP_ANGLE * (MAX_STEPS + STEPS_PER_FRAME * len(time)):
-        raise too_long(speed, span)
 
 
 def _passes(problem: Problem) -> Passes:

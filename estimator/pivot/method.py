@@ -49,6 +49,7 @@ from baryscope.models.words import counted
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
 
@@ -125,6 +126,13 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     trajectory = trajectory_of(options.trajectory, orbit)
     inliers = screen(tracks.position, tracks.seen)
     registered = find_bodies(tracks.position, inliers)
+    most = max(len(body.features) for body in registered.bodies)
+    if most > MAX_BODY_FEATURES:
+        raise ComputationError(
+            f"{most} features in a cluster, for which the adjustment would take hours: "
+            f"use at most {MAX_BODY_FEATURES} of them at a time, or the method score",
+            Reason.TOO_LARGE,
+        )
     measured = observations_of(tracks, tracks.seen)
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))

@@ -4,14 +4,18 @@ On a rigid body all distances are constant. An observation is an outlier if its 
 from the typical ones of their pairs.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 LIMIT = 5.0  # standard deviations of a distance that still fits
 PARTNERS = 12  # distances examined for each feature, at most
 SAMPLE = 1500  # frames of the sample that decides whether all frames are screened, and of a chunk
+CHUNK = 8_000_000  # distances in a chunk at most: 200 MB of differences
 OUTLIER_SHARE = 0.01  # share of distances in the sample that do not fit, from which all frames are screened
 DENSEST_SHARE = 0.25  # share of a pair's distances that its typical distance is computed from
 DENSEST_WIDTH = 2 * 0.3186  # standard deviations that the central quarter of a Gaussian spans
@@ -29,15 +33,23 @@ def screen(position: FloatArray, seen: BoolArray) -> BoolArray:
     typical, spread = _typical_distances(position[rows], seen[rows], pairs)
     known = np.isfinite(typical)
     seen = seen & ~_not_of_body(typical, spread, pairs, m)
-    fits, both = _fits(position[rows], seen[rows], pairs, typical, spread)
-    if not both[:, known].any() or 1 - fits[:, known].sum() / max(both[:, known].sum(), 1) < OUTLIER_SHARE:
+    fitting, compared = 0, 0
+    for part in _chunks(len(rows), len(pairs)):
+        fits, both = _fits(position[rows[part]], seen[rows[part]], pairs, typical, spread)
+        fitting, compared = fitting + int(fits[:, known].sum()), compared + int(both[:, known].sum())
+    if not compared or 1 - fitting / compared < OUTLIER_SHARE:
         return seen.copy()
     inliers = np.zeros_like(seen)
-    for first in range(0, n, SAMPLE):
-        part = slice(first, first + SAMPLE)
+    for part in _chunks(n, len(pairs)):
         fits, both = _fits(position[part], seen[part], pairs, typical, spread)
         inliers[part] = seen[part] & _agreeing(fits, both, pairs, m)
     return inliers
+
+
+def _chunks(frames: int, pairs: int) -> Iterator[slice]:
+    """Slices of so many frames with CHUNK distances at most, and SAMPLE frames."""
+    size = max(1, min(SAMPLE, CHUNK // max(pairs, 1)))
+    return (slice(first, first + size) for first in range(0, frames, size))
 
 
 def _not_of_body(typical: FloatArray, spread: FloatArray, pairs: NDArray[np.intp], m: int) -> BoolArray:
@@ -66,18 +78,20 @@ def _typical_distances(position: FloatArray, seen: BoolArray, pairs: NDArray[np.
 
     NaN for pairs that are seen together in fewer than eight frames, and for distances that are not constant.
     """
-    distance = _distances(position, pairs)
-    both = seen[:, pairs[:, 0]] & seen[:, pairs[:, 1]]
-    count = both.sum(axis=0)
-    ordered = np.sort(np.where(both, distance, np.inf), axis=0)
     typical, spread = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
-    for k in np.nonzero(count >= 8)[0]:
-        values = ordered[: count[k], k]
-        size = max(int(np.ceil(DENSEST_SHARE * count[k])), 4)
-        width = values[size - 1 :] - values[: count[k] - size + 1]
-        start = int(np.argmin(width))
-        typical[k] = values[start : start + size].mean()
-        spread[k] = width[start] / DENSEST_WIDTH
+    step = max(1, CHUNK // max(len(position), 1))
+    for first in range(0, len(pairs), step):
+        own = pairs[first : first + step]
+        both = seen[:, own[:, 0]] & seen[:, own[:, 1]]
+        count = both.sum(axis=0)
+        ordered = np.sort(np.where(both, _distances(position, own), np.inf), axis=0)
+        for k in np.nonzero(count >= 8)[0]:
+            values = ordered[: count[k], k]
+            size = max(int(np.ceil(DENSEST_SHARE * count[k])), 4)
+            width = values[size - 1 :] - values[: count[k] - size + 1]
+            start = int(np.argmin(width))
+            typical[first + k] = values[start : start + size].mean()
+            spread[first + k] = width[start] / DENSEST_WIDTH
     # All pairs have about the same noise: a pair that is wrong more often than right has a larger spread; not used.
     median = np.nanmedian(spread) if np.isfinite(spread).any() else np.nan
     return np.where(spread < 4 * median + 1e-12, typical, np.nan), np.maximum(spread, median)
@@ -96,9 +110,8 @@ def _agreeing(fits: BoolArray, both: BoolArray, pairs: NDArray[np.intp], m: int)
     """Features (n, m) that remain in each frame when the one with most misfits is removed repeatedly until all fit."""
     n = len(fits)
     left = np.ones((n, m), dtype=bool)
-    incidence = np.zeros((len(pairs), m))
-    incidence[np.arange(len(pairs)), pairs[:, 0]] = 1
-    incidence[np.arange(len(pairs)), pairs[:, 1]] = 1
+    of_feature = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()
+    incidence = sparse.csr_array((np.ones(2 * len(pairs)), of_feature), shape=(len(pairs), m))
     for _ in range(m):
         alive = left[:, pairs[:, 0]] & left[:, pairs[:, 1]]
         misfits = (alive & both & ~fits).astype(np.float64) @ incidence

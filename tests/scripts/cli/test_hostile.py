@@ -150,6 +150,15 @@ def test_the_same_gap_and_a_method_that_follows_no_rotation(gap, guarded, folder
     assert run(guarded, folder, text, "--trajectory", "polynomial:1")[0] in (0, 3)
 
 
+@pytest.mark.parametrize("method, features", [("pivot", 1001), ("ml", 1001), ("ekf", 201)])
+def test_more_features_than_a_method_can_take(method, features, guarded, folder):
+    """Their time and memory grow with the square or the cube."""
+    text = csv_of(*tumbling(4, 8, features, 0.2))
+    code, (line,) = run(guarded, folder, text, "--method", method)
+    assert code == 1
+    assert re.search(rf"{features} features.* would take hours.* use at most (1000|200) ", line)
+
+
 BEYOND = ["--sigma=1e-300", "--sigma=1e300", "--lag=1e-300", "--lag=1e300", "--cutoff=1e-300"]
 
 
