@@ -262,7 +262,7 @@ class Estimate:
     @property
     def rejected_share(self) -> float:
         """The share of the used observations that are rejected."""
-        return float(self.rejected.sum() / max(self.used.sum(), 1))
+        return float(self.rejected.sum() / max(int(self.used.sum()), 1))
 
     @property
     def rejected_features(self) -> tuple[str, ...]:
