@@ -5,6 +5,7 @@ import io
 
 import numpy as np
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 POWERS = (-320, -300, -160, -77, -30, -17, -12, -9, -6, -3, 0, 3, 6, 9, 16, 77, 150, 160, 300)
 METHODS = ("screw-raw", "screw-ls", "screw-gpa", "pivot", "ml", "ekf", "score")
@@ -26,14 +27,15 @@ scales = st.sampled_from([1.0, 1e-3, 1e-6, 1e-5, 1e2, 1e4, 1e6, 1e8, 1e-9, 1e-15
 
 
 def tumbling(seed, n, m, spin):
-    """A body of m features that turns steadily about an axis which itself turns: time (n,), position (n, m, 3)."""
+    """A free body of m features: time (n,) and position (n, m, 3).
+
+    Its moments of inertia are 3, 3 and 2: it precesses at `spin` rad/s about x, 45° from its axis of symmetry, about
+    which it turns by (3/2 − 1) cos 45° of that.
+    """
     random = np.random.default_rng(seed)
     time = np.arange(n, dtype=np.float64)
-    first, second = spin * time, 0.37 * spin * time
-    c, s, one, nil = np.cos, np.sin, np.ones(n), np.zeros(n)
-    about_z = np.array([[c(first), -s(first), nil], [s(first), c(first), nil], [nil, nil, one]])
-    about_x = np.array([[one, nil, nil], [nil, c(second), -s(second)], [nil, s(second), c(second)]])
-    R = np.einsum("ijk,jlk->kil", about_x, about_z)
+    turns = np.stack([spin * time, np.full(n, np.pi / 4), np.sqrt(0.125) * spin * time], axis=1)
+    R = Rotation.from_euler("XYZ", turns).as_matrix()
     points = random.uniform(-3, 3, (m, 3))
     centre = np.array([0.0, -20.0, 1.0]) + 0.01 * time[:, None]
     return time, centre[:, None] + points @ np.swapaxes(R, 1, 2) + random.normal(0, 0.01, (n, m, 3))

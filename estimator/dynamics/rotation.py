@@ -85,17 +85,28 @@ class Rotation:
         """Attitude, rate and sensitivities at times (n,) in s, in any order.
 
         Raises:
-            ComputationError: the integration needs more than MAX_NODES nodes.
+            ComputationError: the integration needs more than MAX_NODES nodes, or diverges.
         """
-        return self._nodes_around(time).between(time)
+        if not self.reaches(time):
+            raise too_long(float(np.linalg.norm(self.rate)), _span(self.epoch, time))
+        found = self.try_at(time)
+        if found is None:
+            raise ComputationError(
+                "the integration of the rotation diverges: over so long a time the gravity gradient makes it chaotic",
+                Reason.DIVERGED,
+            )
+        return found
+
+    def try_at(self, time: FloatArray) -> "Attitudes | None":
+        """The same as `at`; None instead of an error."""
+        nodes = self._nodes_around(time) if self.reaches(time) else None
+        return nodes.between(time) if nodes is not None and nodes.finite else None
 
     def rate_sensitivity_at(self, time: FloatArray) -> FloatArray:
         """Jacobian (n, 3, 8) of the angular rate in B at times (n,) in s by rate and inertia at the epoch."""
         return self._nodes_around(time).rate_sensitivity(time)
 
     def _nodes_around(self, time: FloatArray) -> "_Nodes":
-        if not self.reaches(time):
-            raise too_long(float(np.linalg.norm(self.rate)), _span(self.epoch, time))
         return _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
 
 
@@ -135,6 +146,11 @@ class _Nodes:
     acceleration: FloatArray  # (k, 3)
     turn: FloatArray  # (k, 3, 8) in C
     turn_rate: FloatArray  # (k, 3, 8) in C
+
+    @property
+    def finite(self) -> bool:
+        """Whether the integration has not diverged."""
+        return bool(np.isfinite(self.quaternion).all() and np.isfinite(self.turn_rate).all())
 
     def between(self, time: FloatArray) -> Attitudes:
         h = self.time[1] - self.time[0]
@@ -209,6 +225,7 @@ def _quintic(s: FloatArray, left: NDArray[np.intp], f: FloatArray, df: FloatArra
     return value
 
 
+@np.errstate(over="ignore", invalid="ignore")  # sensitivities of a chaotic motion grow without bound: see `finite`
 def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     """The motion and its sensitivities at nodes that span begin … end in s, integrated from the epoch."""
     highest_rate = _highest_rate(start)
@@ -234,11 +251,19 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
 
 
 def _highest_rate(start: Rotation) -> float:
-    """An upper bound in rad/s of ‖ω‖ from the kinetic energy, plus that of the orbit if there is a torque."""
+    """An upper bound in rad/s of ‖ω‖ from the kinetic energy, plus that of the orbit if there is a torque.
+
+    The gravity gradient swings a slender body at up to √(3 (λ₃ − λ₁)/λ₁) times the orbit's rate. A quarter of that
+    keeps the integration stable.
+    """
     J, w = start.inertia, start.rate
-    lowest = max(float(np.linalg.eigvalsh(J)[0]), 1e-6)
+    moments = np.linalg.eigvalsh(J)
+    lowest = max(float(moments[0]), 1e-6)
     rate = float(np.sqrt(max(float(w @ J @ w), 0.0) / lowest))
-    return rate if start.orbit is None else rate + 2 * start.orbit.periapsis_rate
+    if start.orbit is None:
+        return rate
+    swing = float(np.sqrt(3 * (moments[-1] - moments[0]) / lowest)) * start.orbit.periapsis_rate
+    return max(rate + 2 * start.orbit.periapsis_rate, float(np.hypot(rate, swing)) / 4)
 
 
 def _integrate(start: Rotation, constants: FloatArray, h: float, steps: int) -> FloatArray:

@@ -218,8 +218,10 @@ def _smoothed(problem: Problem, best: Pass) -> Pass:
     """The best member filtered again over all frames, and smoothed with the noise of its path where rounding allows."""
     frames = range(problem.start.frame, len(problem.tracks.time))
     run, process, noise = _filtered(problem, best.guess, [best.member], frames, keep=True)
+    if not np.isfinite(run.log_likelihood[0]) or not run.accepted.size:
+        return best
     path = smoothed_path(run.state, process, noise.of_path(0), frames.start, run.traces)
-    return replace(best, run=run, path=path) if run.accepted.size and path.regular else best
+    return replace(best, run=run, path=path) if path.regular else best
 
 
 def _filtered(

@@ -98,6 +98,8 @@ def fit_tumble(
             break
     if best is None and fast:
         raise too_long(min(fast), float(time[-1] - time[0]))
+    if best is not None and best.cost == np.inf:
+        raise ComputationError("no free rotation follows the attitudes over the whole time", Reason.DIVERGED)
     if best is None:
         raise ComputationError(
             "no stretch of frames shows how fast the target turns: features are not followed for long enough",
@@ -204,7 +206,10 @@ def _fitted_over_growing_windows(start: Rotation, poses: _Poses, main: int, coun
     distance = np.abs(poses.time - start.epoch)
     longest = float(distance.max())
     own = poses.body == main
-    residual = np.linalg.norm(_residuals(tumble, poses.where(own))[0], axis=1)
+    found = _residuals(tumble, poses.where(own))
+    if found is None:
+        return tumble
+    residual = np.linalg.norm(found[0], axis=1)
     window = longest
     if residual.max() > PREDICTED:
         window = float(distance[own][residual > PREDICTED].min())
@@ -215,7 +220,7 @@ def _fitted_over_growing_windows(start: Rotation, poses: _Poses, main: int, coun
             tumble = _with_body(tumble, poses.where(near & (poses.body == body)), body)
             present_bodies.add(body)
         tumble = _fitted(tumble, poses.where(near), FINE_TOLERANCE if window >= longest else ROUGH_TOLERANCE)
-        if window >= longest:
+        if window >= longest or tumble.cost == np.inf:
             return tumble
         window = min(WINDOW_GROWTH * window, longest)
 
@@ -230,9 +235,14 @@ def _with_body(tumble: Tumble, poses: _Poses, body: int) -> Tumble:
     return replace(tumble, bodies=tuple(R_B_S if k == body else R for k, R in enumerate(tumble.bodies)))
 
 
-def _residuals(tumble: Tumble, poses: _Poses) -> tuple[FloatArray, FloatArray]:
-    """Rotation vectors (n, 3) in S, rad, from predicted to observed attitudes; Jacobian (n, 3, 8) of the latter."""
-    found = tumble.rotation.at(poses.time)
+def _residuals(tumble: Tumble, poses: _Poses) -> tuple[FloatArray, FloatArray] | None:
+    """Rotation vectors (n, 3) in S, rad, from predicted to observed attitudes; Jacobian (n, 3, 8) of the latter.
+
+    None where the rotation is not possible, or cannot be integrated.
+    """
+    found = tumble.rotation.try_at(poses.time) if tumble.rotation.possible else None
+    if found is None:
+        return None
     R_B_S = np.array(tumble.bodies)[poses.body]
     residual = log_rotation(np.swapaxes(found.attitude @ R_B_S, 1, 2) @ poses.attitude)
     return residual, np.swapaxes(R_B_S, 1, 2) @ found.turn
@@ -247,7 +257,10 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
     size = RATE_AND_INERTIA + 3 * len(present)
     slot = np.searchsorted(present, poses.body)
     damping = 1e-4
-    residual, turn = _residuals(tumble, poses)
+    found = _residuals(tumble, poses)
+    if found is None:
+        return replace(tumble, cost=np.inf, median_ratio=np.inf)
+    residual, turn = found
     cost = _robust_cost(residual, poses)
     for _ in range(MAX_STEPS):
         weight = _robust_weight(residual, poses)
@@ -264,8 +277,9 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
             if change @ rhs <= tolerance * cost:
                 return replace(tumble, cost=cost, median_ratio=_median_ratio(residual, poses))
             trial = _changed(tumble, change, present)
-            if trial.rotation.possible and trial.rotation.reaches(poses.time):
-                trial_residual, trial_turn = _residuals(trial, poses)
+            found = _residuals(trial, poses)
+            if found is not None:
+                trial_residual, trial_turn = found
                 trial_cost = _robust_cost(trial_residual, poses)
                 if trial_cost <= cost:
                     tumble, residual, turn, cost = trial, trial_residual, trial_turn, trial_cost

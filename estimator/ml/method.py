@@ -243,15 +243,17 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
         while not accepted and damping < 1e10:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
             turned = rotation.changed(np.zeros(3), change[:RATE_AND_INERTIA])
-            if turned.possible and turned.reaches(tracks.time):
+            new_motion = turned.try_at(tracks.time) if turned.possible else None
+            if new_motion is not None:
                 moved = x + change[RATE_AND_INERTIA:]
-                new_motion, new_origin = turned.at(tracks.time), sampled.position(moved)
+                new_origin = sampled.position(moved)
                 trial = equations(observations, new_motion, sampled, new_origin, found.points)
                 trial_deviation = prior.deviation(turned, moved)
                 accepted = trial.cost + prior.cost(trial_deviation) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
         if not accepted:
             break
+        assert new_motion is not None  # noqa: S101  it was accepted
         rotation, x, motion, origin, found, deviation = turned, moved, new_motion, new_origin, trial, trial_deviation
         dof = _dof(observations, len(x))
         variance = max(found.cost / dof, floor)
