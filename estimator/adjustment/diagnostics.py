@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import UNOBSERVABLE, Cluster, Observability, PrincipalAxes
+from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -36,14 +37,21 @@ def observability_of(clusters: Sequence[Cluster], position_covariance: FloatArra
 
     Raises:
         ValueError: the main cluster has no covariance.
+        ComputationError: the path's covariance is lost in rounding: its mean over time has a negative trace.
     """
+    mean = position_covariance.mean(axis=0)
+    if np.trace(mean) < 0:
+        raise ComputationError(
+            "the covariance of the path is lost in rounding: clusters of very few frames, or too unequal covariances",
+            Reason.DIVERGED,
+        )
     main = main_cluster(clusters)
     covariance = clusters[main].covariance
     if covariance is None:
         raise ValueError("the cluster has no covariance")
     return Observability(
         PrincipalAxes.of(covariance),
-        PrincipalAxes.of(position_covariance.mean(axis=0)),
+        PrincipalAxes.of(mean),
         main,
         UNOBSERVABLE * clusters[main].radius,
     )

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from baryscope.estimator import METHODS, Estimate, Failure, FeatureTracks, attempt, estimate
+from baryscope.estimator.adjustment.diagnostics import observability_of
 from baryscope.models.errors import ComputationError, InputError, Reason
+from results import a_cluster
 
 TIME = np.arange(40.0)
 
@@ -60,3 +62,10 @@ def test_the_reason_survives_a_process_boundary():
     error = pickle.loads(pickle.dumps(ComputationError("too dark", Reason.NO_NOISE)))  # noqa: S301  our own bytes
     assert (str(error), error.reason) == ("too dark", Reason.NO_NOISE)
     assert ComputationError("why").reason is Reason.OTHER
+
+
+def test_a_covariance_that_is_lost_in_rounding_is_no_result():
+    lost = np.tile(np.diag([1e-4, 1e-4, -1.0]), (10, 1, 1))
+    with pytest.raises(ComputationError, match="lost in rounding") as raised:
+        observability_of([a_cluster([0.1, 0.2, 0.3])], lost)
+    assert raised.value.reason is Reason.DIVERGED
