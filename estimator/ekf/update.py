@@ -84,7 +84,8 @@ def updated(
         follow = np.eye(s) - gain[0] @ by_errors[0]
         information = by_errors[0].T @ precision[0] @ by_errors[0]
     rhs = by_errors[0].T @ whitened[0]
-    return new, Update(likelihood, total, 3.0 * accepted.sum(axis=1), squares, predicted, follow, information, rhs)
+    values = 3 * accepted.sum(axis=1, dtype=np.float64)
+    return new, Update(likelihood, total, values, squares, predicted, follow, information, rhs)
 
 
 def _measurement(measured: Measured, frame: int, index: IntArray) -> tuple[FloatArray, FloatArray, float]:
