@@ -8,10 +8,11 @@ import numpy as np
 
 from baryscope.models.checks import CheckSet, orbit_checks
 from baryscope.models.errors import InputError
-from baryscope.models.keplerian import PARAMETERS, Elements
+from baryscope.models.keplerian import ELEMENT_COUNT, PARAMETERS, Elements
 
 EARTH_MU = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, WGS 84
+EARTH_J2 = 1.08262668e-3  # EGM 96 and 2008
 RANGES = {
     "semi_major_axis": (1.0, 1e15, "m"),
     "gravitational_parameter": (1e-9, 1e30, "m³/s²"),
@@ -19,13 +20,15 @@ RANGES = {
     "raan": (-1e6, 1e6, "rad"),
     "argument_of_periapsis": (-1e6, 1e6, "rad"),
     "true_anomaly": (-1e6, 1e6, "rad"),
+    "j2": (-0.5, 0.5, "(no unit)"),
+    "equatorial_radius": (1e-3, 1e12, "m"),
 }  # wider than the solar system; an angle of 1e6 rad still has ten digits
 MAX_RATE = 0.01  # rad/s at periapsis: a higher rate needs a central body over fifty times as dense as rock
 
 
 @dataclass(frozen=True)
 class Orbit:
-    """Keplerian elements at time 0, inertial axes, angles in rad.
+    """Keplerian elements at time 0, inertial axes, angles in rad; with `j2`, those of the ellipse that osculates then.
 
     Attributes:
         semi_major_axis: m, above 0.
@@ -35,9 +38,12 @@ class Orbit:
         argument_of_periapsis: rad.
         true_anomaly: at time 0, rad, any number of turns.
         gravitational_parameter: of the central body, m³/s²; the Earth's unless given.
+        j2: second zonal coefficient of the central body, whose pole is the z axis of I; None: a point mass.
+        equatorial_radius: to which `j2` refers, m; given with it or not at all.
 
     Raises:
-        InputError: an element is not a finite number or not possible, or the orbit goes through its central body.
+        InputError: a value is not a finite number or not possible, the orbit goes through its central body, or `j2`
+            stands without `equatorial_radius` or the other way round.
     """
 
     semi_major_axis: float
@@ -47,19 +53,23 @@ class Orbit:
     argument_of_periapsis: float = 0.0
     true_anomaly: float = 0.0
     gravitational_parameter: float = EARTH_MU
+    j2: float | None = None
+    equatorial_radius: float | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            object.__setattr__(self, field.name, _finite(field.name, getattr(self, field.name)))
+            value = getattr(self, field.name)
+            if field.default is not None or value is not None:
+                object.__setattr__(self, field.name, _finite(field.name, value))
         failure = _check_set().failure(np.array(self.elements))
         if failure is not None:
             raise InputError(failure)
         for name, (low, high, unit) in RANGES.items():
             value = getattr(self, name)
-            if not low <= value <= high:
+            if value is not None and not low <= value <= high:
                 raise InputError(f"orbit.{name}: found {value:g} {unit}, expected {low:g} to {high:g} {unit}")
         periapsis = self.semi_major_axis * (1 - self.eccentricity)
-        if abs(self.gravitational_parameter / EARTH_MU - 1) < 0.01 and periapsis < EARTH_RADIUS:
+        if self._is_the_earths and periapsis < EARTH_RADIUS:
             raise InputError(
                 f"orbit.semi_major_axis: found {self.semi_major_axis:g} m, which puts the periapsis "
                 f"{periapsis:g} m from the Earth's centre, expected metres and an orbit above the surface"
@@ -69,11 +79,36 @@ class Orbit:
                 f"orbit.semi_major_axis: found {self.semi_major_axis:g} m, where the target passes the periapsis at "
                 f"{self.periapsis_rate:g} rad/s, expected at most {MAX_RATE:g} rad/s, as outside any body"
             )
+        self._check_oblateness(periapsis)
+
+    def _check_oblateness(self, periapsis: float) -> None:
+        """J2 needs its radius and the other way round; a radius in km would make it vanish in silence.
+
+        Raises:
+            InputError: one is missing, or the radius is not that of the Earth in an orbit around it.
+        """
+        given, missing = ("j2", "equatorial_radius") if self.j2 is not None else ("equatorial_radius", "j2")
+        if getattr(self, given) is not None and getattr(self, missing) is None:
+            raise InputError(f"orbit.{missing}: missing, expected a value beside {given}")
+        radius = self.equatorial_radius
+        if radius is not None and self._is_the_earths and abs(radius / EARTH_RADIUS - 1) > 0.01:
+            raise InputError(
+                f"orbit.equatorial_radius: found {radius:g} m, expected the Earth's, {EARTH_RADIUS:g} m, to 1 %"
+            )
+        if radius is not None and radius > periapsis:
+            raise InputError(
+                f"orbit.equatorial_radius: found {radius:g} m, expected at most the distance of the periapsis, "
+                f"{periapsis:g} m"
+            )
 
     @property
     def elements(self) -> tuple[float, ...]:
         """The seven elements in the order of the fields, which is that of `keplerian.Elements`."""
-        return astuple(self)
+        return astuple(self)[:ELEMENT_COUNT]
+
+    @property
+    def _is_the_earths(self) -> bool:
+        return abs(self.gravitational_parameter / EARTH_MU - 1) < 0.01
 
     @property
     def period(self) -> float:

@@ -13,7 +13,11 @@ from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit,
 
 
 class OrbitTable(UnitTable):
-    """[orbit]: the target's Keplerian elements at time 0, with angles in degrees."""
+    """[orbit]: the target's Keplerian elements at time 0, with angles in degrees; optionally J2 of the central body.
+
+    With `j2` and `equatorial_radius` (both or neither) the elements are those of the ellipse that osculates at time 0,
+    and the z axis of I is the body's pole.
+    """
 
     semi_major_axis: Annotated[float, Unit("m")]
     eccentricity: float
@@ -22,6 +26,8 @@ class OrbitTable(UnitTable):
     argument_of_periapsis_deg: Degrees = 0.0
     true_anomaly_deg: Degrees = 0.0
     gravitational_parameter: Annotated[float, Unit("m³/s²")] = EARTH_MU
+    j2: float | None = None
+    equatorial_radius: Annotated[float | None, Unit("m")] = None
 
     @classmethod
     def of(cls, value: Orbit) -> Self:
@@ -34,13 +40,15 @@ class OrbitTable(UnitTable):
             argument_of_periapsis_deg=degrees_of(value.argument_of_periapsis),
             true_anomaly_deg=degrees_of(value.true_anomaly),
             gravitational_parameter=value.gravitational_parameter,
+            j2=value.j2,
+            equatorial_radius=value.equatorial_radius,
         )
 
     def to_si(self) -> Orbit:
         """The orbit in m, rad and m³/s².
 
         Raises:
-            InputError: an element is outside its range.
+            InputError: a value is outside its range, or one of `j2` and `equatorial_radius` is missing.
         """
         return Orbit(
             semi_major_axis=self.semi_major_axis,
@@ -50,6 +58,8 @@ class OrbitTable(UnitTable):
             argument_of_periapsis=float(np.deg2rad(self.argument_of_periapsis_deg)),
             true_anomaly=float(np.deg2rad(self.true_anomaly_deg)),
             gravitational_parameter=self.gravitational_parameter,
+            j2=self.j2,
+            equatorial_radius=self.equatorial_radius,
         )
 
 
@@ -85,7 +95,7 @@ def write_orbit(orbit: Orbit, path: AnyPath) -> None:
 
 def orbit_text(orbit: Orbit) -> str:
     """The text of an orbit TOML file."""
-    rows = [f"{name} = {value!r}" for name, value in OrbitTable.of(orbit).model_dump().items()]
+    rows = [f"{name} = {value!r}" for name, value in OrbitTable.of(orbit).model_dump(exclude_none=True).items()]
     return "\n".join(["[orbit]", *rows]) + "\n"
 
 

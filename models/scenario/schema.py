@@ -118,7 +118,7 @@ class ReadFrom:
             read,
             handler.generate_schema(self.table),
             serialization=core_schema.plain_serializer_function_ser_schema(
-                lambda value: self.table.of(value).model_dump()
+                lambda value: self.table.of(value).model_dump(exclude_none=True)
             ),
         )
 

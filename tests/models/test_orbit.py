@@ -9,7 +9,7 @@ import pytest
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT, Elements
 from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.orbit import Orbit, orbit_parameters
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit, orbit_parameters
 from baryscope.models.variables import Kind, variable_table
 
 GOOD = Orbit(7.15e6, 0.01, 1.7, 0.3, 0.7, 0.2)
@@ -22,9 +22,10 @@ def test_parameters_stand_in_the_order_of_the_table():
 
 
 def test_numbers_and_symbols_have_the_same_fields():
-    assert [field.name for field in fields(Orbit)] == [field.name for field in fields(Elements)]
+    names = [field.name for field in fields(Elements)]
+    assert [field.name for field in fields(Orbit)] == [*names, "j2", "equatorial_radius"]
     values = Elements.of(ca.DM(GOOD.elements))
-    assert all(float(getattr(values, field.name)) == getattr(GOOD, field.name) for field in fields(Orbit))
+    assert all(float(getattr(values, name)) == getattr(GOOD, name) for name in names)
     assert len(GOOD.elements) == ELEMENT_COUNT
 
 
@@ -82,3 +83,31 @@ def test_what_is_impossible_is_refused(change, expected):
     with pytest.raises(InputError) as caught:
         replace(GOOD, **change)
     assert str(caught.value).startswith(expected)
+
+
+def test_j2_stands_with_its_radius():
+    orbit = replace(GOOD, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
+    assert (orbit.j2, orbit.equatorial_radius) == (EARTH_J2, EARTH_RADIUS)
+    assert orbit.elements == GOOD.elements
+    assert orbit != GOOD
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"j2": EARTH_J2}, "orbit.equatorial_radius: missing, expected a value beside j2"),
+        ({"equatorial_radius": EARTH_RADIUS}, "orbit.j2: missing, expected a value beside equatorial_radius"),
+        ({"j2": 1082.6, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found 1082.6"),
+        ({"j2": EARTH_J2, "equatorial_radius": 6378.137}, "expected the Earth's, 6.37814e+06 m"),
+        ({"j2": float("nan"), "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found nan, expected a finite number"),
+        ({"j2": True, "equatorial_radius": EARTH_RADIUS}, "orbit.j2: found True, expected a number"),
+        (
+            {"gravitational_parameter": 4.9e12, "j2": 2e-4, "equatorial_radius": 8e6},
+            "orbit.equatorial_radius: found 8e+06 m, expected at most the distance of the periapsis",
+        ),
+    ],
+)
+def test_an_oblateness_that_cannot_be(change, message):
+    with pytest.raises(InputError) as error:
+        replace(GOOD, **change)
+    assert message in str(error.value)

@@ -30,6 +30,19 @@ def test_a_file_that_is_read_and_written_is_the_same(tmp_path):
     assert second.read_text(encoding="utf-8") == FILE
 
 
+def test_j2_is_read_and_written_where_it_is_given(tmp_path):
+    first, second = tmp_path / "first.toml", tmp_path / "second.toml"
+    text = FILE + "j2 = 0.00108262668\nequatorial_radius = 6378137.0\n"
+    first.write_text(text, encoding="utf-8")
+    orbit = load_orbit(first)
+    assert (orbit.j2, orbit.equatorial_radius) == (0.00108262668, 6378137.0)
+    write_orbit(orbit, second)
+    assert second.read_text(encoding="utf-8") == text
+    first.write_text(FILE + "j2 = 0.00108262668\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"orbit\.equatorial_radius: missing, expected a value beside j2"):
+        load_orbit(first)
+
+
 @given(digits=st.integers(-(10**14), 10**14), shift=st.integers(0, 14))
 def test_degrees_of_up_to_fourteen_digits_come_back(digits, shift):
     degrees = float(f"{digits}e-{shift}")
