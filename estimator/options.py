@@ -10,8 +10,10 @@ Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
 Noise = Literal["stereo", "fixed"]
 Torque = Literal["none", "gravity-gradient"]
+Density = float | Literal["auto", "none"]
 
 HIGHEST_DEGREE = 20  # of a polynomial path
+DENSEST = 1e6  # m²/s³ or rad²/s³: a kilometre per second after a second
 LOWEST_CUTOFF = 1 / LATEST  # Hz
 
 
@@ -47,6 +49,10 @@ class PathOptions:
     a coordinate in m, or a factor on the standard deviations if the tracks have covariances; noise: whether the given
     covariances depend on the range (stereo) or not (fixed); torque on the target, for `ml` and `ekf`.
 
+    process_noise: density of the white acceleration on the path, m²/s³; torque_noise: density of the white angular
+    acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
+    exactly.
+
     None means: relative-orbit if an orbit is given, else a polynomial whose degree the data choose; sigma from the
     residuals; the torque that fits the tracks better.
 
@@ -58,15 +64,26 @@ class PathOptions:
     sigma: float | None = None
     noise: Noise = "stereo"
     torque: Torque | None = None
+    process_noise: Density = "auto"
+    torque_noise: Density = "auto"
 
     def __post_init__(self) -> None:
         if self.sigma is not None and not (FINEST <= self.sigma <= COARSEST):
             raise InputError(f"sigma is {self.sigma}, expected a standard deviation of {FINEST:g} to {COARSEST:g} m")
         _check_one_of("noise", self.noise, ("stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
+        _check_density("process_noise", self.process_noise, "m²/s³")
+        _check_density("torque_noise", self.torque_noise, "rad²/s³")
 
 
 Options = ScrewOptions | PathOptions
+
+
+def _check_density(name: str, value: Density, unit: str) -> None:
+    if isinstance(value, str):
+        _check_one_of(name, value, ("auto", "none"))
+    elif not 0 < value <= DENSEST:
+        raise InputError(f"{name} is {value}, expected auto, none or a density above 0 to {DENSEST:g} {unit}")
 
 
 def _check_one_of(name: str, value: object, known: tuple[object, ...]) -> None:

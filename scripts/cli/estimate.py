@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -45,12 +45,20 @@ class PathChoices:
     torque
         Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the one that fits the
         tracks better.
+    process_noise
+        What the model of the path leaves out (pivot, ml, ekf), as white acceleration: its density in m²/s³; auto,
+        estimated from the tracks; or none, the model holds exactly. Default: auto.
+    torque_noise
+        What the model of the tumble leaves out (ml, ekf), as white angular acceleration: its density in rad²/s³; auto,
+        estimated from the tracks; or none. Default: auto.
     """
 
     trajectory: str | None = None
     sigma: float | None = None
     noise: Noise | None = None
     torque: Torque | None = None
+    process_noise: float | Literal["auto", "none"] | None = None
+    torque_noise: float | Literal["auto", "none"] | None = None
 
 
 @Parameter(name="*")
@@ -152,6 +160,7 @@ def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, 
         having = [other.name for other in METHODS.values() if name in {field.name for field in fields(other.options)}]
         if (method or default) in having:
             continue
+        name = name.replace("_", "-")
         if method is None:
             raise InputError(
                 f"--{name}: found beside --{first_for_screws}, expected one of the two: no method has both"
