@@ -1,0 +1,152 @@
+"""Euler's equation, its steps of order 8 and their sensitivities, as functions for many points.
+
+The steps are those of Dormand and Prince; the tableau is scipy's. A torque that is not the gravity gradient enters as
+the angular acceleration at POINTS times of the step, with a cubic between them.
+"""
+
+from collections.abc import Callable
+from functools import cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from baryscope.estimator.dynamics.torque import POINTS, stage_weights
+from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
+from baryscope.models.columns import ColumnFunction
+from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L
+from baryscope.models.keplerian import Elements, conic, true_anomaly_after
+
+FloatArray = NDArray[np.float64]
+
+CHUNK = 32  # steps in one call of the compiled function
+FORCED = 3 * POINTS  # values of the angular acceleration in a step
+
+_HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
+INERTIA_BASIS = np.array(
+    [
+        np.diag([_HALF, -_HALF, 0.0]),
+        np.diag([_SIXTH, _SIXTH, -2 * _SIXTH]),
+        [[0, _HALF, 0], [_HALF, 0, 0], [0, 0, 0]],
+        [[0, 0, _HALF], [0, 0, 0], [_HALF, 0, 0]],
+        [[0, 0, 0], [0, 0, _HALF], [0, _HALF, 0]],
+    ]
+)
+
+
+@cache
+def anomaly_function() -> ca.Function:
+    """The function (time in s, elements) → true anomaly."""
+    time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
+    return ca.Function("anomaly", [time, column], [true_anomaly_after(time, elements)])
+
+
+@cache
+def rate_columns(gravity_gradient: bool) -> ColumnFunction:
+    """The function (x, constants) → ẋ without a further torque; x is (q, ω, true anomaly)."""
+    x, _, c = _symbols(gravity_gradient)
+    return ColumnFunction("rates", [x, c], _rates(x, c, gravity_gradient))
+
+
+@cache
+def advance(gravity_gradient: bool, forced: bool) -> ca.Function:
+    """The function (x, sizes, constants) → states (8, CHUNK) after each of CHUNK steps.
+
+    If `forced`, (x, sizes, accelerations (FORCED, CHUNK), constants).
+    """
+    x, h, c = _symbols(gravity_gradient)
+    f = ca.SX.sym("f", FORCED)
+
+    def rates(state: ca.SX, fraction: float) -> ca.SX:
+        found = _rates(state, c, gravity_gradient)
+        return found + ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0) if forced else found
+
+    after = _step(rates, x, h)
+    inputs = [x, h, f, c] if forced else [x, h, c]
+    return ca.Function("advance", inputs, [after], {"cse": True}).mapaccum(CHUNK)
+
+
+@cache
+def sensitivity_step(gravity_gradient: bool, forced: bool) -> ColumnFunction:
+    """The function (x, size, constants) → Jacobian (6, 11) of a step.
+
+    It maps changes of attitude (a rotation vector in C), rate and inertia before the step to those of attitude and
+    rate after it. If `forced`, (x, size, accelerations (FORCED,), constants) → (6, 11 + FORCED), with the
+    accelerations among the changes.
+    """
+    x, h, c = _symbols(gravity_gradient)
+    f = ca.SX.sym("f", FORCED)
+    linear = ca.Function("linearised_rates", [x, c], [_linearised_rates(x, c, gravity_gradient)])
+    size = 11 + (FORCED if forced else 0)
+    inertia = ca.horzcat(ca.SX(5, 6), ca.SX.eye(5), ca.SX(5, size - 11))
+
+    def rates(state: ca.SX, fraction: float) -> ca.SX:
+        sensitivity = ca.vertcat(ca.reshape(state[8:], 6, size), inertia)
+        motion, change = _rates(state[:8], c, gravity_gradient), linear(state[:8], c) @ sensitivity
+        if forced:
+            motion += ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0)
+            own = ca.horzcat(*(weight * ca.SX.eye(3) for weight in stage_weights(fraction)))
+            change += ca.vertcat(ca.SX(3, size), ca.horzcat(ca.SX(3, 11), own))
+        return ca.vertcat(motion, ca.vec(change))
+
+    start = ca.horzcat(ca.SX.eye(11)[:6, :], ca.SX(6, size - 11))
+    after = _step(rates, ca.vertcat(x, ca.vec(start)), h)
+    inputs = [x, h, f, c] if forced else [x, h, c]
+    return ColumnFunction("sensitivity", inputs, ca.reshape(after[8:], 6, size))
+
+
+def _interpolated(f: ca.SX, fraction: float) -> ca.SX:
+    """The angular acceleration (3,) at a fraction of the step."""
+    return ca.reshape(f, 3, POINTS) @ ca.DM(stage_weights(fraction))
+
+
+def _symbols(gravity_gradient: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Symbols of the state (q, ω, true anomaly), the step's size in s, and the constants."""
+    return ca.SX.sym("x", 8), ca.SX.sym("h"), ca.SX.sym("c", 16 if gravity_gradient else 9)
+
+
+def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
+    """Jacobian (6, 11) of the rates of rotation vector and angular rate by rotation vector, angular rate, inertia."""
+    q, w = x[:4], x[4:7]
+    turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
+    turned = ca.vertcat(_product(ca.vertcat(1, turn / 2), q), x[4:])
+    inertia = c[:9] + ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change
+    acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), gravity_gradient)[4:7]
+    rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
+    linear = ca.jacobian(rates, ca.vertcat(turn, w, change))
+    return ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
+
+
+def _rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
+    q, w, anomaly = x[:4], x[4:7], x[7]
+    J = ca.reshape(c[:9], 3, 3)
+    torque, anomaly_rate = ca.SX(3, 1), ca.SX(0)
+    if gravity_gradient:
+        elements = Elements.of(c[9:])
+        place = conic(elements.ellipse, anomaly)
+        R_I_L = rotation_I_L(elements.R_I_P, anomaly)
+        torque = gravity_gradient_torque(J, rotation_from_quaternion(q).T @ R_I_L[:, 0], place.stiffness)
+        anomaly_rate = place.anomaly_rate
+    return ca.vertcat(quaternion_rate(q, w), angular_acceleration(J, symmetric_inverse(J), w, torque), anomaly_rate)
+
+
+def _step(rates: Callable[[ca.SX, float], ca.SX], x: ca.SX, h: ca.SX) -> ca.SX:
+    """One step of the eighth-order formula of Dormand and Prince (Hairer, Nørsett, Wanner 1993, DOP853).
+
+    rates: (x, fraction of the step) → ẋ.
+    """
+    slopes: list[ca.SX] = []
+    for row, fraction in zip(DOP853.A, DOP853.C, strict=True):
+        slopes.append(rates(_moved(x, h, row, slopes), float(fraction)))
+    return _moved(x, h, DOP853.B, slopes)
+
+
+def _moved(x: ca.SX, h: ca.SX, weights: FloatArray, slopes: list[ca.SX]) -> ca.SX:
+    """x + h Σ weight · slope; h times a weight is a common subexpression of all points."""
+    return sum((h * weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight), x)
+
+
+def _product(p: ca.SX, q: ca.SX) -> ca.SX:
+    """The quaternion product p ⊗ q, scalar first."""
+    return ca.vertcat(p[0] * q[0] - ca.dot(p[1:], q[1:]), p[0] * q[1:] + q[0] * p[1:] + ca.cross(p[1:], q[1:]))

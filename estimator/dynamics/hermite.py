@@ -1,0 +1,40 @@
+"""Hermite polynomials between evenly spaced nodes, for many times at once."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+def cubic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> FloatArray:
+    """The cubic through values f (k, c) and derivatives df (k, c) per interval at nodes `left` (n,) and the next ones.
+
+    s (n,) is the fraction of the interval, 0 to 1; returns (n, c).
+    """
+    s = s[:, None]
+    s2, s3 = s * s, s * s * s
+    h01 = 3 * s2 - 2 * s3
+    value: FloatArray = (1 - h01) * f[left] + h01 * f[left + 1]
+    value += (s - 2 * s2 + s3) * df[left] + (s3 - s2) * df[left + 1]
+    return value
+
+
+def cubic_slope(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> FloatArray:
+    """The derivative of `cubic` by s."""
+    s = s[:, None]
+    value: FloatArray = (6 * s - 6 * s * s) * (f[left + 1] - f[left])
+    value += (1 - 4 * s + 3 * s * s) * df[left] + (3 * s * s - 2 * s) * df[left + 1]
+    return value
+
+
+def quintic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray, ddf: FloatArray) -> FloatArray:
+    """The quintic through values, first and second derivatives (k, c) per interval; arguments as in `cubic`."""
+    s = s[:, None]
+    s2, s3 = s * s, s * s * s
+    s4, s5 = s2 * s2, s2 * s3
+    h0 = 10 * s3 - 15 * s4 + 6 * s5
+    value: FloatArray = (1 - h0) * f[left] + h0 * f[left + 1]
+    value += (s - 6 * s3 + 8 * s4 - 3 * s5) * df[left] + (-4 * s3 + 7 * s4 - 3 * s5) * df[left + 1]
+    value += 0.5 * (s2 - 3 * s3 + 3 * s4 - s5) * ddf[left] + 0.5 * (s3 - 2 * s4 + s5) * ddf[left + 1]
+    return value

@@ -1,0 +1,72 @@
+"""An unknown torque on a rigid body, as angular acceleration in body axes: a series of modes in time.
+
+White noise of density q over T seconds is Σ ξⱼ aⱼ(t) with any orthonormal basis aⱼ of L²(0, T) and independent ξⱼ of
+variance q. Here a₀ = √(1/T) and aⱼ = √(2/T) cos(jπt/T). A constant torque is the first of them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+POINTS = 4  # of a step, at which the torque is evaluated: Gauss and Legendre's; between them it is a cubic
+GAUSS = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2  # as fractions of the step
+
+
+@dataclass(frozen=True, eq=False)
+class Torque:
+    """Angular acceleration in B, J⁻¹ times the torque: Σ ξⱼ aⱼ(t), rad/s², over begin … end in s.
+
+    coefficients (k, 3): ξⱼ of the three axes, rad/s^1.5. Before begin and after end it stays for half a wave of the
+    last mode, so that a step of integration may pass them, and is zero from there.
+    """
+
+    begin: float
+    end: float
+    coefficients: FloatArray
+
+    @classmethod
+    def none(cls, begin: float, end: float, modes: int) -> "Torque":
+        """No torque, but `modes` modes of which the sensitivities are wanted."""
+        return cls(begin, end, np.zeros((modes, 3)))
+
+    @property
+    def size(self) -> int:
+        """The number of coefficients, three of each mode."""
+        return self.coefficients.size
+
+    @property
+    def highest_frequency(self) -> float:
+        """The angular frequency of the last mode, rad/s."""
+        return np.pi * (len(self.coefficients) - 1) / (self.end - self.begin)
+
+    def changed(self, change: FloatArray) -> "Torque":
+        """The torque with a change (3 k,) of the coefficients."""
+        return replace(self, coefficients=self.coefficients + change.reshape(-1, 3))
+
+    def modes(self, time: FloatArray) -> FloatArray:
+        """The modes aⱼ (..., k) at times (...) in s, in s^-½."""
+        span = self.end - self.begin
+        order = np.arange(len(self.coefficients))
+        scaled = (time - self.begin) / span
+        inside = np.clip(scaled, 0.0, 1.0)
+        found = np.cos(np.pi * order * inside[..., None]) * np.sqrt(np.where(order > 0, 2.0, 1.0) / span)
+        beyond = np.abs(scaled - inside) * max(len(order) - 1, 1) > 1
+        return np.asarray(np.where(beyond[..., None], 0.0, found))
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """The angular acceleration (..., 3) at times (...) in s, rad/s² in B."""
+        return np.asarray(self.modes(time) @ self.coefficients)
+
+    def impulse(self) -> float:
+        """The integral of its magnitude over time, rad/s: no rate changes by more."""
+        time = np.linspace(self.begin, self.end, 8 * len(self.coefficients) + 1)
+        return float(np.linalg.norm(self.at(time), axis=1).mean() * (self.end - self.begin))
+
+
+def stage_weights(fraction: float) -> FloatArray:
+    """The weights (POINTS,) of the values at GAUSS in the cubic through them, at a fraction of the step."""
+    others = GAUSS[None, :] + np.diag(np.full(POINTS, np.nan))
+    return np.asarray(np.nanprod((fraction - others) / (GAUSS[:, None] - others), axis=1))
