@@ -27,6 +27,7 @@ LAYERS = [
     ["estimator.methods", "estimator.bound"],
     ["estimator", "fmu"],
     ["study"],
+    ["study.population"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
 ]

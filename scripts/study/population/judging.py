@@ -1,0 +1,138 @@
+"""One estimate of one case as a line of numbers: status, errors, NEES, definiteness, time, and the bound."""
+
+import time as clock
+import warnings
+from dataclasses import asdict
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from baryscope.estimator import METHODS, Estimate, Failure, PathOptions, attempt
+from baryscope.models.errors import InputError, Reason
+from baryscope.study.population.cases import Case, drawn
+from baryscope.study.population.information import path_bound, polynomial_jacobian, polynomial_misfit, rms
+from baryscope.study.population.sensing import Sample, sampled
+
+FloatArray = NDArray[np.float64]
+
+WRONG = float(chi2.ppf(0.999, 3))  # NEES above which an answer is wrong: one of a thousand true ones
+CRASHED = "crashed:"  # begins the message of a failure that is no reasoned refusal
+HIGHEST = 20  # degree of a polynomial
+
+
+@lru_cache(maxsize=1)
+def prepared(seed: int, index: int) -> tuple[Case, Sample, dict[str, Any]]:
+    """A case, its sample, and what every line about it says."""
+    case = drawn(seed, index)
+    sample = sampled(case)
+    facts = {
+        "kind": case.kind,
+        "frames": len(case.time),
+        "features": len(case.points),
+        "span": float(case.time[-1] - case.time[0]),
+        "rotations": round(case.rotations, 2),
+        "noise": case.sensor.noise,
+        "radius": case.radius,
+        "bounds": bounds_of(case, sample),
+    }
+    return case, sample, facts
+
+
+def bounds_of(case: Case, sample: Sample) -> dict[str, float]:
+    """Bounds on the path's rms error, m: with free attitudes and a free tumble, with the orbit and without.
+
+    Without it the path is the polynomial of lowest degree that departs from the truth by a third of its bound.
+    """
+    given = (case.attitude, case.points, sample.precision, sample.right)
+    found = {
+        "free orbit": rms(path_bound(case.path_jacobian, *given)),
+        "tumble orbit": rms(path_bound(case.path_jacobian, *given, case.turn)),
+    }
+    for degree in range(HIGHEST + 1):
+        jacobian = polynomial_jacobian(case.time, degree)
+        misfit = polynomial_misfit(case.time, case.path, degree)
+        if misfit > 1.0 and degree < HIGHEST:
+            continue
+        free = rms(path_bound(jacobian, *given))
+        if misfit < free / 3:
+            return found | {"free": free, "tumble": rms(path_bound(jacobian, *given, case.turn)), "degree": degree}
+    return found
+
+
+def judged(seed: int, index: int, method: str, orbit: bool) -> dict[str, Any]:
+    """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time."""
+    case, sample, facts = prepared(seed, index)
+    line = {"seed": seed, "index": index, "method": method, "orbit": orbit}
+    begin = clock.perf_counter()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = tried(case, sample, method, orbit)
+    line["wall"] = round(clock.perf_counter() - begin, 3)
+    if caught:
+        line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
+    if isinstance(found, Estimate):
+        line |= of_estimate(found, case.path)
+    else:
+        line |= {"failure": found.reason, "message": found.message}
+    return line | facts
+
+
+def tried(case: Case, sample: Sample, method: str, orbit: bool) -> Estimate | Failure:
+    """An estimate, or the failure, even one that is no reasoned refusal."""
+    options = METHODS[method].options()
+    if isinstance(options, PathOptions) and case.sensor.told:
+        options = PathOptions(sigma=1.0 if case.sensor.baseline else case.sensor.noise)
+    try:
+        return attempt(sample.tracks, method=method, orbit=case.orbit if orbit else None, options=options)
+    except InputError as error:
+        return Failure(method, Reason.OTHER, f"{CRASHED} input error, {error}")
+    except Exception as error:
+        return Failure(method, Reason.OTHER, f"{CRASHED} {type(error).__name__}: {error}")
+
+
+def of_estimate(found: Estimate, truth: FloatArray) -> dict[str, Any]:
+    """What an estimate claims of a path (n, 3) in C, and how far it is off."""
+    error = found.position - truth
+    places = [0, len(truth) // 2, len(truth) - 1]
+    line: dict[str, Any] = {
+        "status": str(found.status),
+        "announced": not found.status.trustworthy,
+        "findings": [f"{type(item).__name__} {_short(asdict(item))}" for item in found.findings],
+        "path": found.path,
+        "error": [float(np.linalg.norm(error[k])) for k in places],
+        "rmse": float(np.sqrt((error**2).sum(axis=1).mean())),
+        "rounds": found.rounds,
+        "sigma": found.noise.a_posteriori,
+        "rejected": found.rejected_share,
+    }
+    if found.covariance is not None:
+        bodies = [cluster.covariance for cluster in found.clusters if cluster.covariance is not None]
+        line["nees"] = [nees(error[k], found.covariance[k]) for k in places]
+        line["claimed"] = [float(np.sqrt(max(np.trace(found.covariance[k]), 0))) for k in places]
+        line["predicted_rmse"] = found.predicted_rmse
+        line["definite"] = _definite(found.covariance) and all(_definite(body[None]) for body in bodies)
+    return line
+
+
+def nees(error: FloatArray, covariance: FloatArray) -> float:
+    """eᵀ P⁻¹ e of an error (3,); infinite if P is not positive definite."""
+    if not _definite(covariance[None]) or not np.isfinite(error).all():
+        return float("inf")
+    values, vectors = np.linalg.eigh(covariance)
+    return float(np.sum((vectors.T @ error) ** 2 / values))
+
+
+def wrong(line: dict[str, Any]) -> bool:
+    """Whether one of the errors of an answer is beyond its covariance, with p < 0.001."""
+    return not all(value <= WRONG for value in line["nees"])
+
+
+def _definite(covariances: FloatArray) -> bool:
+    return bool(np.isfinite(covariances).all()) and bool((np.linalg.eigvalsh(covariances)[:, 0] > 0).all())
+
+
+def _short(fields: dict[str, Any]) -> str:
+    return ", ".join(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in fields.items())

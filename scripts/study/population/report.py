@@ -1,0 +1,120 @@
+"""The tables of a population: how often a method answers, says so, and is right."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from baryscope.study.population.judging import CRASHED, wrong
+from baryscope.study.table import Table
+
+SLOW = 5.0  # s
+CLEAR = 0.25  # bound over the features' radius, below which a refusal needs a reason
+FREE = ("pivot", "score")  # methods that leave the attitudes free
+
+Line = dict[str, Any]
+
+
+def table(lines: Sequence[Line]) -> Table:
+    """A row for each method, with the orbit and without.
+
+    An answer is announced if its status is `not converged` or `model does not fit`; all others claim their covariance.
+    """
+    rows = tuple(_row(name, orbit, group) for (name, orbit), group in _groups(lines).items())
+    headings = "method, orbit, answers, unannounced, wrong, median NEES, mean NEES, right but announced"
+    more = "not definite, refused, of them clear, killed, over 5 s, rms/bound"
+    return Table(tuple(f"{headings}, {more}".split(", ")), rows, left=2)
+
+
+def _groups(lines: Sequence[Line]) -> dict[tuple[str, bool], list[Line]]:
+    groups: dict[tuple[str, bool], list[Line]] = {}
+    for line in lines:
+        groups.setdefault((line["method"], line["orbit"]), []).append(line)
+    return groups
+
+
+def _row(name: str, orbit: bool, group: list[Line]) -> tuple[str, ...]:
+    answers = [line for line in group if "status" in line]
+    claims = [line for line in answers if "nees" in line]
+    silent = [line for line in claims if not line["announced"]]
+    bad = [line for line in silent if wrong(line)]
+    right = [line for line in claims if not wrong(line)]
+    every = np.array([value for line in silent for value in line["nees"]])
+    refused = [line for line in group if "failure" in line and line["failure"] != "killed"]
+    ratio = [line["rmse"] / bound for line in silent if (bound := bound_of(line)) is not None]
+    return (
+        name,
+        "yes" if orbit else "no",
+        str(len(answers)),
+        str(len(silent)),
+        _share(len(bad), len(silent)),
+        f"{np.median(every):.2f}" if every.size else "-",
+        f"{every[np.isfinite(every)].mean():.3g}" if np.isfinite(every).any() else "-",
+        _share(sum(line["announced"] for line in right), len(right)),
+        str(sum(not line["definite"] for line in claims)),
+        str(len(refused)),
+        str(sum(map(clear, refused))),
+        str(sum(line.get("failure") == "killed" for line in group)),
+        str(sum(line["wall"] > SLOW for line in group)),
+        f"{np.median(ratio):.2f}" if ratio else "-",
+    )
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} ({100 * part / whole:.1f} %)" if whole else "-"
+
+
+def bound_of(line: Line) -> float | None:
+    """The bound of the path's rms error for what the method knows, m; None where there is none."""
+    name = ("free" if line["method"] in FREE else "tumble") + (" orbit" if line["orbit"] else "")
+    bound: float | None = line.get("bounds", {}).get(name)
+    return bound
+
+
+def clear(line: Line) -> bool:
+    """Whether the bound is below a quarter of the features' radius."""
+    bound = bound_of(line)
+    return bound is not None and bound < CLEAR * line["radius"]
+
+
+def refusals(lines: Sequence[Line]) -> Table:
+    """The reasons of those who refuse, and how many refuse although the bound is clear."""
+    refused = [line for line in lines if "failure" in line]
+    reasons = Counter((line["method"], line["failure"]) for line in refused)
+    without = Counter((line["method"], line["failure"]) for line in refused if clear(line))
+    rows = tuple((name, why, str(n), str(without[name, why])) for (name, why), n in sorted(reasons.items()))
+    return Table(("method", "reason", "refused", "of them clear"), rows, left=2)
+
+
+def failing(lines: Sequence[Line]) -> list[str]:
+    """A line of text for each wrong answer, indefinite covariance, clear refusal, crash and slow estimate."""
+    return [f"{fault:<13} {_named(line)}" for line in lines for fault in _faults(line)]
+
+
+def _faults(line: Line) -> list[str]:
+    if "failure" in line:
+        if line["failure"] == "killed" or line["message"].startswith(CRASHED):
+            faults = ["crashed"]
+        else:
+            faults = ["refused"] * clear(line)
+    else:
+        faults = ["wrong"] * ("nees" in line and not line["announced"] and wrong(line))
+        faults += ["not definite"] * (not line.get("definite", True))
+    return faults + ["slow"] * (line["wall"] > SLOW) + ["warning"] * ("warnings" in line)
+
+
+def _named(line: Line) -> str:
+    head = f"{line['seed']} {line['index']:>4} {line['method']:<9} {'orbit' if line['orbit'] else '-':<5}"
+    facts = (
+        f"{line.get('frames')}×{line.get('features')} {line.get('rotations')} rot, noise {line.get('noise', 0):.2g}, "
+        f"bound {bound_of(line) or np.nan:.2g}, radius {line.get('radius', 0):.2g}; {line.get('kind')}"
+    )
+    if "failure" in line:
+        what = f"{line['failure']}: {line.get('message', '')}"
+    else:
+        worst = max(line.get("nees", [np.nan]))
+        what = f"NEES {worst:.3g}, {line['path']}, {line['rounds']} rounds, error {max(line['error']):.2g}"
+        what += f", claimed {max(line.get('claimed', [np.nan])):.2g}, {line['status']}, sigma {line['sigma']:.2g}"
+    more = "; ".join(line.get("warnings", []))
+    return f"{head} [{facts}] {what} {line['wall']:.1f} s {more}".rstrip()

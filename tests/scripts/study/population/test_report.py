@@ -1,0 +1,74 @@
+"""What counts as wrong, announced, refused and clear."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import estimate
+from baryscope.study.population.__main__ import main
+from baryscope.study.population.judging import nees, of_estimate, prepared, wrong
+from baryscope.study.population.report import failing, refusals, table
+
+FACTS = {"seed": 1, "index": 0, "orbit": True, "wall": 0.1, "radius": 1.0, "bounds": {"free orbit": 0.1}, "kind": ""}
+ANSWER = FACTS | {
+    "method": "pivot",
+    "status": "good",
+    "announced": False,
+    "path": "relative-orbit",
+    "error": [0.1, 0.1, 0.1],
+    "nees": [2.0, 3.0, 4.0],
+    "rmse": 0.1,
+    "rounds": 3,
+    "sigma": 0.02,
+    "definite": True,
+}
+
+
+def row(*lines):
+    made = table(lines)
+    return dict(zip(made.headings, made.rows[0], strict=True))
+
+
+def test_nees_is_that_of_the_covariance():
+    assert nees(np.array([1.0, 2.0, 0.0]), np.diag([1.0, 4.0, 9.0])) == pytest.approx(2)
+    assert nees(np.zeros(3), np.diag([1.0, -1e-9, 1.0])) == np.inf
+
+
+def test_one_of_three_times_is_enough_to_be_wrong():
+    assert not wrong(ANSWER)
+    assert wrong(ANSWER | {"nees": [2.0, 16.3, 1.0]})
+    assert wrong(ANSWER | {"nees": [2.0, np.nan, 1.0]})
+
+
+def test_answers_are_counted_by_what_they_claim():
+    bad = ANSWER | {"nees": [20.0, 20.0, 20.0]}
+    found = row(ANSWER, ANSWER, ANSWER, bad, ANSWER | {"announced": True}, bad | {"announced": True})
+    assert (found["answers"], found["unannounced"]) == ("6", "4")
+    assert found["wrong"] == "1 (25.0 %)"
+    assert found["right but announced"] == "1 (25.0 %)"
+    assert found["rms/bound"] == "1.00"
+
+
+def test_a_refusal_is_clear_if_the_bound_is_small():
+    refusal = FACTS | {"method": "pivot", "failure": "features in a line", "message": "…"}
+    hopeless = refusal | {"bounds": {"free orbit": 0.3}}
+    found = row(ANSWER, refusal, hopeless)
+    assert (found["refused"], found["of them clear"]) == ("2", "1")
+    assert refusals([ANSWER, refusal, hopeless]).rows == (("pivot", "features in a line", "2", "1"),)
+    assert [line[:7] for line in failing([ANSWER, refusal, hopeless])] == ["refused"]
+
+
+def test_a_line_is_that_of_the_estimate():
+    case, sample, _ = prepared(1, 1)
+    found = estimate(sample.tracks, orbit=case.orbit)
+    line = of_estimate(found, case.path)
+    error = found.position[-1] - case.path[-1]
+    assert line["nees"][2] == pytest.approx(error @ np.linalg.solve(found.covariance[-1], error))
+    assert line["definite"]
+
+
+def test_a_run_is_resumed_and_reported(tmp_path, capsys):
+    output = str(tmp_path / "results.jsonl")
+    for _ in range(2):
+        main(["run", "--cases", "1", "--first", "1", "--methods", "score", "-o", output])
+    assert main(["report", output, "--failing"]) == 0
+    assert capsys.readouterr().out.count("| score |") == 2
