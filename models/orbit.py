@@ -1,14 +1,17 @@
 """The target's orbit: Keplerian elements in SI units, as estimators and dynamics use it."""
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import cache
 from math import inf, isfinite, pi, sqrt
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baryscope.models.checks import CheckSet, orbit_checks
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT, PARAMETERS, Elements
+from baryscope.models.utc import utc_of, utc_text
 
 EARTH_MU = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, WGS 84
@@ -23,7 +26,20 @@ RANGES = {
     "j2": (-0.5, 0.5, "(no unit)"),
     "equatorial_radius": (1e-3, 1e12, "m"),
 }  # wider than the solar system; an angle of 1e6 rad still has ten digits
+NUMBERS = ELEMENT_COUNT + 2  # fields of an orbit that are numbers, the first ones
 MAX_RATE = 0.01  # rad/s at periapsis: a higher rate needs a central body over fifty times as dense as rock
+
+
+class Ephemeris(Protocol):
+    """Where the target is."""
+
+    def states(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Position and velocity (n, 6) from the central body's centre in I, m and m/s, at times (n,) in s.
+
+        Raises:
+            InputError: a time that it does not cover.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -40,6 +56,9 @@ class Orbit:
         gravitational_parameter: of the central body, m³/s²; the Earth's unless given.
         j2: second zonal coefficient of the central body, whose pole is the z axis of I; None: a point mass.
         equatorial_radius: to which `j2` refers, m; given with it or not at all.
+        epoch: UTC of time 0, ISO 8601; None: unknown.
+        ephemeris: where the target is at any time, if that is known better than from the elements; these then
+            osculate at time 0.
 
     Raises:
         InputError: a value is not a finite number or not possible, the orbit goes through its central body, or `j2`
@@ -55,12 +74,16 @@ class Orbit:
     gravitational_parameter: float = EARTH_MU
     j2: float | None = None
     equatorial_radius: float | None = None
+    epoch: str | None = None
+    ephemeris: Ephemeris | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.default is not None or value is not None:
-                object.__setattr__(self, field.name, _finite(field.name, value))
+        for name in (field.name for field in fields(self)[:NUMBERS]):
+            value = getattr(self, name)
+            if name not in ("j2", "equatorial_radius") or value is not None:
+                object.__setattr__(self, name, _finite(name, value))
+        if self.epoch is not None:
+            object.__setattr__(self, "epoch", utc_text(utc_of(self.epoch, "orbit.epoch")))
         failure = _check_set().failure(np.array(self.elements))
         if failure is not None:
             raise InputError(failure)
@@ -104,7 +127,7 @@ class Orbit:
     @property
     def elements(self) -> tuple[float, ...]:
         """The seven elements in the order of the fields, which is that of `keplerian.Elements`."""
-        return astuple(self)[:ELEMENT_COUNT]
+        return tuple(getattr(self, field.name) for field in fields(self)[:ELEMENT_COUNT])
 
     @property
     def _is_the_earths(self) -> bool:

@@ -159,3 +159,19 @@ def relative_kepler(orbit, state, time, epoch=0.0):
         rho = R_L_I @ (r_chaser - r)
         path.append(np.concatenate([rho, R_L_I @ (v_chaser - v) - np.cross(rate, rho)]))
     return np.array(path, dtype=float)
+
+
+def oblate_gravity(position, mu=3.986004418e14, j2=1.08262668e-3, radius=6378137.0):
+    """Gravity of the Earth with J2 at a position (3,), m/s², coordinate by coordinate (Vallado 2013, 8-30)."""
+    x, y, z = position
+    square = x * x + y * y + z * z
+    distance = square**0.5
+    k = 1.5 * j2 * mu * radius**2 / distance**5
+    pull = mu / distance**3
+    return np.array(
+        [
+            -pull * x - k * x * (1 - 5 * z * z / square),
+            -pull * y - k * y * (1 - 5 * z * z / square),
+            -pull * z - k * z * (3 - 5 * z * z / square),
+        ]
+    )

@@ -23,7 +23,7 @@ def test_parameters_stand_in_the_order_of_the_table():
 
 def test_numbers_and_symbols_have_the_same_fields():
     names = [field.name for field in fields(Elements)]
-    assert [field.name for field in fields(Orbit)] == [*names, "j2", "equatorial_radius"]
+    assert [field.name for field in fields(Orbit)] == [*names, "j2", "equatorial_radius", "epoch", "ephemeris"]
     values = Elements.of(ca.DM(GOOD.elements))
     assert all(float(getattr(values, name)) == getattr(GOOD, name) for name in names)
     assert len(GOOD.elements) == ELEMENT_COUNT

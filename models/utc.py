@@ -1,0 +1,65 @@
+"""Coordinated universal time (UTC) as text in ISO 8601, and as seconds from an epoch.
+
+Seconds between two times are those of a clock without leap seconds, which were last inserted in 2016.
+"""
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.models.errors import InputError
+
+FORM = re.compile(
+    r"\s*(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))(?:[T ](\d{2}):(\d{2})(?::(\d{2})(\.\d+)?)?)?\s*(?:Z|z|UTC|[+]00:?00)?\s*"
+)
+EXPECTED = "a UTC time as 2026-03-01T12:00:00.5Z"
+FIRST, LAST = 1950, 2200  # years; np.datetime64 counts nanoseconds in 64 bits
+
+Moment = np.datetime64  # in ns
+
+
+def utc_of(text: object, place: str) -> Moment:
+    """The moment that a text in ISO 8601 names, with month and day or the day of the year; `place` names it in errors.
+
+    Raises:
+        InputError: no such text, or a year out of range.
+    """
+    found = FORM.fullmatch(text) if isinstance(text, str) else None
+    if found is None:
+        raise InputError(f"{place}: found {str(text)[:40]!r}, expected {EXPECTED}")
+    year, month, day, day_of_year, hour, minute, second, fraction = found.groups()
+    try:
+        date = np.datetime64(f"{year}-{month or '01'}-{day or '01'}", "ns")
+        date += np.timedelta64(int(day_of_year or 1) - 1, "D")
+        clock = [int(part or 0) for part in (hour, minute, second)]
+        if not FIRST <= int(year) < LAST or str(date)[:4] != year or day_of_year == "000":
+            raise ValueError
+        if clock[0] > 23 or max(clock) > 59:
+            raise ValueError
+    except ValueError as error:
+        raise InputError(f"{place}: found {str(text)[:40]!r}, expected {EXPECTED}, from {FIRST} on") from error
+    nanoseconds = int((fraction or ".0")[1:].ljust(9, "0")[:9])
+    return date + np.timedelta64(clock[0] * 3600 + clock[1] * 60 + clock[2], "s") + np.timedelta64(nanoseconds, "ns")
+
+
+def utc_text(moment: Moment) -> str:
+    """A moment in ISO 8601, as short as it can be."""
+    text = str(moment.astype("datetime64[ns]"))
+    return (text.rstrip("0").rstrip(".") if "." in text else text) + "Z"
+
+
+def seconds_between(begin: Moment, end: Moment) -> float:
+    """From `begin` to `end`, in s."""
+    difference = end.astype("datetime64[ns]") - begin.astype("datetime64[ns]")
+    return int(difference.astype(np.int64)) / 1e9
+
+
+def seconds_from(epoch: Moment, texts: Sequence[str], places: Sequence[str]) -> NDArray[np.float64]:
+    """Times (n,) in s from the epoch, of texts with the names of their places.
+
+    Raises:
+        InputError: a text that is no time.
+    """
+    return np.array([seconds_between(epoch, utc_of(text, place)) for text, place in zip(texts, places, strict=True)])

@@ -1,0 +1,43 @@
+"""UTC texts against Python's datetime."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from baryscope.models.errors import InputError
+from baryscope.models.utc import seconds_between, seconds_from, utc_of, utc_text
+
+moments = st.datetimes(datetime(1950, 1, 1), datetime(2199, 12, 31))
+
+
+@given(first=moments, second=moments)
+def test_seconds_between_two_texts(first, second):
+    found = seconds_between(utc_of(first.isoformat(), "here"), utc_of(second.isoformat() + "Z", "here"))
+    assert found == pytest.approx((second - first).total_seconds(), abs=1e-6)
+
+
+@given(moments)
+def test_a_text_is_read_back(moment):
+    read = utc_of(moment.strftime("%Y-%jT%H:%M:%S.%f"), "here")
+    assert datetime.fromisoformat(utc_text(read)) == moment.replace(tzinfo=UTC)
+    assert utc_of(utc_text(read), "here") == read
+
+
+def test_nanoseconds_are_kept():
+    start = utc_of("2026-03-01T12:00:00.000000001Z", "here")
+    assert utc_text(start) == "2026-03-01T12:00:00.000000001Z"
+    assert utc_text(utc_of("2026-03-01", "here")) == "2026-03-01T00:00:00Z"
+    np.testing.assert_allclose(seconds_from(start, ["2026-03-01 12:00:01"], ["row 1"]), [0.999999999], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "noon", "2026-02-30", "2026-000", "2026-366", "2026-01-01T24:00", "2026-01-01T12:60", "2026-01-01T12:00:60Z",
+     "1900-01-01", "2026-01-01T12:00:00+02:00", "2026-01-01T12:00:00Z x", None, 3.0],
+)  # fmt: skip
+def test_what_is_no_utc_time_is_refused_in_one_line(text):
+    with pytest.raises(InputError, match=r"^epoch: found .*expected a UTC time as [^\n]*$"):
+        utc_of(text, "epoch")
