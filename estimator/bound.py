@@ -18,7 +18,7 @@ from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTI
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.ml.likelihood import Equations, Model, equations
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import Observability
 from baryscope.models.errors import ComputationError, InputError, Reason
@@ -95,7 +95,7 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
     observations = _expected(scenario, time, motion.attitude, origin, points)
     if not observations.count:
         raise ComputationError("no feature is seen at any time of the scenario", Reason.TOO_FEW_FEATURES)
-    found = equations(observations, motion, sampled, origin, points)
+    found = equations(observations, Model(motion, sampled, origin, points))
     y = found.covariance(sampled, float(np.linalg.norm(origin, axis=1).max()))
     of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
     seen = np.nonzero(observations.weight.any(axis=0))[0]
@@ -178,8 +178,7 @@ def _in_attached_axes(
     q = len(y)
     followed = found.by_unknowns.reshape(len(found.points), 3, q)[seen].reshape(-1, q)
     by_y = -by_points @ followed  # of κ
-    blocks = by_points.reshape(3, -1, 3).transpose(1, 0, 2)
-    own = (blocks @ found.point_inverse[seen] @ blocks.transpose(0, 2, 1)).sum(axis=0)
+    own = by_points @ found.covariance_of_points(seen) @ by_points.T
 
     def covariance(of_y: FloatArray, of_kappa: FloatArray) -> FloatArray:
         total = of_y + of_kappa @ by_y

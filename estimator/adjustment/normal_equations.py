@@ -49,6 +49,13 @@ class Pieces:
             return np.asarray(arms * np.repeat(self._weight, 3, axis=1)[:, None, :])
         return np.ascontiguousarray((self._arms @ self._precision).transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
 
+    def shift_points(self) -> FloatArray:
+        """The blocks (n, 3, 3 m) that couple each frame's τ with the points."""
+        n, m = self._weight.shape
+        if self._precision is None:
+            return np.asarray(np.tile(np.eye(3), m) * np.repeat(self._weight, 3, axis=1)[:, None, :])
+        return np.ascontiguousarray(self._precision.transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
+
     def unknowns_points(self, turn: FloatArray | None, shift: FloatArray) -> FloatArray:
         """The block (p, 3 m) that couples p unknowns with the points.
 

@@ -10,6 +10,7 @@ coefficients of INERTIA_BASIS, a basis of the traceless symmetric matrices.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,10 +106,6 @@ class Rotation:
         nodes = self._nodes_around(time) if self.reaches(time) else None
         return nodes.between(time) if nodes is not None and nodes.finite else None
 
-    def rate_sensitivity_at(self, time: FloatArray) -> FloatArray:
-        """Jacobian (n, 3, size) of the angular rate in B at times (n,) in s by the unknowns."""
-        return self._nodes_around(time).rate_sensitivity(time)
-
     def _nodes_around(self, time: FloatArray) -> "_Nodes":
         return _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
 
@@ -130,15 +127,29 @@ def _span(epoch: float, time: FloatArray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Attitudes:
-    """The rotation at n times: attitude (n, 3, 3) R_C_B, rate (n, 3) rad/s in B.
+    """The rotation at n times in s: attitude (n, 3, 3) R_C_B, rate (n, 3) rad/s in B; size: number of its unknowns."""
 
-    turn (n, 3, size): Jacobian of the attitude, as a rotation vector in B, by the rotation's unknowns. The attitude at
-    the epoch is none of them; a rotation by φ there rotates the attitude at t by R(t)ᵀ R(epoch) φ.
-    """
-
+    time: FloatArray
     attitude: FloatArray
     rate: FloatArray
-    turn: FloatArray
+    size: int
+    _nodes: "_Nodes"
+
+    @cached_property
+    def turn(self) -> FloatArray:
+        """Jacobian (n, 3, size) of the attitude, as a rotation vector in B, by the rotation's unknowns.
+
+        The attitude at the epoch is none of them; a rotation by φ there rotates the attitude at t by R(t)ᵀ R(epoch) φ.
+        """
+        return np.asarray(np.swapaxes(self.attitude, 1, 2) @ self._nodes.turn_at(self.time))
+
+    @cached_property
+    def rate_sensitivity(self) -> FloatArray:
+        """Jacobian (n, 3, size) of the rate in B by the unknowns.
+
+        A rotation vector φ changes ω by φ̇ + ω × φ = Rᵀ d(R φ)/dt, here the slope of the cubic R φ.
+        """
+        return np.asarray(np.swapaxes(self.attitude, 1, 2) @ self._nodes.turn_rate_at(self.time))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,18 +174,21 @@ class _Nodes:
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
         attitude = matrix_from_quaternion(quaternion)
         rate = cubic(s, left, self.rate, h * self.acceleration)
-        k = len(self.time)
-        turn_C = cubic(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1))
-        turn = np.swapaxes(attitude, 1, 2) @ turn_C.reshape(len(time), 3, -1)
-        return Attitudes(attitude, rate, turn)
+        return Attitudes(time, attitude, rate, self.turn.shape[2], self)
 
-    def rate_sensitivity(self, time: FloatArray) -> FloatArray:
-        """Jacobian (n, 3, size) of the rate in B: φ changes ω by φ̇ + ω × φ = Rᵀ d(R φ)/dt, here of the cubic R φ."""
+    def turn_at(self, time: FloatArray) -> FloatArray:
+        """The rotation's Jacobian (n, 3, size) in C."""
+        h, k = self.time[1] - self.time[0], len(self.time)
+        left, s = self._locate(time)
+        found = cubic(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1))
+        return np.asarray(found.reshape(len(time), 3, -1))
+
+    def turn_rate_at(self, time: FloatArray) -> FloatArray:
+        """The derivative (n, 3, size) of that by time."""
         h, k = self.time[1] - self.time[0], len(self.time)
         left, s = self._locate(time)
         slope = cubic_slope(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1)) / h
-        R_B_C = np.swapaxes(self.between(time).attitude, 1, 2)
-        return np.asarray(R_B_C @ slope.reshape(len(time), 3, -1))
+        return np.asarray(slope.reshape(len(time), 3, -1))
 
     def _locate(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """The index of the node before each time, and the fraction of the interval from there, 0 to 1."""

@@ -4,7 +4,7 @@
 Uses pivot and the rooms that pivot uses.
 """
 
-from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.ml.likelihood import Equations, Model, equations
 from baryscope.estimator.ml.method import estimate_by_likelihood
 
-__all__ = ["Equations", "equations", "estimate_by_likelihood"]
+__all__ = ["Equations", "Model", "equations", "estimate_by_likelihood"]

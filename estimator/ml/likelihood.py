@@ -1,48 +1,115 @@
 """Joint normal equations of a tumbling body whose centre of mass moves on a path, observed by its features.
 
-The unknowns y are rate and inertia at the epoch (8) and the path's x. The attitude at the epoch defines the body's axes
-and is no unknown. The model is linear in the points b, which are eliminated (variable projection). The inverse of these
-normal equations is the Cramér–Rao bound at the true values, and the covariance at the estimate, without a prior.
+The unknowns y are those of the rotation (rate and inertia at the epoch, modes of a torque) and the path's x. The
+attitude at the epoch defines the body's axes and is no unknown. The model is linear in the points b, which are
+eliminated (variable projection). The inverse of these normal equations is the Cramér–Rao bound at the true values, and
+the covariance at the estimate, without a prior.
+
+A frame may be shifted and turned as a whole, by a camera of noisy attitude or a pivot that slips. With W the weights of
+the frame's observations, H their Jacobian by such a movement and C its covariance, the frame's weights become
+W − W H (C⁻¹ + Hᵀ W H)⁻¹ Hᵀ W (Woodbury), which couples its points.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, Pieces, pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
-from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes
+from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.ml.blocks import Knots
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
+class FrameNoise:
+    """Movements of all points of a frame together, independent from frame to frame: their covariances in C.
+
+    turn (n, 3, 3): of a rotation about the origin of C, rad², as by the camera's attitude; shift (n, 3, 3): of a
+    translation, m². For weights that are inverse variances; other weights scale both by the variance of weight 1.
+    """
+
+    turn: FloatArray
+    shift: FloatArray
+
+    def of_poses(self, attitude: FloatArray, origin: FloatArray) -> FloatArray:
+        """The covariance (n, 6, 6) as movements (φ, τ) in B, of bodies with attitude (n, 3, 3) at origin (n, 3)."""
+        R_B_C = np.swapaxes(attitude, 1, 2)
+        by_turn = np.concatenate([R_B_C, -R_B_C @ cross_matrices(origin)], axis=1)
+        by_shift = np.concatenate([np.zeros_like(R_B_C), R_B_C], axis=1)
+        return np.asarray(
+            by_turn @ self.turn @ np.swapaxes(by_turn, 1, 2) + by_shift @ self.shift @ np.swapaxes(by_shift, 1, 2)
+        )
+
+    def frames(self, part: slice) -> "FrameNoise":
+        """That of some frames."""
+        return FrameNoise(self.turn[part], self.shift[part])
+
+    def scaled(self, factor: float) -> "FrameNoise":
+        """Covariances times a factor."""
+        return FrameNoise(factor * self.turn, factor * self.shift)
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Motion, path and frame noise at the frames, and points, at which the equations are linearised.
+
+    motion and path sampled at the frames; origin (n, 3): the path's positions in C, m; points (m, 3) in B, m.
+    knots: Jacobians for blocks of frames; None: those of every frame.
+    """
+
+    motion: Attitudes
+    path: SampledPath
+    origin: FloatArray
+    points: FloatArray
+    noise: FrameNoise | None = None
+    knots: Knots | None = None
+
+    @property
+    def rotation_size(self) -> int:
+        """The number of the rotation's unknowns."""
+        return self.motion.size
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns y."""
+        return self.rotation_size + int(self.path.jacobian.shape[2])
+
+
+@dataclass(frozen=True, eq=False)
 class Equations:
     """The normal equations after the elimination of the points, for weights that are inverse variances.
 
-    matrix (q, q) and rhs (q,) of y = (rate and inertia, x); sizes (q,): the matrix's diagonal before the elimination;
-    points (m, 3) in B, m: the optimal ones for this motion and path; squares (n, m): weighted squared residuals with
-    these points; point_inverse (m, 3, 3): covariance of the points conditional on y; by_unknowns (3 m, q): a change δy
-    changes the points by −by_unknowns δy.
+    matrix (q, q) and rhs (q,) of y = (rotation, x); rotation_size: how many belong to the rotation; sizes (q,): the
+    matrix's diagonal before the elimination; points (m, 3) in B, m: the optimal ones for this motion and path; squares
+    (n, m): weighted squared residuals with these points; noise_cost: the squares of the frames' own movements;
+    points_covariance (3 m, 3 m): that of the points conditional on y, or (m, 3, 3) if they are independent then;
+    by_unknowns (3 m, q): a change δy changes the points by −by_unknowns δy.
     """
 
     matrix: FloatArray
+    rotation_size: int
     sizes: FloatArray
     rhs: FloatArray
     points: FloatArray
     squares: FloatArray
-    point_inverse: FloatArray
+    noise_cost: float
+    points_covariance: FloatArray
     by_unknowns: FloatArray
 
     @property
     def cost(self) -> float:
-        """The weighted sum of squared residuals."""
-        return float(self.squares.sum())
+        """The weighted sum of squared residuals, and of the frames' own movements."""
+        return float(self.squares.sum()) + self.noise_cost
 
     def covariance(self, path: SampledPath, distance: float, prior: FloatArray | float = 0.0) -> FloatArray:
         """The covariance (q, q) of y.
@@ -50,11 +117,11 @@ class Equations:
         distance: the rms displacement of the path, m, for one standard deviation along an unobserved direction;
         prior: information on y to add.
         """
-        matrix = self.matrix + prior
+        matrix, own = self.matrix + prior, self.rotation_size
         null_space = null_space_of(matrix, self.sizes)
-        lengths = path.lengths(null_space[RATE_AND_INERTIA:])
-        typical = path.lengths(np.diag(1 / np.sqrt(self.sizes[RATE_AND_INERTIA:]))).max()
-        moving = lengths > 1e-6 * typical  # the others change rate and inertia only
+        lengths = path.lengths(null_space[own:])
+        typical = path.lengths(np.diag(1 / np.sqrt(self.sizes[own:]))).max()
+        moving = lengths > 1e-6 * typical  # the others change the rotation only
         spread = np.where(moving, distance / np.where(moving, lengths, 1.0), 0.0)
         return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (null_space * spread**2) @ null_space.T)
 
@@ -66,68 +133,165 @@ class Equations:
         """
         attached = offset_by_points(self.points[features])
         by_y = attached @ self.by_unknowns.reshape(len(self.points), 3, -1)[features].reshape(3 * len(features), -1)
-        own = attached.reshape(3, -1, 3).transpose(1, 0, 2)
-        alone = (own @ self.point_inverse[features] @ own.transpose(0, 2, 1)).sum(axis=0)
+        alone = attached @ self.covariance_of_points(features) @ attached.T
         return np.asarray(alone + by_y @ covariance @ by_y.T), np.asarray(-by_y @ covariance)
 
+    def covariance_of_points(self, features: IntArray) -> FloatArray:
+        """The covariance (3 k, 3 k) of some points (k,) conditional on y."""
+        if self.points_covariance.ndim == 3:
+            return np.asarray(block_diag(*self.points_covariance[features]))
+        columns = (3 * features[:, None] + np.arange(3)).ravel()
+        return np.asarray(self.points_covariance[np.ix_(columns, columns)])
 
-def equations(
-    observations: Observations, motion: Attitudes, path: SampledPath, origin: FloatArray, points: FloatArray
-) -> Equations:
-    """The normal equations at a motion and a path with positions `origin` (n, 3) in C, linearised at points (m, 3)."""
-    n, m = observations.weight.shape
-    q = RATE_AND_INERTIA + path.jacobian.shape[2]
-    matrix, rhs, coupling = np.zeros((q, q)), np.zeros(q), np.zeros((q, 3 * m))
-    point, point_rhs = np.zeros((m, 3, 3)), np.zeros((m, 3))
-    for part in _chunks(n, m, observations.precision is not None):
-        found, turn, shift = _pieces_of(part, observations, motion, path, origin, points)
-        moves = np.concatenate([turn, shift], axis=1)
-        blocks = np.concatenate(
-            [
-                np.concatenate([found.turn, found.turn_shift], axis=2),
-                np.concatenate([np.swapaxes(found.turn_shift, 1, 2), found.shift], axis=2),
-            ],
-            axis=1,
+
+def equations(observations: Observations, model: Model) -> Equations:
+    """The normal equations at a model."""
+    m, q = observations.weight.shape[1], model.size
+    sums = _Sums.zero(q, m, model.noise is not None)
+    for part in _parts(observations, model):
+        _add(sums, part, observations, model)
+    inverse = _points_inverse(sums, model.noise is not None)
+    if inverse.ndim == 3:
+        by_unknowns = np.einsum("mij,qmj->miq", inverse, sums.coupling.reshape(q, m, 3)).reshape(3 * m, q)
+        change = np.einsum("mij,mj->mi", inverse, sums.points_rhs)
+    else:
+        by_unknowns = inverse @ sums.coupling.T
+        change = (inverse @ sums.points_rhs.ravel()).reshape(m, 3)
+    sizes = np.diag(sums.matrix).copy()
+    best = model.points + change
+    squares, noise_cost = _squares(observations, replace(model, points=best))
+    return Equations(
+        matrix=sums.matrix - sums.coupling @ by_unknowns,
+        rotation_size=model.rotation_size,
+        sizes=sizes,
+        rhs=sums.rhs - sums.coupling @ change.ravel(),
+        points=best,
+        squares=squares,
+        noise_cost=noise_cost,
+        points_covariance=inverse,
+        by_unknowns=by_unknowns,
+    )
+
+
+@dataclass(eq=False)
+class _Sums:
+    """Sums over frames: of y, of y with the points, and of the points, dense (for frame noise) and their diagonal."""
+
+    matrix: FloatArray
+    rhs: FloatArray
+    coupling: FloatArray
+    subtracted: FloatArray
+    point: FloatArray
+    points_rhs: FloatArray
+
+    @classmethod
+    def zero(cls, q: int, m: int, dense: bool) -> "_Sums":
+        """No frames, for q unknowns and m points."""
+        subtracted = np.zeros((3 * m, 3 * m) if dense else (0, 0))
+        return cls(
+            np.zeros((q, q)), np.zeros(q), np.zeros((q, 3 * m)), subtracted, np.zeros((m, 3, 3)), np.zeros((m, 3))
         )
-        flat = moves.reshape(-1, q)
-        matrix += flat.T @ (blocks @ moves).reshape(-1, q)
-        rhs += flat.T @ np.concatenate([found.turn_rhs, found.shift_rhs], axis=1).ravel()
-        coupling += found.unknowns_points(turn, shift)
-        point += found.point
-        point_rhs += found.point_rhs
-    seen = np.trace(point, axis1=1, axis2=2) > 0
-    inverse = np.zeros_like(point)
-    inverse[seen] = np.linalg.inv(point[seen])
-    by_unknowns = np.einsum("mij,qmj->miq", inverse, coupling.reshape(q, m, 3)).reshape(3 * m, q)
-    change = np.einsum("mij,mj->mi", inverse, point_rhs)
-    best = points + change
-    sizes = np.diag(matrix).copy()
-    matrix -= coupling @ by_unknowns
-    rhs -= coupling @ change.ravel()
-    squares = np.empty((n, m))
-    for part in _chunks(n, m, observations.precision is not None):
-        attitude = motion.attitude[part]
-        residual = observations.position[part] - origin[part][:, None] - best @ np.swapaxes(attitude, 1, 2)
-        squares[part] = observations.weight[part] * observations.frames(part).squares(residual)
-    return Equations(matrix, sizes, rhs, best, squares, inverse, by_unknowns)
 
 
-def _pieces_of(
-    part: slice,
-    observations: Observations,
-    motion: Attitudes,
-    path: SampledPath,
-    origin: FloatArray,
-    points: FloatArray,
-) -> tuple[Pieces, FloatArray, FloatArray]:
-    """The blocks of some frames, and the Jacobians (n, 3, q) of their rotations φ and shifts τ by y."""
-    attitude = motion.attitude[part]
-    found = pieces(observations.frames(part), attitude, origin[part], points)
-    own, p = motion.turn[part], path.jacobian.shape[2]
+def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> None:
+    """Add the frames of a part."""
+    m, attitude = len(model.points), model.motion.attitude[part]
+    found = pieces(observations.frames(part), attitude, model.origin[part], model.points)
+    block, rhs, coupling = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1), None
+    sums.point += found.point
+    sums.points_rhs += found.point_rhs
+    if model.noise is not None or model.knots is not None:
+        coupling = np.concatenate([found.turn_points(), found.shift_points()], axis=1)
+    if model.noise is not None:
+        assert coupling is not None  # noqa: S101  see above
+        gain = _gain(block, model.noise.frames(part).of_poses(attitude, model.origin[part]))
+        absorbed = gain @ coupling
+        sums.subtracted += np.swapaxes(coupling, 0, 1).reshape(-1, 3 * m).T @ np.swapaxes(absorbed, 0, 1).reshape(
+            -1, 3 * m
+        )
+        sums.points_rhs -= np.einsum("kip,ki->p", absorbed, rhs).reshape(m, 3)
+        coupling = coupling - block @ absorbed
+        rhs = rhs - np.einsum("kij,kj->ki", block @ gain, rhs)
+        block = block - block @ gain @ block
+    if model.knots is not None:
+        assert coupling is not None  # noqa: S101  see above
+        matrix, right, with_points = model.knots.sums(part, attitude, block, rhs, coupling)
+        sums.matrix += matrix
+        sums.rhs += right
+        sums.coupling += with_points
+        return
+    own, p = model.motion.turn[part], model.path.jacobian.shape[2]
     turn = np.concatenate([own, np.zeros((len(own), 3, p))], axis=2)
-    shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[part]
-    shift = np.concatenate([np.zeros_like(own), shift], axis=2)
-    return found, turn, shift
+    shift = np.concatenate([np.zeros_like(own), np.swapaxes(attitude, 1, 2) @ model.path.jacobian[part]], axis=2)
+    moves = np.concatenate([turn, shift], axis=1)
+    flat = moves.reshape(-1, model.size)
+    sums.matrix += flat.T @ (block @ moves).reshape(-1, model.size)
+    sums.rhs += flat.T @ rhs.ravel()
+    if coupling is None:
+        sums.coupling += found.unknowns_points(turn, shift)
+    else:
+        sums.coupling += flat.T @ coupling.reshape(-1, 3 * m)
+
+
+def _of_poses(found: Pieces) -> FloatArray:
+    """The frames' blocks (n, 6, 6) of (φ, τ)."""
+    return np.concatenate(
+        [
+            np.concatenate([found.turn, found.turn_shift], axis=2),
+            np.concatenate([np.swapaxes(found.turn_shift, 1, 2), found.shift], axis=2),
+        ],
+        axis=1,
+    )
+
+
+def _gain(block: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(C⁻¹ + B)⁻¹ (n, 6, 6) for a covariance C that may be singular: C (1 + B C)⁻¹."""
+    found = covariance @ np.linalg.inv(np.eye(6) + block @ covariance)
+    return np.asarray((found + np.swapaxes(found, 1, 2)) / 2)
+
+
+def _points_inverse(sums: _Sums, dense: bool) -> FloatArray:
+    """The points' covariance conditional on y: (3 m, 3 m) if `dense`, else (m, 3, 3); zero for those never seen."""
+    seen = np.trace(sums.point, axis1=1, axis2=2) > 0
+    inverse = np.zeros_like(sums.point)
+    if not dense:
+        inverse[seen] = np.linalg.inv(sums.point[seen])
+        return inverse
+    rows = np.repeat(seen, 3)
+    information = block_diag(*sums.point) - sums.subtracted
+    found = np.zeros_like(information)
+    found[np.ix_(rows, rows)] = np.linalg.inv(information[np.ix_(rows, rows)])
+    return np.asarray(found)
+
+
+def _squares(observations: Observations, model: Model) -> tuple[FloatArray, float]:
+    """The weighted squared residuals (n, m), without the frames' own movements, and the cost of these."""
+    squares, noise_cost = np.empty(observations.weight.shape), 0.0
+    n, m = observations.weight.shape
+    for part in _chunks(n, m, observations.precision is not None):
+        attitude, own = model.motion.attitude[part], observations.frames(part)
+        residual = own.position - model.origin[part][:, None] - model.points @ np.swapaxes(attitude, 1, 2)
+        if model.noise is not None:
+            found = pieces(own, attitude, model.origin[part], model.points)
+            block, rhs = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1)
+            gain = _gain(block, model.noise.frames(part).of_poses(attitude, model.origin[part]))
+            moved = np.einsum("kij,kj->ki", gain, rhs)
+            arms = np.cross(moved[:, None, :3], model.points) + moved[:, None, 3:]
+            residual = residual - arms @ np.swapaxes(attitude, 1, 2)
+            # νᵀ C⁻¹ ν with ν = (C⁻¹ + B)⁻¹ r: νᵀ (r − B ν).
+            noise_cost += float(np.einsum("ki,ki->", moved, rhs - np.einsum("kij,kj->ki", block, moved)))
+        squares[part] = own.weight * own.squares(residual)
+    return squares, noise_cost
+
+
+def _parts(observations: Observations, model: Model) -> list[slice]:
+    """Chunks of frames that fit the processor's cache; with blocks, of whole ones."""
+    n, m = observations.weight.shape
+    if model.knots is None:
+        return _chunks(n, m, observations.precision is not None)
+    first = model.knots.blocks.first
+    starts = first[np.searchsorted(first, [chunk.start for chunk in _chunks(n, m, True)], side="right") - 1]
+    return [slice(a, b) for a, b in pairwise([*np.unique(starts).tolist(), n])]
 
 
 def _chunks(n: int, m: int, full: bool) -> list[slice]:

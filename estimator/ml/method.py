@@ -27,7 +27,7 @@ from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTI
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
-from baryscope.estimator.ml.likelihood import Equations, equations
+from baryscope.estimator.ml.likelihood import Equations, Model, equations
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import MAX_VARIANCE_RATIO, solve_pivot
@@ -161,7 +161,7 @@ def _excess_residuals(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
 def _motion(best: Likelihood, y: FloatArray, path: Path, time: FloatArray) -> Motion:
     """Velocity, attitude and angular rate with their covariances, from the covariance (q, q) of y."""
     rate, of_rotation = path.rate_at(time), y[:RATE_AND_INERTIA, :RATE_AND_INERTIA]
-    turn, by_rate = best.motion.turn, best.rotation.rate_sensitivity_at(time)
+    turn, by_rate = best.motion.turn, best.motion.rate_sensitivity
     return Motion(
         velocity=rate.position(best.x),
         velocity_covariance=rate.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]),
@@ -233,7 +233,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     stereo = measured.precision is not None and options.noise == "stereo"
     damping, converged, rounds, floor = 1e-6, False, 0, least_variance(measured, ROUNDING)
     prior = _Prior.of(sampled, x, max(pivot.variance, floor))
-    found, deviation = equations(observations, motion, sampled, origin, points), prior.deviation(rotation, x)
+    found, deviation = equations(observations, Model(motion, sampled, origin, points)), prior.deviation(rotation, x)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         done.did(STAGE)
@@ -247,7 +247,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
             if new_motion is not None:
                 moved = x + change[RATE_AND_INERTIA:]
                 new_origin = sampled.position(moved)
-                trial = equations(observations, new_motion, sampled, new_origin, found.points)
+                trial = equations(observations, Model(new_motion, sampled, new_origin, found.points))
                 trial_deviation = prior.deviation(turned, moved)
                 accepted = trial.cost + prior.cost(trial_deviation) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
@@ -269,7 +269,7 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
             if stereo:
                 estimated = found.points @ np.swapaxes(motion.attitude, 1, 2) + origin[:, None]
                 observations = moved_to(observations, measured, estimated)
-            found = equations(observations, motion, sampled, origin, found.points)
+            found = equations(observations, Model(motion, sampled, origin, found.points))
     residual = found.cost / _dof(observations, len(x))
     variance = residual if options.sigma is None else options.sigma**2
     return Likelihood(rotation, motion, x, sampled, found, prior, observations, variance, residual, converged, rounds)

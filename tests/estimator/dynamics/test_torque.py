@@ -59,7 +59,7 @@ def test_attitude_and_rate_under_a_torque(coefficients):
 
 def test_sensitivity_to_the_modes(coefficients):
     start = Rotation(EPOCH, np.eye(3), RATE, INERTIA, torque=Torque(TIME[0], TIME[-1], coefficients))
-    found, rate = start.at(TIME).turn, start.rate_sensitivity_at(TIME)
+    found, rate = start.at(TIME).turn, start.at(TIME).rate_sensitivity
     step = 1e-6
     for mode, axis in ((0, 0), (2, 1), (5, 2)):
         change = np.zeros_like(coefficients)

@@ -1,13 +1,18 @@
 """The joint normal equations against the dense problem: differences of the residuals by all unknowns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
-from baryscope.estimator.ml.likelihood import equations
+from baryscope.estimator.dynamics.torque import Torque
+from baryscope.estimator.ml.blocks import Knots, blocks_of
+from baryscope.estimator.ml.likelihood import FrameNoise, Model, equations
 from synthetic import ENVISAT, differences, roots, turned_back
 
 N, M, P, Q = 12, 6, 6, 14  # frames, features, unknowns of the path, and of path and motion
@@ -58,7 +63,7 @@ def problem(request):
     function = whitened(start, sampled, observations, points)
     zero = np.zeros(Q + 3 * M)
     residual, J = function(zero), differences(function, zero, 1e-4) / UNITS
-    return equations(observations, motion, sampled, origin, points), points, residual, J[:, : Q + 3 * (M - 1)]
+    return equations(observations, Model(motion, sampled, origin, points)), points, residual, J[:, : Q + 3 * (M - 1)]
 
 
 def test_matrix_is_the_schur_complement(problem):
@@ -114,7 +119,7 @@ def test_many_frames_agree_with_one_of_their_total_weight():
         motion, sampled = start.at(time), path.at(time)
         position = x + points @ np.swapaxes(motion.attitude, 1, 2)
         observations = Observations(position + np.array([0.01, 0, 0]), np.full(position.shape[:2], weight))
-        found.append(equations(observations, motion, sampled, sampled.position(x), points))
+        found.append(equations(observations, Model(motion, sampled, sampled.position(x), points)))
     np.testing.assert_allclose(found[0].matrix, found[1].matrix, rtol=1e-9, atol=1e-9 * np.abs(found[1].matrix).max())
     np.testing.assert_allclose(found[0].points, found[1].points, atol=1e-9)
     assert found[0].cost == pytest.approx(found[1].cost, rel=1e-9)
@@ -128,9 +133,75 @@ def test_unobserved_directions_get_the_given_displacement():
     points = np.random.default_rng(0).normal(size=(5, 3))
     position = X[:3] + points @ np.swapaxes(motion.attitude, 1, 2)
     observations = Observations(position, np.ones((N, 5)))
-    found = equations(observations, motion, sampled, sampled.position(X[:3]), points)
+    found = equations(observations, Model(motion, sampled, sampled.position(X[:3]), points))
     y = found.covariance(sampled, distance=20.0)
     assert np.sqrt(y[10, 10]) == pytest.approx(20.0, rel=1e-3)
     assert np.sqrt(y[8, 8]) < 1.0
     offset, _ = found.offset_covariance(y, np.arange(5))
     assert np.sqrt(offset[2, 2]) == pytest.approx(20.0, rel=1e-3)
+
+
+def test_blocks_agree_with_every_frame():
+    """Jacobians at four times of each block against those of all 400 frames, with precisions."""
+    rng = np.random.default_rng(1)
+    n, m = 400, 5
+    time = np.sort(rng.uniform(0.0, 60.0, n))
+    rotation = Rotation(20.0, np.eye(3), np.array([0.03, 0.05, 0.04]), ENVISAT, torque=Torque.none(0.0, 60.0, 3))
+    path = Polynomial(2, 0.0, 60.0)
+    motion, sampled, points = rotation.at(time), path.at(time), rng.normal(size=(m, 3))
+    origin = sampled.position(np.arange(9.0))
+    factor = rng.normal(size=(n, m, 3, 3))
+    observations = Observations(
+        origin[:, None] + points @ np.swapaxes(motion.attitude, 1, 2) + 0.1 * rng.normal(size=(n, m, 3)),
+        (rng.random((n, m)) < 0.8) * 1.0,
+        factor @ np.swapaxes(factor, 2, 3) + 0.3 * np.eye(3),
+    )
+    blocks = blocks_of(time, 6.0)
+    assert blocks is not None
+    assert len(blocks.first) == 10
+    noise = FrameNoise(np.tile(1e-4 * np.eye(3), (n, 1, 1)), np.tile(np.diag([0.1, 0.2, 0.0]), (n, 1, 1)))
+    for frames in (None, noise):
+        model = Model(motion, sampled, origin, points, frames)
+        every = equations(observations, model)
+        few = equations(observations, replace(model, knots=Knots.of(blocks, rotation, path)))
+        scale = np.sqrt(np.outer(np.diag(every.matrix), np.diag(every.matrix)))
+        np.testing.assert_allclose(few.matrix / scale, every.matrix / scale, atol=1e-4)
+        size = np.sqrt(np.diag(every.matrix))
+        np.testing.assert_allclose(few.rhs / size, every.rhs / size, atol=1e-4 * np.abs(every.rhs / size).max())
+        np.testing.assert_allclose(few.points, every.points, atol=1e-12)
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
+def test_frame_noise_agrees_with_the_dense_covariance(full):
+    """Turns about the camera and shifts of whole frames, in the covariance of all observations."""
+    start, sampled, motion, origin, observations, points = scene(full)
+    rng = np.random.default_rng(3)
+    turn, shift = (size * rng.normal(size=(N, 3, 3)) for size in (1e-2, 0.2))
+    turn, shift = turn @ np.swapaxes(turn, 1, 2), shift @ np.swapaxes(shift, 1, 2)
+    shift[0] = 0.0
+    found = equations(observations, Model(motion, sampled, origin, points, FrameNoise(turn, shift)))
+    function = whitened(start, sampled, observations, points)
+    zero = np.zeros(Q + 3 * M)
+    residual, J = function(zero), (differences(function, zero, 1e-4) / UNITS)[:, : Q + 3 * (M - 1)]
+    root = roots(observations.weight, observations.precision)
+    covariance = np.eye(len(residual))
+    in_C = origin[:, None] + points @ np.swapaxes(motion.attitude, 1, 2)
+    for k in range(N):
+        by_turn = np.cross(np.eye(3), in_C[k][:, None]).transpose(0, 2, 1)  # ε × p
+        moved = np.concatenate([root[k] @ by_turn, root[k] @ np.eye(3)], axis=2).reshape(3 * M, 6)
+        own = slice(3 * M * k, 3 * M * (k + 1))
+        covariance[own, own] += moved @ block_diag(turn[k], shift[k]) @ moved.T
+    inverse = np.linalg.inv(covariance)
+    matrix, rhs = J.T @ inverse @ J, -J.T @ inverse @ residual
+    known = matrix[Q:, Q:]
+    eliminated = matrix[:Q, :Q] - matrix[:Q, Q:] @ np.linalg.solve(known, matrix[Q:, :Q])
+    scale = np.sqrt(np.outer(np.diag(eliminated), np.diag(eliminated)))
+    np.testing.assert_allclose(found.matrix / scale, eliminated / scale, atol=2e-4)
+    expected = rhs[:Q] - matrix[:Q, Q:] @ np.linalg.solve(known, rhs[Q:])
+    np.testing.assert_allclose(found.rhs / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-3)
+    change = np.linalg.solve(known, rhs[Q:])
+    np.testing.assert_allclose(found.points[:5], points[:5] + change.reshape(-1, 3), atol=1e-6)
+    left = residual + J[:, Q:] @ change
+    # The lever arms are those of the new points, which have moved by centimetres.
+    assert found.cost == pytest.approx(float(left @ inverse @ left), rel=1e-3)
+    np.testing.assert_allclose(found.covariance_of_points(np.arange(5)), np.linalg.inv(known), atol=1e-9)
