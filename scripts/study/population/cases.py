@@ -79,9 +79,10 @@ def drawn(seed: int, index: int) -> Case:
     inertia, rate, tumble_kind = _tumble(streams[0])
     orbit, orbit_kind = _orbit(streams[1])
     time = _times(streams[2], float(np.linalg.norm(rate)), orbit)
-    time, path, path_jacobian, chaser_kind = _path(streams[1], orbit, time)
-    attitude, rates, turn = _rotation(streams[0], inertia, rate, time)
     points, normals, shape_kind = _features(streams[3])
+    nearest = max(NEAREST, 1.3 * float(np.linalg.norm(points, axis=1).max()))
+    time, path, path_jacobian, chaser_kind = _path(streams[1], orbit, time, nearest)
+    attitude, rates, turn = _rotation(streams[0], inertia, rate, time)
     seen, view_kind = _view(streams[4], path, attitude, points, normals)
     sensor = _sensor(streams[2], path)
     words = [orbit_kind, chaser_kind, tumble_kind, shape_kind, view_kind, *_words(sensor)]
@@ -140,10 +141,12 @@ def _times(rng: np.random.Generator, rate: float, orbit: Orbit) -> FloatArray:
     return np.asarray(time)
 
 
-def _path(rng: np.random.Generator, orbit: Orbit, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, str]:
+def _path(
+    rng: np.random.Generator, orbit: Orbit, time: FloatArray, nearest: float
+) -> tuple[FloatArray, FloatArray, FloatArray, str]:
     """The times, the path in C with its Jacobian, and the kind of relative motion.
 
-    A chaser that comes too near or drifts too far is drawn again, after ten times in half the time.
+    A chaser that comes nearer than `nearest` m or drifts too far is drawn again, after ten times in half the time.
     """
     for attempt in range(100):
         if attempt % 10 == 9:
@@ -165,7 +168,7 @@ def _path(rng: np.random.Generator, orbit: Orbit, time: FloatArray) -> tuple[Flo
         ways = np.concatenate([state[None], state + np.diag(scale), state - np.diag(scale)])
         relative, _ = relative_motion(orbit, ways, time)
         away = np.linalg.norm(relative[0], axis=1)
-        if away.min() > NEAREST and away.max() < FARTHEST:
+        if away.min() > nearest and away.max() < FARTHEST:
             break
     jacobian = -(relative[1:7] - relative[7:]).transpose(1, 2, 0) / (2 * scale)
     return time, -relative[0], jacobian, kind

@@ -45,16 +45,17 @@ def path_bound(
         M[own, own] += block
     spread = np.sqrt(np.mean(np.sum(jacobian**2, axis=1), axis=0))
     M[np.arange(q), np.arange(q)] += np.concatenate([spread**2, np.ones(3 * m)]) / FAR**2
+    sizes = np.diag(M).copy()
     if turn is None:
         M -= np.tensordot(G, np.linalg.pinv(F, rcond=1e-12, hermitian=True) @ G, ([0, 1], [0, 1]))
         gauge = np.concatenate([np.zeros((p, 3)), K.reshape(3 * m, 3)])
         M += gauge @ gauge.T * (np.trace(M) / q)
-        return np.asarray(jacobian @ _inverse(M)[:p, :p] @ np.swapaxes(jacobian, 1, 2))
+        return np.asarray(jacobian @ _inverse(M, sizes)[:p, :p] @ np.swapaxes(jacobian, 1, 2))
     by_turn = np.einsum("nit,niq->tq", turn, G, optimize=True)
     own_turn = np.einsum("nit,nij,nju->tu", turn, F, turn, optimize=True)
     weak = np.diag(np.ones(len(own_turn)))  # rad/s, or of the trace: no information
     full = np.block([[M, by_turn.T], [by_turn, own_turn + weak]])
-    return np.asarray(jacobian @ _inverse(full)[:p, :p] @ np.swapaxes(jacobian, 1, 2))
+    return np.asarray(jacobian @ _inverse(full, np.diag(full))[:p, :p] @ np.swapaxes(jacobian, 1, 2))
 
 
 def polynomial_jacobian(time: FloatArray, degree: int) -> FloatArray:
@@ -83,7 +84,9 @@ def _cross(v: FloatArray) -> FloatArray:
     return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=1).reshape(-1, 3, 3)
 
 
-def _inverse(M: FloatArray) -> FloatArray:
-    """The inverse of a positive definite matrix of widely different units."""
-    scale = 1 / np.sqrt(np.diag(M))
-    return np.asarray(scale[:, None] * np.linalg.inv(M * scale * scale[:, None]) * scale)
+def _inverse(M: FloatArray, sizes: FloatArray) -> FloatArray:
+    """The inverse of a positive definite matrix, singular perhaps but for rounding, of quantities of those sizes."""
+    scale = 1 / np.sqrt(sizes)
+    values, vectors = np.linalg.eigh(M * scale * scale[:, None])
+    half = scale[:, None] * vectors / np.sqrt(np.maximum(values, 1e-15 * values[-1]))
+    return np.asarray(half @ half.T)

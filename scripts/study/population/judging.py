@@ -65,7 +65,7 @@ def bounds_of(case: Case, sample: Sample) -> dict[str, float]:
 def judged(seed: int, index: int, method: str, orbit: bool) -> dict[str, Any]:
     """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time."""
     case, sample, facts = prepared(seed, index)
-    line = {"seed": seed, "index": index, "method": method, "orbit": orbit}
+    line: dict[str, Any] = {"seed": seed, "index": index, "method": method, "orbit": orbit}
     begin = clock.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
