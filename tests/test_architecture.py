@@ -13,6 +13,7 @@ BARYSCOPE = "baryscope"
 # From the bottom up; a layer may import from those above it in this list. What shares a line stands side by side.
 LAYERS = [
     ["models"],
+    ["models.ephemeris"],
     ["models.scenario"],
     ["models.sensor"],
     ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],

@@ -1,22 +1,29 @@
 """Orbit files: the table [orbit] with angles in degrees, converted to `Orbit` in SI units and back."""
 
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
 from math import inf, nextafter
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import field_validator
 
+from baryscope.models.ephemeris import MAX_BYTES, elements_of, orbit_of_message
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, write_together
+from baryscope.models.files import AnyPath, read_text, write_together
 from baryscope.models.orbit import EARTH_MU, Orbit
-from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit, UnitTable, read_toml
+from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit, UnitTable, toml_of
+from baryscope.models.trajectory import target_states
+from baryscope.models.utc import Moment, seconds_between, utc_of, utc_text
 
 
 class OrbitTable(UnitTable):
     """[orbit]: the target's Keplerian elements at time 0, with angles in degrees; optionally J2 of the central body.
 
-    With `j2` and `equatorial_radius` (both or neither) the elements are those of the ellipse that osculates at time 0,
-    and the z axis of I is the body's pole.
+    `epoch` is the UTC of time 0. With `j2` and `equatorial_radius` (both or neither) the elements are those of the
+    ellipse that osculates at time 0, and the z axis of I is the body's pole.
     """
 
     semi_major_axis: Annotated[float, Unit("m")]
@@ -28,6 +35,15 @@ class OrbitTable(UnitTable):
     gravitational_parameter: Annotated[float, Unit("m³/s²")] = EARTH_MU
     j2: float | None = None
     equatorial_radius: Annotated[float | None, Unit("m")] = None
+    epoch: str | None = None
+
+    @field_validator("epoch", mode="before")
+    @classmethod
+    def _as_text(cls, value: Any) -> Any:
+        """A time of TOML as text: without an offset it is UTC."""
+        if isinstance(value, datetime) and value.tzinfo is not None:
+            value = value.astimezone(UTC).replace(tzinfo=None)
+        return value.isoformat() if isinstance(value, datetime) else value
 
     @classmethod
     def of(cls, value: Orbit) -> Self:
@@ -42,6 +58,7 @@ class OrbitTable(UnitTable):
             gravitational_parameter=value.gravitational_parameter,
             j2=value.j2,
             equatorial_radius=value.equatorial_radius,
+            epoch=value.epoch,
         )
 
     def to_si(self) -> Orbit:
@@ -60,6 +77,7 @@ class OrbitTable(UnitTable):
             gravitational_parameter=self.gravitational_parameter,
             j2=self.j2,
             equatorial_radius=self.equatorial_radius,
+            epoch=self.epoch,
         )
 
 
@@ -72,16 +90,40 @@ class OrbitFile(FileModel):
     orbit: OrbitField
 
 
-def load_orbit(path: AnyPath) -> Orbit:
-    """Read an orbit TOML file: one table, [orbit].
+def load_orbit(path: AnyPath, epoch: str | None = None) -> Orbit:
+    """Read an orbit file: TOML with one table, [orbit], or a TLE, OMM or OEM (`baryscope.models.ephemeris`).
+
+    Args:
+        path: the file.
+        epoch: UTC of time 0 in ISO 8601. A TLE, OMM or OEM needs it; elements in TOML are carried from their own epoch
+            to it, and are those of time 0 if they have none.
 
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
-    data = read_toml(path, "an orbit in TOML")
+    expected = "an orbit in TOML, TLE, OMM or OEM"
+    moment = None if epoch is None else utc_of(epoch, "epoch")
+    text = read_text(path, expected, MAX_BYTES)
+    orbit = orbit_of_message(text, str(path), moment)
+    if orbit is not None:
+        return orbit
+    data = toml_of(text, str(path), expected)
     if {"target", "features", "chaser"} & set(data):
         raise InputError(f"{path}: holds a scenario, expected an orbit: its table [orbit], alone in a file")
-    return OrbitFile.parse(data, str(path)).orbit
+    orbit = OrbitFile.parse(data, str(path)).orbit
+    return orbit if moment is None else _at_epoch(orbit, moment)
+
+
+def _at_epoch(orbit: Orbit, moment: Moment) -> Orbit:
+    """The same orbit with time 0 at a moment."""
+    if orbit.epoch is None:
+        return replace(orbit, epoch=utc_text(moment))
+    elapsed = seconds_between(utc_of(orbit.epoch, "orbit.epoch"), moment)
+    if elapsed == 0:
+        return orbit
+    state = target_states(orbit, np.array([elapsed]))[0]
+    changes: dict[str, Any] = {**elements_of(state, orbit.gravitational_parameter), "epoch": utc_text(moment)}
+    return replace(orbit, **changes)
 
 
 def write_orbit(orbit: Orbit, path: AnyPath) -> None:
@@ -95,7 +137,9 @@ def write_orbit(orbit: Orbit, path: AnyPath) -> None:
 
 def orbit_text(orbit: Orbit) -> str:
     """The text of an orbit TOML file."""
-    rows = [f"{name} = {value!r}" for name, value in OrbitTable.of(orbit).model_dump(exclude_none=True).items()]
+    rows = [
+        f"{name} = {json.dumps(value)}" for name, value in OrbitTable.of(orbit).model_dump(exclude_none=True).items()
+    ]
     return "\n".join(["[orbit]", *rows]) + "\n"
 
 

@@ -129,14 +129,22 @@ def read_toml(path: AnyPath, expected: str) -> dict[str, Any]:
     Raises:
         InputError: the file cannot be read, is longer than MAX_BYTES, is not TOML, or is nested too deeply.
     """
-    text = read_text(path, expected, MAX_BYTES)
+    return toml_of(read_text(path, expected, MAX_BYTES), str(path), expected)
+
+
+def toml_of(text: str, source: str, expected: str) -> dict[str, Any]:
+    """The tables of a text in TOML, with arrays as tuples; `source` names the file in errors.
+
+    Raises:
+        InputError: it is not TOML, or is nested too deeply.
+    """
     try:
         tables: dict[str, Any] = lists_to_tuples(tomllib.loads(text))
     except RecursionError as error:
-        raise InputError(f"{path}: nested more than {MAX_DEPTH} levels deep, expected {expected}") from error
+        raise InputError(f"{source}: nested more than {MAX_DEPTH} levels deep, expected {expected}") from error
     except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         reason = error if isinstance(error, tomllib.TOMLDecodeError) else "a whole number has too many digits"
-        raise InputError(f"{path}: {reason}, expected {expected}") from error
+        raise InputError(f"{source}: {reason}, expected {expected}") from error
     return tables
 
 

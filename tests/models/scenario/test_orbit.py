@@ -1,5 +1,7 @@
 """Orbit files: degrees there, radians in the program, and the same digits when written again."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 from baryscope.models.scenario import OrbitTable, load_orbit, write_orbit
 from baryscope.models.scenario.orbit import degrees_of
+from baryscope.models.trajectory import target_states
 
 FILE = """[orbit]
 semi_major_axis = 7150000.0
@@ -41,6 +44,31 @@ def test_j2_is_read_and_written_where_it_is_given(tmp_path):
     first.write_text(FILE + "j2 = 0.00108262668\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"orbit\.equatorial_radius: missing, expected a value beside j2"):
         load_orbit(first)
+
+
+@pytest.mark.parametrize("written", ["2026-03-01T12:00:00Z", '"2026-03-01T12:00:00Z"', "2026-03-01T14:00:00+02:00"])
+def test_elements_are_carried_from_their_epoch_to_time_0(tmp_path, written):
+    path = tmp_path / "orbit.toml"
+    for more in ("", "j2 = 0.00108262668\nequatorial_radius = 6378137.0\n"):
+        path.write_text(FILE + more + f"epoch = {written}\n", encoding="utf-8")
+        orbit = load_orbit(path)
+        assert orbit.epoch == "2026-03-01T12:00:00Z"
+        assert load_orbit(path, "2026-03-01T12:00:00Z") == orbit
+        later = load_orbit(path, "2026-03-01T13:00:00Z")
+        assert later.epoch == "2026-03-01T13:00:00Z"
+        time = np.array([-3600.0, 500.0])
+        np.testing.assert_allclose(target_states(later, time), target_states(orbit, time + 3600), atol=2e-3)
+    write_orbit(later, path)
+    assert load_orbit(path) == later
+
+
+def test_elements_without_an_epoch_are_those_of_time_0(tmp_path):
+    path = tmp_path / "orbit.toml"
+    path.write_text(FILE, encoding="utf-8")
+    assert load_orbit(path, "2026-03-01") == replace(load_orbit(path), epoch="2026-03-01T00:00:00Z")
+    path.write_text(FILE + 'epoch = "noon"\n', encoding="utf-8")
+    with pytest.raises(InputError, match="epoch: found 'noon', expected a UTC time"):
+        load_orbit(path)
 
 
 @given(digits=st.integers(-(10**14), 10**14), shift=st.integers(0, 14))
