@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from baryscope.models.checks import CheckSet, orbit_checks
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT, PARAMETERS, Elements
-from baryscope.models.utc import utc_of, utc_text
 
 EARTH_MU = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, WGS 84
@@ -56,7 +55,7 @@ class Orbit:
         gravitational_parameter: of the central body, m³/s²; the Earth's unless given.
         j2: second zonal coefficient of the central body, whose pole is the z axis of I; None: a point mass.
         equatorial_radius: to which `j2` refers, m; given with it or not at all.
-        epoch: UTC of time 0, ISO 8601; None: unknown.
+        epoch: UTC of time 0 as a text in ISO 8601; None: unknown.
         ephemeris: where the target is at any time, if that is known better than from the elements; these then
             osculate at time 0.
 
@@ -82,8 +81,6 @@ class Orbit:
             value = getattr(self, name)
             if name not in ("j2", "equatorial_radius") or value is not None:
                 object.__setattr__(self, name, _finite(name, value))
-        if self.epoch is not None:
-            object.__setattr__(self, "epoch", utc_text(utc_of(self.epoch, "orbit.epoch")))
         failure = _check_set().failure(np.array(self.elements))
         if failure is not None:
             raise InputError(failure)

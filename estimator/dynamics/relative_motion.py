@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.models.ephemeris.trajectory import gravity_difference, gravity_gradient, lvlh_axes, target_states
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
-from baryscope.models.trajectory import gravity_difference, gravity_gradient, lvlh_axes, target_states
 
 FloatArray = NDArray[np.float64]
 

@@ -1,7 +1,8 @@
-"""Orbits of the Earth's satellites from the files in which they are exchanged: TLE, OMM and OEM.
+"""Where the target is at a time: under J2, by SGP4 or from a table; and the files that tell: TLE, OMM and OEM.
 
-`orbit_of_message` recognises the form. Two-line elements (TLE) and orbit mean-elements messages (OMM) are propagated
-by SGP4, orbit ephemeris messages (OEM) are interpolated. The forms are those of CCSDS 502.0-B.
+`target_states` of `trajectory` gives position and velocity on any orbit. `orbit_of_message` recognises a file's form:
+two-line elements (TLE) and orbit mean-elements messages (OMM) are propagated by SGP4, orbit ephemeris messages (OEM)
+are interpolated. The forms are those of CCSDS 502.0-B.
 """
 
 from baryscope.models.ephemeris.elements import elements_of

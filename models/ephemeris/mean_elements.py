@@ -9,8 +9,8 @@ from sgp4.api import SGP4_ERRORS, WGS72, Satrec
 from sgp4.io import compute_checksum
 from sgp4.omm import initialize
 
+from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
-from baryscope.models.utc import Moment, seconds_between, utc_of, utc_text
 
 FloatArray = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from baryscope.models.ephemeris.elements import elements_of
 from baryscope.models.ephemeris.mean_elements import MeanElements, satellite_of_fields, satellite_of_lines
 from baryscope.models.ephemeris.oem import segments_of_text, segments_of_xml
 from baryscope.models.ephemeris.tabulated import Segment, Tabulated
+from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import EARTH_J2, EARTH_MU, EARTH_RADIUS, Ephemeris, Orbit
-from baryscope.models.utc import Moment, seconds_between, utc_text
 
 MAX_BYTES = 100_000_000  # of a file: half a million states
 OLDEST = 30  # days from the tracks: SGP4 is off by a kilometre and more for each of them

@@ -10,8 +10,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from baryscope.models.ephemeris.tabulated import Segment
+from baryscope.models.ephemeris.utc import Moment, utc_of
 from baryscope.models.errors import InputError
-from baryscope.models.utc import Moment, utc_of
 
 AXES = ("EME2000", "J2000", "GCRF", "ICRF", "TEME", "TOD", "MOD")
 OFFSETS = {"UTC": 0.0, "TAI": 37.0, "TT": 69.184, "TDB": 69.184, "GPS": 18.0}  # s ahead of UTC since 2017

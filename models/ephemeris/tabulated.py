@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import KroghInterpolator
 
+from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_text
 from baryscope.models.errors import InputError
-from baryscope.models.utc import Moment, seconds_between, utc_text
 
 FloatArray = NDArray[np.float64]
 

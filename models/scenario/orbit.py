@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import field_validator
 
 from baryscope.models.ephemeris import MAX_BYTES, elements_of, orbit_of_message
+from baryscope.models.ephemeris.trajectory import target_states
+from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_text, write_together
 from baryscope.models.orbit import EARTH_MU, Orbit
 from baryscope.models.scenario.schema import Degrees, FileModel, ReadFrom, Unit, UnitTable, toml_of
-from baryscope.models.trajectory import target_states
-from baryscope.models.utc import Moment, seconds_between, utc_of, utc_text
 
 
 class OrbitTable(UnitTable):
@@ -77,7 +77,7 @@ class OrbitTable(UnitTable):
             gravitational_parameter=self.gravitational_parameter,
             j2=self.j2,
             equatorial_radius=self.equatorial_radius,
-            epoch=self.epoch,
+            epoch=None if self.epoch is None else utc_text(utc_of(self.epoch, "orbit.epoch")),
         )
 
 

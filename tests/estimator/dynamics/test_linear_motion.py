@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Panels, forced
+from baryscope.models.ephemeris.trajectory import gravity_gradient, lvlh_axes, target_states
 from baryscope.models.relative_orbit import relative_transition
-from baryscope.models.trajectory import gravity_gradient, lvlh_axes, target_states
 from synthetic import Orbit
 
 ORBIT = Orbit(semi_major_axis=9.2e6, eccentricity=0.2).model()

@@ -6,9 +6,9 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from baryscope.models.ephemeris.utc import utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import load_orbit
-from baryscope.models.utc import utc_of, utc_text
 
 TLE = """\
 1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753

@@ -5,10 +5,10 @@ from xml.sax.saxutils import escape
 import numpy as np
 import pytest
 
+from baryscope.models.ephemeris.trajectory import kepler_states
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 from baryscope.models.scenario import load_orbit
-from baryscope.models.trajectory import kepler_states
 
 ORBIT = Orbit(7.1e6, 0.05, 1.3, 0.4, 0.9, 0.3)
 EPOCH = "2026-03-01T12:00:00Z"

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from baryscope.models.ephemeris.trajectory import target_states
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 from baryscope.models.scenario import OrbitTable, load_orbit, write_orbit
 from baryscope.models.scenario.orbit import degrees_of
-from baryscope.models.trajectory import target_states
 
 FILE = """[orbit]
 semi_major_axis = 7150000.0

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.models.errors import ComputationError
-from baryscope.models.orbit import EARTH_J2, EARTH_MU, EARTH_RADIUS, Orbit
-from baryscope.models.trajectory import (
+from baryscope.models.ephemeris.trajectory import (
     gravity_difference,
     gravity_gradient,
     kepler_states,
     lvlh_axes,
     target_states,
 )
+from baryscope.models.errors import ComputationError
+from baryscope.models.orbit import EARTH_J2, EARTH_MU, EARTH_RADIUS, Orbit
 from oracles import inertial_states, oblate_gravity, propagate_kepler
 
 KEPLER = Orbit(9.1e6, 0.2, 1.2, 0.3, 0.7, 0.4)

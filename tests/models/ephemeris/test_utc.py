@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from baryscope.models.ephemeris.utc import seconds_between, seconds_from, utc_of, utc_text
 from baryscope.models.errors import InputError
-from baryscope.models.utc import seconds_between, seconds_from, utc_of, utc_text
 
 moments = st.datetimes(datetime(1950, 1, 1), datetime(2199, 12, 31))
 
