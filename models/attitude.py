@@ -5,11 +5,17 @@ from collections.abc import Mapping
 import casadi as ca
 
 from baryscope.models.frames import Symbol
+from baryscope.models.variables import AXES
 
 
 def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
     """J in B from its six elements, kg m²."""
-    xx, yy, zz, xy, xz, yz = (parameters[f"target.inertia.{axes}"] for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    return symmetric_tensor(parameters, "target.inertia")
+
+
+def symmetric_tensor(parameters: Mapping[str, Symbol], name: str) -> Symbol:
+    """A symmetric tensor from the six parameters `name`.xx to `name`.yz."""
+    xx, yy, zz, xy, xz, yz = (parameters[f"{name}.{axes}"] for axes in AXES)
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 

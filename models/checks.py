@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.models.attitude import inertia_tensor
+from baryscope.models.attitude import inertia_tensor, symmetric_tensor
 from baryscope.models.frames import Symbol
 from baryscope.models.keplerian import Elements
 
@@ -85,6 +85,7 @@ def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
         *_feature_checks(parameters),
         *orbit_checks(Elements.named(parameters)),
         *_other_checks(parameters),
+        *_force_checks(parameters),
     )
 
 
@@ -200,6 +201,39 @@ def _other_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
             ca.fmin(tolerance - 0.999e-15, 1.001e-3 - tolerance),
         ),
     )
+
+
+def _force_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    """The conditions on the parameters of those forces that the unit has."""
+    above_zero = {
+        "orbit.equatorialRadius": ("orbit.equatorial_radius", "m"),
+        "atmosphere.referenceRadius": ("drag.reference_radius", "m"),
+        "atmosphere.scaleHeight": ("drag.scale_height", "m"),
+        "sun.shadowRadius": ("light.shadow_radius", "m"),
+    }
+    found = [
+        Check(name, field, f"a value above 0 {unit}", "value", parameters[name], parameters[name])
+        for name, (field, unit) in above_zero.items()
+        if name in parameters
+    ]
+    if "sun.direction" in parameters:
+        length = ca.norm_2(parameters["sun.direction"])
+        margin = UNIT_TOLERANCE - ca.fabs(length - 1)
+        found.append(Check("sun.direction", "light.sun", "a unit vector", "length", length, margin))
+    if "target.magneticTensor.xx" in parameters:
+        M = symmetric_tensor(parameters, "target.magneticTensor")
+        smallest, largest = _extreme_eigenvalues(M)
+        found.append(
+            Check(
+                "target.magneticTensor",
+                "eddy_currents.tensor",
+                "no eigenvalue below 0 S m⁴, so that the currents take energy",
+                "smallest eigenvalue",
+                smallest,
+                smallest + TRIANGLE_TOLERANCE * largest + TINY,
+            )
+        )
+    return tuple(found)
 
 
 def _invariants(matrix: Symbol) -> tuple[Symbol, Symbol, Symbol]:

@@ -3,20 +3,23 @@
     x = initial(p)      ẋ = rhs(x, u, p)      y = outputs(x, p)      scales = nominals(p)
 
 x is (q_I_B, ω_B, θ, ρ_L, ρ̇_L): 14 numbers. The first eight (attitude) and the last seven (orbit) share the
-true anomaly θ and can be integrated separately; the attitude needs θ for the gravity gradient only. u, p and y hold
-the inputs, parameters and outputs of the table of variables, in its order, arrays row by row. The system is
-autonomous: time enters through θ alone.
+true anomaly θ and can be integrated separately; the attitude needs θ for the gravity gradient only. With forces besides
+the gravity of a point mass, position and velocity of the target follow θ, and what is shared is the three of them, the
+target's place; the chaser's motion is in inertial axes (`perturbed`). u, p and y hold the inputs, parameters and
+outputs of the table of variables, in its order, arrays row by row. The system is autonomous: time enters through the
+place alone.
 
 What depends on p alone (the inverse of J, the orbit's plane) is computed once per run, as c = constants(p). Functions
 that are called often take c.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
 import casadi as ca
 
+from baryscope.models import perturbed
 from baryscope.models.attitude import (
     angular_acceleration,
     angular_momentum,
@@ -30,28 +33,29 @@ from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quate
 from baryscope.models.keplerian import Conic, Elements, Ellipse, conic
 from baryscope.models.quadratic import QuadraticForm, quadratic_form
 from baryscope.models.relative_motion import relative_acceleration, target_from_chaser
-from baryscope.models.variables import Kind, Variable, variable_table
+from baryscope.models.variables import NO_FORCES, Force, Forces, Kind, Variable, variable_table
 
-STATE_SIZES = (4, 3, 1, 3, 3)  # q_I_B, ω_B, θ, ρ_L, ρ̇_L
-ATTITUDE_PART, ORBIT_PART = slice(0, 8), slice(7, 14)
+PLACE_START = 7  # after q_I_B and ω_B
 RATE_PART = slice(4, 7)  # ω_B in the attitude's part
 
 
 @dataclass(frozen=True)
 class TumblingTarget:
-    """The system for one number of features.
+    """The system for one number of features and some forces.
 
     Attributes:
+        forces: what acts besides point-mass gravity, the gravity gradient and the inputs.
         variables: the table, in the order of the flat vectors.
+        place_size: number of states that tell where the target is, shared by attitude and orbit.
         initial: p → x.
         rhs: x, u, p → ẋ.
         outputs: x, p → y.
         nominals: p → nominal size of each state, to which the relative tolerance refers.
         constants: p → c.
-        free_attitude_rates: (q, ω, θ), u, c → their rates without gravity gradient, with θ̇ = 0.
+        free_attitude_rates: (q, ω, place), u, c → their rates without torques but the input, with the place at rest.
         free_attitude_form: the same as weighted products with ω, without the constant part of the torque.
-        attitude_rates: the rates with gravity gradient, and θ̇.
-        orbit_rates: (θ, ρ, ρ̇), u, c → their rates.
+        attitude_rates: the rates with gravity gradient (with eddy currents, where it is switched on) and of the place.
+        orbit_rates: (place, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
         run_forward: x, u, p, c, seed of (u, x) → the seed's image in (y, ẋ).
         run_reverse: x, u, p, c, seed of (y, ẋ) → its image in (u, x).
@@ -60,7 +64,9 @@ class TumblingTarget:
         checks: the conditions on p.
     """
 
+    forces: Forces
     variables: tuple[Variable, ...]
+    place_size: int
     initial: ca.Function
     rhs: ca.Function
     outputs: ca.Function
@@ -83,44 +89,50 @@ class TumblingTarget:
 
 
 @cache
-def tumbling_target(feature_count: int) -> TumblingTarget:
-    """Build the symbolic system for a target with `feature_count` features."""
-    table = variable_table(feature_count)
+def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingTarget:
+    """Build the symbolic system for a target with `feature_count` features under some forces."""
+    table = variable_table(feature_count, forces)
     inputs, u = _symbols(table, Kind.INPUT)
     parameters, p = _symbols(table, Kind.PARAMETER)
-    x = ca.SX.sym("x", sum(STATE_SIZES))
-    constants_of_p = ca.Function("target_constants", [p], [_pack(_constants(parameters))], ["p"], ["c"])
+    place_size = sum(perturbed.PLACE_SIZES) if forces else 1
+    relative = PLACE_START + place_size
+    x = ca.SX.sym("x", relative + 6)
+    attitude_part, orbit_part = slice(0, relative), slice(PLACE_START, relative + 6)
+    constants_of_p = ca.Function("target_constants", [p], [_pack(_constants(parameters, forces))], ["p"], ["c"])
     c = ca.SX.sym("c", constants_of_p.numel_out())
-    constants = _unpack(c, _constants(parameters))
+    constants = _unpack(c, _constants(parameters, forces))
 
     gravity_gradient = parameters["gravityGradient"]
-    attitude = {on: _attitude_rates(x[ATTITUDE_PART], inputs, constants, on) for on in (0, 1)}
-    orbit = _orbit_rates(x[ORBIT_PART], inputs, constants)
+    attitude = {on: _attitude_rates(x[attitude_part], inputs, constants, on, forces) for on in (0, 1)}
+    orbit = _orbit_rates(x[orbit_part], inputs, constants, forces)
     free, turned = attitude[0][RATE_PART], attitude[1][RATE_PART]
-    rates = ca.vertcat(attitude[0][:4], free + gravity_gradient * (turned - free), orbit)
-    values = _output_values(ca.vertsplit(x, [0, 4, 7, 8, 11, 14]), parameters, constants)
+    turning = turned if Force.EDDY_CURRENTS in forces else free + gravity_gradient * (turned - free)
+    rates = ca.vertcat(attitude[0][:4], turning, orbit)
+    values = _output_values(x, parameters, constants, forces)
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
 
     def of_parameters(expression: Symbol) -> Symbol:
         return ca.substitute(expression, c, constants_of_p(p))
 
-    x0 = _initial_state(parameters)
+    x0 = _initial_state(parameters, forces)
     start = ca.vertcat(y, x, rates)
     start = ca.substitute(of_parameters(start), x, x0)
     run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, x), ca.vertcat(y, rates))
     beginning = _derivatives("target_initial", [u, p], ca.vertcat(u, p), start)
     return TumblingTarget(
+        forces=forces,
         variables=table,
+        place_size=place_size,
         initial=ca.Function("target_initial", [p], [x0], ["p"], ["x"]),
         rhs=ca.Function("target_rhs", [x, u, p], [of_parameters(rates)], ["x", "u", "p"], ["xdot"]),
         outputs=ca.Function("target_outputs", [x, p], [of_parameters(y)], ["x", "p"], ["y"]),
-        nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters)], ["p"], ["scales"]),
+        nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters, forces)], ["p"], ["scales"]),
         constants=constants_of_p,
-        free_attitude_rates=_part("target_free_attitude_rates", x[ATTITUDE_PART], u, c, attitude[0]),
-        free_attitude_form=quadratic_form("target_free_attitude", attitude[0], x[ATTITUDE_PART], c, RATE_PART),
-        attitude_rates=_part("target_attitude_rates", x[ATTITUDE_PART], u, c, attitude[1]),
-        orbit_rates=_part("target_orbit_rates", x[ORBIT_PART], u, c, orbit),
-        run_outputs=ca.Function("target_run_outputs", [x, p, c], [y], ["x", "p", "c"], ["y"]),
+        free_attitude_rates=_part("target_free_attitude_rates", x[attitude_part], u, c, attitude[0]),
+        free_attitude_form=quadratic_form("target_free_attitude", attitude[0], x[attitude_part], c, RATE_PART),
+        attitude_rates=_part("target_attitude_rates", x[attitude_part], u, c, attitude[1]),
+        orbit_rates=_part("target_orbit_rates", x[orbit_part], u, c, orbit),
+        run_outputs=ca.Function("target_run_outputs", [x, p, c], [ca.cse(y)], ["x", "p", "c"], ["y"]),
         run_forward=run[0],
         run_reverse=run[1],
         initial_forward=beginning[0],
@@ -130,7 +142,7 @@ def tumbling_target(feature_count: int) -> TumblingTarget:
 
 
 def _part(name: str, x: Symbol, u: Symbol, c: Symbol, rates: Symbol) -> ca.Function:
-    return ca.Function(name, [x, u, c], [rates], ["x", "u", "c"], ["xdot"])
+    return ca.Function(name, [x, u, c], [ca.cse(rates)], ["x", "u", "c"], ["xdot"])
 
 
 def _derivatives(
@@ -139,8 +151,10 @@ def _derivatives(
     """Products of the Jacobian of `unknowns` with a seed: forward J s and reverse Jᵀ s, exact, without forming J."""
     forth, back = ca.SX.sym("seed", knowns.numel()), ca.SX.sym("seed", unknowns.numel())
     return (
-        ca.Function(f"{name}_forward", [*arguments, forth], [ca.densify(ca.jtimes(unknowns, knowns, forth))]),
-        ca.Function(f"{name}_reverse", [*arguments, back], [ca.densify(ca.jtimes(unknowns, knowns, back, True))]),
+        ca.Function(f"{name}_forward", [*arguments, forth], [ca.cse(ca.densify(ca.jtimes(unknowns, knowns, forth)))]),
+        ca.Function(
+            f"{name}_reverse", [*arguments, back], [ca.cse(ca.densify(ca.jtimes(unknowns, knowns, back, True)))]
+        ),
     )
 
 
@@ -160,14 +174,16 @@ def _flat(value: Symbol) -> Symbol:
     return ca.vec(value.T) if value.shape[1] > 1 else value
 
 
-def _constants(parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
+def _constants(parameters: Mapping[str, Symbol], forces: Forces) -> dict[str, Symbol]:
     """Constants of the equations that follow from the parameters, computed once per run."""
     elements = Elements.named(parameters)
     ellipse = elements.ellipse
     J = inertia_tensor(parameters)
-    return {
-        "inertia": J,
-        "inverse_inertia": symmetric_inverse(J),
+    body = {"inertia": J, "inverse_inertia": symmetric_inverse(J)}
+    if forces:
+        body |= perturbed.constants_of(parameters, forces)
+        return body | ({"gravity_gradient": parameters["gravityGradient"]} if Force.EDDY_CURRENTS in forces else {})
+    return body | {
         "R_I_P": elements.R_I_P,
         "semi_latus_rectum": ellipse.semi_latus_rectum,
         "eccentricity": ellipse.eccentricity,
@@ -199,40 +215,50 @@ def _unit(q: Symbol) -> Symbol:
     return q / ca.norm_2(q)
 
 
-def _initial_state(parameters: Mapping[str, Symbol]) -> Symbol:
+def _initial_state(parameters: Mapping[str, Symbol], forces: Forces) -> Symbol:
+    attitude = ca.vertcat(_unit(parameters["target.attitude0"]), parameters["target.angularRate0"])
+    if forces:
+        return ca.vertcat(attitude, perturbed.initial_motion(parameters, forces))
     return ca.vertcat(
-        _unit(parameters["target.attitude0"]),
-        parameters["target.angularRate0"],
+        attitude,
         parameters["orbit.trueAnomaly0"],
         parameters["chaser.position0"],
         parameters["chaser.velocity0"],
     )
 
 
-def _nominal_state(parameters: Mapping[str, Symbol]) -> Symbol:
+def _nominal_state(parameters: Mapping[str, Symbol], forces: Forces) -> Symbol:
     """Sizes of the states: a component that crosses zero is held to the tolerance of its vector."""
     n = Elements.named(parameters).mean_motion
     spin = ca.fmax(ca.norm_2(parameters["target.angularRate0"]), n)
     reach = ca.norm_2(parameters["chaser.position0"])
     speed = ca.fmax(ca.norm_2(parameters["chaser.velocity0"]), n * reach)
-    return ca.vertcat(ca.SX.ones(4), ca.repmat(spin, 3), 1, ca.repmat(reach, 3), ca.repmat(speed, 3))
+    place = perturbed.nominal_place(parameters) if forces else 1
+    return ca.vertcat(ca.SX.ones(4), ca.repmat(spin, 3), place, ca.repmat(reach, 3), ca.repmat(speed, 3))
 
 
 def _attitude_rates(
-    part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol], gravity_gradient: int
+    part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol], turned: int, forces: Forces
 ) -> Symbol:
-    q_I_B, rate_B, true_anomaly = ca.vertsplit(part, [0, 4, 7, 8])
-    J, torque, anomaly_rate = constants["inertia"], inputs["target.torque"], ca.SX(0)
-    if gravity_gradient:
-        orbit, R_I_L = _place(true_anomaly, constants)
-        up_B = rotation_from_quaternion(_unit(q_I_B)).T @ R_I_L[:, 0]
-        torque += gravity_gradient_torque(J, up_B, orbit.stiffness)
-        anomaly_rate = orbit.anomaly_rate
+    """Rates of (q, ω, place); unless `turned`, by the torque input alone and with the place at rest."""
+    q_I_B, rate_B, place = ca.vertsplit(part, [0, 4, PLACE_START, part.numel()])
+    J, torque, place_rates = constants["inertia"], inputs["target.torque"], ca.SX(place.numel(), 1)
+    if turned:
+        R_I_B = rotation_from_quaternion(_unit(q_I_B))
+        if forces:
+            torque += perturbed.torque(place, R_I_B, rate_B, constants, forces)
+            place_rates = perturbed.place_rates(place, constants, forces)
+        else:
+            orbit, R_I_L = _place(place, constants)
+            torque += gravity_gradient_torque(J, R_I_B.T @ R_I_L[:, 0], orbit.stiffness)
+            place_rates = orbit.anomaly_rate
     acceleration = angular_acceleration(J, constants["inverse_inertia"], rate_B, torque)
-    return ca.vertcat(quaternion_rate(q_I_B, rate_B), acceleration, anomaly_rate)
+    return ca.vertcat(quaternion_rate(q_I_B, rate_B), acceleration, place_rates)
 
 
-def _orbit_rates(part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol]) -> Symbol:
+def _orbit_rates(part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol], forces: Forces) -> Symbol:
+    if forces:
+        return perturbed.motion_rates(part, inputs["chaser.acceleration"], constants, forces)
     true_anomaly, position_L, velocity_L = ca.vertsplit(part, [0, 1, 4, 7])
     orbit, _ = _place(true_anomaly, constants)
     acceleration = relative_acceleration(position_L, velocity_L, inputs["chaser.acceleration"], orbit)
@@ -240,27 +266,35 @@ def _orbit_rates(part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[
 
 
 def _output_values(
-    state: Sequence[Symbol], parameters: Mapping[str, Symbol], constants: Mapping[str, Symbol]
+    x: Symbol, parameters: Mapping[str, Symbol], constants: Mapping[str, Symbol], forces: Forces
 ) -> dict[str, Symbol]:
-    q_I_B, rate_B, true_anomaly, position_L, velocity_L = state
+    q_I_B, rate_B, part = ca.vertsplit(x, [0, 4, PLACE_START, x.numel()])
     J = constants["inertia"]
-    orbit, R_I_L = _place(true_anomaly, constants)
     q_I_B = _unit(q_I_B)
     R_I_B = rotation_from_quaternion(q_I_B)
-    position_C, velocity_C = target_from_chaser(position_L, velocity_L, orbit, R_I_L)
-    features_C = ca.repmat(position_C, 1, parameters["target.features"].shape[0]) + (
+    motion = perturbed.outputs(part, constants, forces) if forces else _motion_outputs(part, constants)
+    features_C = ca.repmat(motion["target.position"], 1, parameters["target.features"].shape[0]) + (
         R_I_B @ parameters["target.features"].T
     )
-    return {
+    return motion | {
         "features": features_C.T,
         "normals": (R_I_B @ parameters["target.normals"].T).T,
-        "target.position": position_C,
-        "target.velocity": velocity_C,
         "target.attitude": q_I_B,
         "target.angularRate": rate_B,
+        "target.rotationalEnergy": rotational_energy(J, rate_B),
+        "target.angularMomentum": angular_momentum(J, rate_B, R_I_B),
+    }
+
+
+def _motion_outputs(part: Symbol, constants: Mapping[str, Symbol]) -> dict[str, Symbol]:
+    """Outputs that follow from (θ, ρ, ρ̇)."""
+    true_anomaly, position_L, velocity_L = ca.vertsplit(part, [0, 1, 4, 7])
+    orbit, R_I_L = _place(true_anomaly, constants)
+    position_C, velocity_C = target_from_chaser(position_L, velocity_L, orbit, R_I_L)
+    return {
+        "target.position": position_C,
+        "target.velocity": velocity_C,
         "chaser.position": position_L,
         "chaser.velocity": velocity_L,
         "orbit.trueAnomaly": true_anomaly,
-        "target.rotationalEnergy": rotational_energy(J, rate_B),
-        "target.angularMomentum": angular_momentum(J, rate_B, R_I_B),
     }

@@ -3,6 +3,7 @@
 The FMU's XML, its C tables and the Python session are all derived from it.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
@@ -17,6 +18,19 @@ class Kind(StrEnum):
     OUTPUT = "output"
     STATE = "state"
     DERIVATIVE = "derivative"
+
+
+class Force(StrEnum):
+    """What acts besides point-mass gravity, the gravity gradient and the inputs; built into the unit or not."""
+
+    J2 = "j2"
+    DRAG = "drag"
+    LIGHT = "light"
+    EDDY_CURRENTS = "eddy currents"
+
+
+Forces = frozenset[Force]
+NO_FORCES: Forces = frozenset()
 
 
 @dataclass(frozen=True)
@@ -72,26 +86,26 @@ UNITS: dict[str, dict[str, int]] = {
     "kg.m2/s": {"kg": 1, "m": 2, "s": -1},
     "N.m": {"kg": 1, "m": 2, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
+    "m2/kg": {"m": 2, "kg": -1},
+    "kg/m3": {"kg": 1, "m": -3},
+    "N/m2": {"kg": 1, "m": -1, "s": -2},
+    "S.m4": {"A": 2, "s": 3, "m": 2, "kg": -1},
+    "T.m3": {"kg": 1, "m": 3, "s": -2, "A": -1},
 }
+AXES = ("xx", "yy", "zz", "xy", "xz", "yz")  # elements of a symmetric tensor
 
 
-def variable_table(feature_count: int) -> tuple[Variable, ...]:
+def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Variable, ...]:
     """All variables of the unit for a target with `feature_count` features, in the order of their kinds."""
     n = feature_count
     IN, PAR, OUT, STATE, RATE = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE
-    moments = {axes: f"moment of inertia about {axes[0]}" for axes in ("xx", "yy", "zz")}
-    products = {axes: f"{axes[0]},{axes[1]} element (minus the product of inertia)" for axes in ("xy", "xz", "yz")}
+    moments = {axes: f"moment of inertia about {axes[0]}" for axes in AXES[:3]}
+    products = {axes: f"{axes[0]},{axes[1]} element (minus the product of inertia)" for axes in AXES[3:]}
     inertia = [
         Variable(f"target.inertia.{axes}", PAR, "kg.m2", f"Target inertia tensor about its CoM, body axes: {what}")
         for axes, what in (moments | products).items()
     ]
-    states: tuple[tuple[str, str, str, str, tuple[int, ...]], ...] = (
-        ("attitude", "1", "1/s", "attitude, quaternion (w, x, y, z), body to inertial, not normalised", (4,)),
-        ("angularRate", "rad/s", "rad/s2", "angular rate of the target, body axes", (3,)),
-        ("trueAnomaly", "rad", "rad/s", "true anomaly of the target", ()),
-        ("position", "m", "m/s", "chaser from the target's CoM, LVLH axes", (3,)),
-        ("velocity", "m/s", "m/s2", "chaser's velocity in LVLH, LVLH axes", (3,)),
-    )
+    states = _states(perturbed=bool(forces))
     return (
         Variable("chaser.acceleration", IN, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,)),
         Variable("target.torque", IN, "N.m", "Torque on the target, body axes", (3,)),
@@ -111,6 +125,7 @@ def variable_table(feature_count: int) -> tuple[Variable, ...]:
         Variable("chaser.velocity0", PAR, "m/s", "Chaser's velocity in LVLH at the start, LVLH axes", (3,)),
         Variable("gravityGradient", PAR, "1", "Whether the gravity gradient acts", boolean=True, tunable=True),
         Variable("solver.tolerance", PAR, "1", "Relative tolerance of the integrator", tunable=True),
+        *(variable for force in Force if force in forces for variable in FORCE_PARAMETERS[force]),
         Variable("features", OUT, "m", "Positions of the features, frame C (chaser, inertial axes)", (n, 3)),
         Variable("normals", OUT, "1", "Outward unit normals at the features, frame C", (n, 3)),
         Variable("target.position", OUT, "m", "The target's CoM, frame C", (3,)),
@@ -119,12 +134,77 @@ def variable_table(feature_count: int) -> tuple[Variable, ...]:
         Variable("target.angularRate", OUT, "rad/s", "Angular rate of the target, body axes", (3,)),
         Variable("chaser.position", OUT, "m", "Chaser from the target's CoM, LVLH axes", (3,)),
         Variable("chaser.velocity", OUT, "m/s", "Chaser's velocity in LVLH, LVLH axes", (3,)),
-        Variable("orbit.trueAnomaly", OUT, "rad", "True anomaly of the target, not wrapped"),
+        Variable("orbit.trueAnomaly", OUT, "rad", _ANGLE if forces else "True anomaly of the target, not wrapped"),
         Variable("target.rotationalEnergy", OUT, "J", "Rotational energy of the target"),
         Variable("target.angularMomentum", OUT, "kg.m2/s", "Angular momentum about the CoM, inertial axes", (3,)),
+        *(_ORBIT_OUTPUTS if forces else ()),
         *(Variable(f"state.{name}", STATE, unit, f"State: {what}", shape) for name, unit, _, what, shape in states),
         *(
             Variable(f"der(state.{name})", RATE, unit, f"Derivative of the state: {what}", shape)
             for name, _, unit, what, shape in states
         ),
     )  # fmt: skip
+
+
+def forces_of(names: Iterable[str]) -> Forces:
+    """The forces that a unit has, by the names of its variables, scalars or arrays."""
+    stems = {name.partition("[")[0] for name in names}
+    return frozenset(force for force, own in FORCE_PARAMETERS.items() if own[0].name in stems)
+
+
+_ANGLE = "Angle that the target has gone around the centre since its periapsis, not wrapped"
+_ORBIT_OUTPUTS = (
+    Variable("orbit.position", Kind.OUTPUT, "m", "The target's CoM from the centre it circles, inertial axes", (3,)),
+    Variable("orbit.velocity", Kind.OUTPUT, "m/s", "Velocity of the target's CoM, inertial axes", (3,)),
+)  # fmt: skip
+FORCE_PARAMETERS = {
+    Force.J2: (
+        Variable("orbit.j2", Kind.PARAMETER, "1", "Second zonal coefficient of the central body, pole along z"),
+        Variable("orbit.equatorialRadius", Kind.PARAMETER, "m", "Equatorial radius to which the coefficient refers"),
+    ),
+    Force.DRAG: (
+        Variable("atmosphere.density", Kind.PARAMETER, "kg/m3", "Density of the atmosphere at the reference radius"),
+        Variable("atmosphere.referenceRadius", Kind.PARAMETER, "m", "Distance from the centre where the density holds"),
+        Variable("atmosphere.scaleHeight", Kind.PARAMETER, "m", "Height over which the density falls to 1/e"),
+        Variable("atmosphere.rotationRate", Kind.PARAMETER, "rad/s", "Rotation of the air about the inertial z axis"),
+        Variable("target.drag", Kind.PARAMETER, "m2/kg", "Target's drag coefficient times area over mass"),
+        Variable("chaser.drag", Kind.PARAMETER, "m2/kg", "Chaser's drag coefficient times area over mass"),
+    ),
+    Force.LIGHT: (
+        Variable("sun.direction", Kind.PARAMETER, "1", "Unit vector towards the Sun, inertial axes", (3,)),
+        Variable("sun.pressure", Kind.PARAMETER, "N/m2", "Pressure of the sunlight on a surface that absorbs it"),
+        Variable("sun.shadowRadius", Kind.PARAMETER, "m", "Radius of the sphere that casts the shadow"),
+        Variable("target.light", Kind.PARAMETER, "m2/kg", "Target's radiation coefficient times area over mass"),
+        Variable("chaser.light", Kind.PARAMETER, "m2/kg", "Chaser's radiation coefficient times area over mass"),
+    ),
+    Force.EDDY_CURRENTS: (
+        *(
+            Variable(f"target.magneticTensor.{axes}", Kind.PARAMETER, "S.m4", f"Magnetic tensor, body axes: {axes}")
+            for axes in AXES
+        ),
+        Variable("magneticField.dipole", Kind.PARAMETER, "T.m3", "Dipole of the magnetic field, inertial axes", (3,)),
+    ),
+}  # fmt: skip
+
+
+def _states(*, perturbed: bool) -> tuple[tuple[str, str, str, str, tuple[int, ...]], ...]:
+    """Name, unit, unit of the derivative, description and shape of each state."""
+    turning = (
+        ("attitude", "1", "1/s", "attitude, quaternion (w, x, y, z), body to inertial, not normalised", (4,)),
+        ("angularRate", "rad/s", "rad/s2", "angular rate of the target, body axes", (3,)),
+    )
+    if perturbed:
+        return (
+            *turning,
+            ("trueAnomaly", "rad", "rad/s", "angle that the target has gone around the centre", ()),
+            ("orbitPosition", "m", "m/s", "target from the centre of the central body, inertial axes", (3,)),
+            ("orbitVelocity", "m/s", "m/s2", "velocity of the target, inertial axes", (3,)),
+            ("position", "m", "m/s", "chaser from the target's CoM, inertial axes", (3,)),
+            ("velocity", "m/s", "m/s2", "chaser's velocity from the target's, inertial axes", (3,)),
+        )
+    return (
+        *turning,
+        ("trueAnomaly", "rad", "rad/s", "true anomaly of the target", ()),
+        ("position", "m", "m/s", "chaser from the target's CoM, LVLH axes", (3,)),
+        ("velocity", "m/s", "m/s2", "chaser's velocity in LVLH, LVLH axes", (3,)),
+    )

@@ -14,7 +14,7 @@ from baryscope.fmu.check.instance import FloatArray, Instance
 from baryscope.fmu.check.units import exponents_of_definition, unit_of
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.models.target import tumbling_target
-from baryscope.models.variables import UNITS, Kind, Variable, variable_table
+from baryscope.models.variables import UNITS, Forces, Kind, Variable, forces_of, variable_table
 
 _CAUSALITY = {Kind.INPUT: "input", Kind.PARAMETER: "parameter", Kind.OUTPUT: "output"}
 AGREEMENT = 1e-9  # of an array's largest element: libraries round differently
@@ -54,7 +54,7 @@ def table_findings(description: Any) -> Iterator[Finding]:
 
 def model_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
     """The binary computes from the start values in the XML what the equations give, variable by variable."""
-    system = tumbling_target(_feature_count(description))
+    system = tumbling_target(_feature_count(description), _forces(description))
     with Instance(folder, description, name) as instance:
         instance.initialise()
         there = {variable.name: variable for variable in description.modelVariables}
@@ -97,8 +97,12 @@ def _feature_count(description: Any) -> int:
     return max(3, round(sum(counts) / 3))
 
 
+def _forces(description: Any) -> Forces:
+    return forces_of(variable.name for variable in description.modelVariables)
+
+
 def _table(description: Any) -> tuple[Variable, ...]:
-    return variable_table(_feature_count(description))
+    return variable_table(_feature_count(description), _forces(description))
 
 
 def _entries(variable: Variable, description: Any) -> list[tuple[str, Variable, int]]:

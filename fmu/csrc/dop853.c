@@ -4,8 +4,6 @@
 
 #include "integrator.h"
 
-#include "dop853.h"
-
 #include <float.h>
 #include <math.h>
 #include <string.h>

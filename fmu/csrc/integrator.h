@@ -11,9 +11,10 @@
 #ifndef BARYSCOPE_INTEGRATOR_H
 #define BARYSCOPE_INTEGRATOR_H
 
+#include "dop853.h" /* and WIDTH, the states of the attitude; the orbit has fewer, the rest are zeros that stay zero */
+
 #include <stdbool.h>
 
-#define WIDTH 8 /* both parts of the unit have at most eight states; the rest are zeros that stay zero */
 #define DOP853_DENSE_ORDER 7
 #define TAYLOR_ORDER 20
 #define EACH(i) (int i = 0; i < WIDTH; i++)

@@ -4,7 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { ATTITUDE_SIZE = 8, ORBIT_START = 7, ORBIT_SIZE = 7 }; /* parts of the state; they share the true anomaly */
+/* Parts of the state; they share the target's place. */
+enum { ORBIT_START = 7, ATTITUDE_SIZE = ORBIT_START + PLACE_SIZE, ORBIT_SIZE = PLACE_SIZE + 6 };
 
 static void unit_reset(Unit *unit)
 {
@@ -49,7 +50,7 @@ static void attitude_rates(const void *unit, const double *state, double *rates)
 static void orbit_rates(const void *unit, const double *state, double *rates)
 {
     evaluate_rates(target_orbit_rates, unit, state, rates);
-    rates[ORBIT_SIZE] = 0.0;
+    for (int i = ORBIT_SIZE; i < WIDTH; i++) rates[i] = 0.0;
 }
 
 /* The quadratic part of the rates of the free attitude. */
@@ -60,8 +61,8 @@ static void free_attitude_products(const void *unit, const double *products, dou
     target_free_attitude_products(arguments, results, NULL, NULL, 0);
 }
 
-/* Without gravity gradient, the torque input is the only external torque, and it is constant over a step. */
-static bool attitude_is_free(const Unit *unit) { return unit->values[AT_GRAVITY_GRADIENT] == 0.0; }
+/* Without gravity gradient and eddy currents, the torque input is the only external torque, constant over a step. */
+static bool attitude_is_free(const Unit *unit) { return !ALWAYS_TURNED && unit->values[AT_GRAVITY_GRADIENT] == 0.0; }
 
 static void update_rates(Unit *unit)
 {
@@ -137,7 +138,7 @@ static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE])
     take_parameters(unit);
     memcpy(unit->attitude.scale, unit->scale, ATTITUDE_SIZE * sizeof *unit->scale);
     memcpy(unit->orbit.scale, unit->scale + ORBIT_START, ORBIT_SIZE * sizeof *unit->scale);
-    unit->orbit.scale[ORBIT_SIZE] = 1.0; /* the eighth place is not used */
+    for (int i = ORBIT_SIZE; i < WIDTH; i++) unit->orbit.scale[i] = 1.0; /* places that are not used */
     unit->attitude.step = unit->orbit.step = 0.0;
     start_integrators(unit);
     unit->integrators_stale = unit->inputs_changing = false;
@@ -155,14 +156,14 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
 
 /* ---- advancing ---- */
 
-/* Integrate the attitude until `elapsed` is reached or passed, without gravity gradient and with it. */
+/* Integrate the attitude until `elapsed` is reached or passed, free and under torques that depend on the place. */
 static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, double elapsed)
 {
     return taylor_advance(&unit->attitude, free_attitude_rates, free_attitude_products, unit, unit->tolerance, elapsed,
                           unit->inputs_changing);
 }
 
-static const char *advance_attitude_under_gravity_gradient(Unit *unit, double elapsed)
+static const char *advance_turned_attitude(Unit *unit, double elapsed)
 {
     return dop853_advance(&unit->attitude, attitude_rates, unit, unit->tolerance, elapsed, unit->inputs_changing);
 }
@@ -173,7 +174,7 @@ static const char *run_attitude(Unit *unit, double elapsed)
     const bool is_free = attitude_is_free(unit);
     const char *failure = NULL;
     if (unit->attitude.time < elapsed)
-        failure = (is_free ? advance_free_attitude : advance_attitude_under_gravity_gradient)(unit, elapsed);
+        failure = (is_free ? advance_free_attitude : advance_turned_attitude)(unit, elapsed);
     if (failure) return failure;
     (is_free ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, unit->values + AT_STATES, ATTITUDE_SIZE);
     return NULL;
@@ -192,7 +193,7 @@ static const char *run_orbit(Unit *unit, double elapsed)
 static const char *run_integrators(Unit *unit, double elapsed)
 {
     const char *failure = run_attitude(unit, elapsed);
-    /* Both hold the true anomaly; the orbit's is the one to keep, so it is written last. */
+    /* Both hold the target's place; the orbit's is the one to keep, so it is written last. */
     return failure ? failure : run_orbit(unit, elapsed);
 }
 

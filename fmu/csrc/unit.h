@@ -36,8 +36,9 @@ typedef struct {
 
 /* Values in the order of the table of variables: inputs, parameters, outputs, states, derivatives, time.
 
-   The attitude (q, w, true anomaly) and the orbit (true anomaly, position, velocity) are integrated separately, each with
-   steps of its own length; the attitude carries the true anomaly for the gravity gradient only. */
+   The attitude (q, w, place) and the orbit (place, position, velocity) are integrated separately, each with steps of its own
+   length. The place is where the target is on its orbit: the true anomaly, and with forces that change the orbit also the
+   position and velocity. The attitude carries it only for torques that depend on it. */
 typedef struct {
     double values[N_VALUES];
     double constants[N_CONSTANTS];

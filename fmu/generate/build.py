@@ -14,7 +14,6 @@ from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import PLATFORMS, X86_64_WINDOWS, FmiVersion, binary_members, host_platform
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
-from baryscope.models.target import tumbling_target
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
@@ -30,9 +29,9 @@ def build_fmu(
 ) -> Path:
     """Build the unit of a scenario for Co-Simulation and Model Exchange, with its sources.
 
-    The number of features is built in; every other number of the scenario becomes a start value, which importers
-    can change before initialization. Equal scenarios give equal files, whatever the folder; with "all", whatever
-    the machine, too, as long as the package ziglang is of the same version.
+    The number of features and the forces are built in; every other number of the scenario becomes a start value, which
+    importers can change before initialization. Equal scenarios give equal files, whatever the folder; with "all",
+    whatever the machine, too, as long as the package ziglang is of the same version.
 
     Args:
         scenario: gives the start values.
@@ -70,9 +69,9 @@ def describe_unit(
     scenario: Scenario, fmi: FmiVersion, *, scalar: bool = False, main: str = MAIN
 ) -> tuple[bytes, dict[str, bytes]]:
     """A unit's modelDescription.xml, and its C sources by name: `main` and the files that it includes."""
-    system = tumbling_target(len(scenario.features.points))
+    system = scenario.system
     parameters = scenario.flat_parameters()
-    equations, integrator = model_source(system), integrator_header()
+    equations, integrator = model_source(system), integrator_header(system)
 
     def sources(token: str) -> dict[str, bytes]:
         tables = tables_header(system, parameters, token, fmi, scalar)

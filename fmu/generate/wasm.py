@@ -9,7 +9,6 @@ from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import Platform
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
-from baryscope.models.target import tumbling_target
 
 WASM = Platform(
     "wasm32-wasi",
@@ -53,7 +52,7 @@ def build_wasm(scenario: Scenario, path: AnyPath, *, progress: Progress | None =
 
 def _variables(scenario: Scenario) -> str:
     variables, reference = [], 0
-    for variable in tumbling_target(len(scenario.features.points)).variables:
+    for variable in scenario.system.variables:
         variables.append(
             {
                 "name": variable.name,

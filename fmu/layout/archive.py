@@ -13,7 +13,7 @@ from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference, reference_table
 from baryscope.models.errors import InputError
 from baryscope.models.files import DISK_TROUBLE, unwritable
-from baryscope.models.variables import Kind, Variable, variable_table
+from baryscope.models.variables import Kind, Variable, forces_of, variable_table
 
 MODEL_NAME = "TumblingTarget"
 
@@ -28,7 +28,7 @@ class UnitFile:
         fmi: the version of FMI.
         guid: the token shared by description and library.
         model_identifier: stem of the library's name.
-        variables: the table of variables for its number of features.
+        variables: the table of variables for its number of features and its forces.
         table: the value references.
     """
 
@@ -125,7 +125,7 @@ def _tables(
     """The tables of variables and references that match the names and shapes in a modelDescription.xml."""
     features = [shape for name, shape in described if name.startswith("features")]
     count = features[0][0] if features and features[0] else len(features) // 3
-    variables = variable_table(count)
+    variables = variable_table(count, forces_of(name for name, _ in described))
     for scalar in (False, True):
         table = reference_table(variables, fmi, scalar)
         expected = [(r.name, r.shape) for r in table] + ([("time", ())] if fmi == 3 else [])

@@ -3,6 +3,7 @@
 Start with `load_scenario("envisat")`. Angles in files are in degrees; `Scenario.orbit` is in SI units.
 """
 
+from baryscope.models.scenario.forces import Drag, EddyCurrents, Light
 from baryscope.models.scenario.loading import load_scenario, preset_names, scenario_path
 from baryscope.models.scenario.orbit import OrbitTable, load_orbit, orbit_text, write_orbit
 from baryscope.models.scenario.scenario import Scenario
@@ -22,10 +23,13 @@ from baryscope.models.scenario.tables import (
 
 __all__ = [
     "Chaser",
+    "Drag",
+    "EddyCurrents",
     "FeaturePoint",
     "Features",
     "FileModel",
     "Interval",
+    "Light",
     "OrbitTable",
     "Outliers",
     "Run",

@@ -3,6 +3,7 @@
 Inertia, orbit, features and range are checked by the same expressions as in the unit, see `baryscope.models.checks`.
 """
 
+from collections.abc import Sequence
 from math import hypot, pi
 from typing import Any, Self
 
@@ -11,11 +12,12 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from baryscope.models.orbit import orbit_parameters
+from baryscope.models.scenario.forces import Drag, EddyCurrents, Light
 from baryscope.models.scenario.orbit import OrbitField
 from baryscope.models.scenario.schema import FileModel
 from baryscope.models.scenario.tables import Chaser, Features, Run, Sensor, Target, Tracking
-from baryscope.models.target import tumbling_target
-from baryscope.models.variables import Kind
+from baryscope.models.target import TumblingTarget, tumbling_target
+from baryscope.models.variables import AXES, Force, Forces, Kind
 
 MIN_SAMPLES = 3
 MAX_POSITIONS = 10_000_000  # samples × features: a wrong unit of sample_time must not fill the memory
@@ -29,6 +31,7 @@ class Scenario(FileModel):
         name: its preset name, or the stem of its file.
         description: one line for lists.
         orbit: in SI units, converted from the file's degrees. All other tables keep the units of the file.
+        drag, light, eddy_currents: forces that act where they are given; J2 acts where the orbit has it.
     """
 
     name: str = "scenario"
@@ -40,6 +43,9 @@ class Scenario(FileModel):
     tracking: Tracking = Tracking()
     sensor: Sensor = Sensor()
     run: Run = Run()
+    drag: Drag | None = None
+    light: Light | None = None
+    eddy_currents: EddyCurrents | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -67,10 +73,26 @@ class Scenario(FileModel):
                 f"run.duration: found {self.duration:g} s, in which the target makes {turns:.3g} turns, "
                 f"expected at most {MAX_TURNS} turns"
             )
-        failure = tumbling_target(len(self.features.points)).checks.failure(self.flat_parameters())
+        failure = self.system.checks.failure(self.flat_parameters())
         if failure is not None:
             raise ValueError(failure)
         return self
+
+    @property
+    def forces(self) -> Forces:
+        """What acts besides point-mass gravity, the gravity gradient and the inputs."""
+        given = {
+            Force.J2: self.orbit.j2,
+            Force.DRAG: self.drag,
+            Force.LIGHT: self.light,
+            Force.EDDY_CURRENTS: self.eddy_currents,
+        }
+        return frozenset(force for force, table in given.items() if table is not None)
+
+    @property
+    def system(self) -> TumblingTarget:
+        """The equations of this target: for its number of features, with its forces."""
+        return tumbling_target(len(self.features.points), self.forces)
 
     @property
     def duration(self) -> float:
@@ -85,11 +107,7 @@ class Scenario(FileModel):
 
     def parameters(self) -> dict[str, NDArray[np.float64]]:
         """The unit's parameters by name, arrays in the shapes of the table of variables."""
-        J = np.array(self.target.inertia)
-        axes = {"x": 0, "y": 1, "z": 2}
-        values: dict[str, Any] = {
-            f"target.inertia.{i}{j}": J[axes[i], axes[j]] for i, j in ("xx", "yy", "zz", "xy", "xz", "yz")
-        }
+        values: dict[str, Any] = _tensor("target.inertia", self.target.inertia)
         values |= {
             "target.features": [point.position for point in self.features.points],
             "target.normals": [point.normal for point in self.features.points],
@@ -100,11 +118,44 @@ class Scenario(FileModel):
             "chaser.velocity0": self.chaser.velocity,
             "gravityGradient": float(self.target.gravity_gradient),
             "solver.tolerance": self.run.tolerance,
+            **self._force_parameters(),
         }
         return {name: np.asarray(value, dtype=float) for name, value in values.items()}
 
     def flat_parameters(self) -> NDArray[np.float64]:
         """The unit's parameter vector p, in the order of the table of variables."""
         values = self.parameters()
-        table = tumbling_target(len(self.features.points)).of_kind(Kind.PARAMETER)
+        table = self.system.of_kind(Kind.PARAMETER)
         return np.concatenate([values[variable.name].ravel() for variable in table])
+
+    def _force_parameters(self) -> dict[str, Any]:
+        """The parameters that the unit has for its forces only."""
+        values: dict[str, Any] = {}
+        if self.orbit.j2 is not None:
+            values |= {"orbit.j2": self.orbit.j2, "orbit.equatorialRadius": self.orbit.equatorial_radius}
+        if self.drag is not None:
+            values |= {
+                "atmosphere.density": self.drag.density,
+                "atmosphere.referenceRadius": self.drag.reference_radius or self.orbit.semi_major_axis,
+                "atmosphere.scaleHeight": self.drag.scale_height,
+                "atmosphere.rotationRate": self.drag.rotation_rate,
+                "target.drag": self.drag.target,
+                "chaser.drag": self.drag.chaser,
+            }
+        if self.light is not None:
+            values |= {
+                "sun.direction": self.light.sun,
+                "sun.pressure": self.light.pressure,
+                "sun.shadowRadius": self.light.shadow_radius,
+                "target.light": self.light.target,
+                "chaser.light": self.light.chaser,
+            }
+        if self.eddy_currents is not None:
+            values |= _tensor("target.magneticTensor", self.eddy_currents.tensor)
+            values["magneticField.dipole"] = self.eddy_currents.dipole
+        return values
+
+
+def _tensor(name: str, rows: Sequence[Sequence[float]]) -> dict[str, Any]:
+    """The six parameters of a symmetric tensor."""
+    return {f"{name}.{axes}": rows["xyz".index(axes[0])]["xyz".index(axes[1])] for axes in AXES}

@@ -4,9 +4,10 @@ import re
 
 import pytest
 
-from baryscope.models.variables import UNITS, Kind, Variable, variable_table
+from baryscope.models.variables import FORCE_PARAMETERS, UNITS, Force, Kind, Variable, forces_of, variable_table
 
 COUNTS = [3, 8, 12]
+FORCES = [frozenset(), *(frozenset({force}) for force in Force), frozenset(Force)]
 BASE_UNITS = {"kg", "m", "s", "A", "K", "mol", "cd", "rad"}  # of FMI
 
 
@@ -31,9 +32,22 @@ def test_number_of_scalars(count):
     }
 
 
+@pytest.mark.parametrize("forces", FORCES, ids=", ".join)
+def test_forces_add_their_parameters_and_are_found_by_them(forces):
+    plain, table = variable_table(3), variable_table(3, forces)
+    parameters = [v.name for v in table if v.kind == Kind.PARAMETER]
+    assert parameters[: len(parameters) - sum(len(FORCE_PARAMETERS[f]) for f in forces)] == [
+        v.name for v in plain if v.kind == Kind.PARAMETER
+    ]
+    assert forces_of(parameters) == forces_of(n for v in table for n in v.scalar_names) == forces
+    assert (table == plain) == (not forces)
+    assert sum(v.size for v in table if v.kind == Kind.STATE) == (20 if forces else 14)
+
+
 @pytest.mark.parametrize("count", COUNTS)
-def test_every_variable_is_described(count):
-    for variable in variable_table(count):
+@pytest.mark.parametrize("forces", FORCES, ids=", ".join)
+def test_every_variable_is_described(count, forces):
+    for variable in variable_table(count, forces):
         assert variable.unit in UNITS
         assert variable.description == variable.description.strip() != ""
         assert len(variable.scalar_names) == variable.size
@@ -44,9 +58,10 @@ def test_every_variable_is_described(count):
             assert "(w, x, y, z)" in variable.description
 
 
-def test_a_derivative_stands_for_each_state():
+@pytest.mark.parametrize("forces", FORCES, ids=", ".join)
+def test_a_derivative_stands_for_each_state(forces):
     """Same shape, and the state's unit by the second."""
-    table = {variable.name: variable for variable in variable_table(3)}
+    table = {variable.name: variable for variable in variable_table(3, forces)}
     states = [variable for variable in table.values() if variable.kind == Kind.STATE]
     for state in states:
         rate = table[f"der({state.name})"]
