@@ -29,6 +29,7 @@ LAYERS = [
     ["estimator", "fmu"],
     ["study"],
     ["study.population"],
+    ["study.world"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
 ]

@@ -22,11 +22,25 @@ def path_bound(
     right: BoolArray,
     turn: FloatArray | None = None,
 ) -> FloatArray:
-    """Bound (n, 3, 3) of the covariance of the path in C at n times, m².
+    """Bound (n, 3, 3) of the covariance of the path in C at n times, m²; see `unknowns_bound`."""
+    of_x = unknowns_bound(jacobian, attitude, points, precision, right, turn)
+    return np.asarray(jacobian @ of_x @ np.swapaxes(jacobian, 1, 2))
 
-    jacobian (n, 3, p): of the path by its unknowns x; attitude (n, 3, 3) R_C_B; points (m, 3) in B; precision
-    (n, m, 3, 3) in C of the observations, used where right (n, m). turn (n, 3, t): rotation vectors in B by the
-    unknowns of the tumble; None leaves the attitudes free.
+
+def unknowns_bound(
+    jacobian: FloatArray,
+    attitude: FloatArray,
+    points: FloatArray,
+    precision: FloatArray,
+    right: BoolArray,
+    turn: FloatArray | None = None,
+    prior: FloatArray | float = 0.0,
+) -> FloatArray:
+    """Bound (p, p) of the covariance of the unknowns x of the path.
+
+    jacobian (n, 3, p): of the path by x; attitude (n, 3, 3) R_C_B; points (m, 3) in B; precision (n, m, 3, 3) in C of
+    the observations, used where right (n, m). turn (n, 3, t): rotation vectors in B by the unknowns of the tumble; None
+    leaves the attitudes free. prior (p,): information that is had on each of x.
     """
     n, m, p = len(jacobian), len(points), jacobian.shape[2]
     q = p + 3 * m
@@ -45,17 +59,18 @@ def path_bound(
         M[own, own] += block
     spread = np.sqrt(np.mean(np.sum(jacobian**2, axis=1), axis=0))
     M[np.arange(q), np.arange(q)] += np.concatenate([spread**2, np.ones(3 * m)]) / FAR**2
+    M[np.arange(p), np.arange(p)] += prior
     sizes = np.diag(M).copy()
     if turn is None:
         M -= np.tensordot(G, np.linalg.pinv(F, rcond=1e-12, hermitian=True) @ G, ([0, 1], [0, 1]))
         gauge = np.concatenate([np.zeros((p, 3)), K.reshape(3 * m, 3)])
         M += gauge @ gauge.T * (np.trace(M) / q)
-        return np.asarray(jacobian @ _inverse(M, sizes)[:p, :p] @ np.swapaxes(jacobian, 1, 2))
+        return _inverse(M, sizes)[:p, :p]
     by_turn = np.einsum("nit,niq->tq", turn, G, optimize=True)
     own_turn = np.einsum("nit,nij,nju->tu", turn, F, turn, optimize=True)
     weak = np.diag(np.ones(len(own_turn)))  # rad/s, or of the trace: no information
     full = np.block([[M, by_turn.T], [by_turn, own_turn + weak]])
-    return np.asarray(jacobian @ _inverse(full, np.diag(full))[:p, :p] @ np.swapaxes(jacobian, 1, 2))
+    return _inverse(full, np.diag(full))[:p, :p]
 
 
 def polynomial_jacobian(time: FloatArray, degree: int) -> FloatArray:

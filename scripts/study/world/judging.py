@@ -1,0 +1,97 @@
+"""One estimate in one draw of a world as a line of numbers, with the posterior bound."""
+
+import time as clock
+import warnings
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator import Failure, PathOptions, attempt
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
+from baryscope.study.population.information import rms, unknowns_bound
+from baryscope.study.population.judging import nees, of_estimate
+from baryscope.study.world.scenes import Scene, scene
+from baryscope.study.world.smoother import smoothed
+from baryscope.study.world.worlds import WORLDS
+
+FloatArray = NDArray[np.float64]
+
+TOLD = " told"  # ends the name of a method that is told the forces that can be told
+PEER = "smoother"
+
+
+@lru_cache(maxsize=1)
+def prepared(name: str, seed: int, draw: int) -> tuple[Scene, dict[str, float]]:
+    """A draw of a world and its bounds: with free attitudes, and with a free tumble where there is one."""
+    made = scene(WORLDS[name], seed, draw)
+    bounds = {"free": bound_of(made)}
+    if not made.world.eddy and not made.world.slip:
+        bounds["tumble"] = bound_of(made, made.turn)
+    return made, bounds
+
+
+def bound_of(made: Scene, turn: FloatArray | None = None) -> float:
+    """The posterior Cramér–Rao bound of the path's rms error, m.
+
+    Of forces it knows white acceleration by its density, the others exactly.
+    """
+    found = made.disturbance
+    n, m = len(made.time), len(made.points)
+    jacobian = np.concatenate([made.jacobian, found.columns], axis=2)
+    own = made.jacobian.shape[2]
+    prior = np.concatenate([np.zeros(own), 1 / found.variance])
+    precision = np.broadcast_to(np.eye(3) / made.world.noise**2, (n, m, 3, 3))
+    right = np.ones((n, m), dtype=bool)
+    of_x = unknowns_bound(jacobian, made.attitude, made.points, precision, right, turn, prior)
+    path = jacobian if found.moves_path else jacobian[:, :, :own]
+    size = path.shape[2]
+    return rms(path @ of_x[:size, :size] @ np.swapaxes(path, 1, 2))
+
+
+def judged(name: str, seed: int, draw: int, method: str) -> dict[str, Any]:
+    """The line of an estimate by a method, or by one that is told the forces."""
+    made, bounds = prepared(name, seed, draw)
+    line: dict[str, Any] = {"world": name, "seed": seed, "draw": draw, "method": method}
+    begin = clock.perf_counter()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            line |= _of_smoother(made) if method == PEER else _of_method(made, method)
+        except InputError as error:
+            line |= {"failure": "input error", "message": str(error)}
+        except Exception as error:
+            line |= {"failure": "crashed", "message": f"{type(error).__name__}: {error}"}
+    line["wall"] = round(clock.perf_counter() - begin, 3)
+    if caught:
+        line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
+    free = method.startswith(("pivot", "score", PEER)) or "tumble" not in bounds
+    return line | {"bound": bounds["free" if free else "tumble"]}
+
+
+def _of_smoother(made: Scene) -> dict[str, Any]:
+    found = smoothed(made.time, made.tracks.position, made.orbit, made.burns)
+    error = found.position - made.path
+    places = [0, len(error) // 2, len(error) - 1]
+    return {
+        "status": "good",
+        "announced": False,
+        "rmse": float(np.sqrt((error**2).sum(axis=1).mean())),
+        "predicted_rmse": rms(found.covariance),
+        "nees": [nees(error[k], found.covariance[k]) for k in places],
+        "density": found.density,
+    }
+
+
+def _of_method(made: Scene, method: str) -> dict[str, Any]:
+    name = method.removesuffix(TOLD)
+    orbit, options = made.orbit, PathOptions(trajectory="fixed" if made.orbit is None else None)
+    if method.endswith(TOLD) and orbit is not None and made.world.j2:
+        orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
+    found = attempt(made.tracks, method=name, orbit=orbit, options=options)
+    if isinstance(found, Failure):
+        return {"failure": found.reason, "message": found.message}
+    return of_estimate(found, made.path)

@@ -1,0 +1,73 @@
+"""The forces of the worlds, against the potential, energy, and each other."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from baryscope.models.orbit import EARTH_J2, EARTH_MU, EARTH_RADIUS, Orbit
+from baryscope.study.population.motion import orbit_state, relative_motion
+from baryscope.study.world.disturbances import MODES, disturbance_of
+from baryscope.study.world.forces import burns_of, eddy_torque, force_of, j2_acceleration
+from baryscope.study.world.scenes import INERTIA, RATE, orbit_of, scene
+from baryscope.study.world.worlds import LOW, WORLDS
+
+
+def test_j2_is_the_gradient_of_the_zonal_potential():
+    def potential(place):
+        r = np.linalg.norm(place)
+        return -EARTH_MU / r * EARTH_J2 * (EARTH_RADIUS / r) ** 2 * (1.5 * (place[2] / r) ** 2 - 0.5)
+
+    place, step = np.array([4e6, -3e6, 5e6]), 100.0
+    slope = [(potential(place + step * e) - potential(place - step * e)) / (2 * step) for e in np.eye(3)]
+    np.testing.assert_allclose(j2_acceleration(EARTH_MU, place[None])[0], slope, rtol=1e-7)
+
+
+def test_eddy_currents_brake_the_turn_across_the_field_only():
+    torque = eddy_torque(WORLDS["eddy currents"], INERTIA, lambda t: np.array([1.0, 0.0, 0.0]))
+    R = Rotation.random(4, random_state=2).as_matrix()
+    found = torque(0.0, R, np.tile(RATE, (4, 1)))
+    assert (found @ RATE < 0).all()
+    # two of the four fields would do: the torque is normal to one direction that stays in I
+    field = np.linalg.svd(np.einsum("kij,kj->ki", R, found))[2][2]
+    np.testing.assert_allclose(np.einsum("kij,kj->ki", R, found) @ field, 0, atol=1e-12 * np.abs(found).max())
+
+
+def test_elements_are_those_of_the_state():
+    orbit = Orbit(9000e3, 0.2, 1.1, 0.5, 0.8, 2.0)
+    state = orbit_state(orbit)
+    np.testing.assert_allclose(orbit_of(state[:3], state[3:], EARTH_MU).elements, orbit.elements, rtol=1e-10)
+
+
+def test_the_wrong_orbit_is_off_by_a_kilometre_and_a_degree():
+    made = scene(WORLDS["orbit file wrong"], 1, 0)
+    true = scene(WORLDS["J2"], 1, 0)
+    told, right = orbit_state(made.orbit), orbit_state(true.orbit)
+    assert abs(np.linalg.norm(told[:3]) - np.linalg.norm(right[:3])) < 1e3
+    assert np.linalg.norm(told[:3] - right[:3]) < 1e3 + np.deg2rad(1) * 7.2e6
+    np.testing.assert_array_equal(made.path, true.path)
+
+
+def test_a_column_of_white_acceleration_is_the_response_to_its_cosine():
+    world, time = WORLDS["white 1e-12"], np.linspace(0, 600, 7)
+    found = disturbance_of(world, LOW, time, np.zeros((7, 3)))
+    order, size = 3, 1e-5
+
+    def force(t, here, others):
+        return np.array([[0, 0, 0], [0, size * np.sqrt(2 / 600) * np.cos(np.pi * order * t / 600), 0]])
+
+    start = np.array([[0.0, -20, 0, 0, 0, 0]])
+    forced, coasted = (relative_motion(LOW, start, time, f)[0][0] for f in (force, None))
+    assert found.columns.shape == (7, 3, 3 * MODES)
+    np.testing.assert_allclose(found.columns[:, :, 3 * order + 1], -(forced - coasted) / size, rtol=1e-4, atol=1e-2)
+
+
+def test_burns_are_felt_while_they_last():
+    world, rng = WORLDS["thrust not logged"], np.random.default_rng(1)
+    burns = burns_of(world, rng)
+    force, breaks = force_of(world, rng, LOW, burns)
+    assert sorted(breaks) == breaks or len(breaks) == 6
+    here, others = orbit_state(LOW), np.array([[0.0, -20, 0, 0, 0, 0]])
+    first = burns[0]
+    size = np.linalg.norm(force((first.begin + first.end) / 2, here, others)[1])
+    assert 1e-3 <= np.linalg.norm(first.acceleration) <= 3e-3
+    assert size > 0
+    assert np.linalg.norm(force(max(burn.end for burn in burns) + 1, here, others)) == 0

@@ -1,0 +1,63 @@
+"""The smoother and the lines of the world suite."""
+
+import numpy as np
+import pytest
+
+from baryscope.study.population.judging import nees
+from baryscope.study.world.__main__ import main
+from baryscope.study.world.judging import judged, prepared
+from baryscope.study.world.report import band, table
+from baryscope.study.world.smoother import smoothed
+from baryscope.study.world.worlds import WORLDS
+
+
+def test_the_smoother_is_a_least_squares_fit_without_process_noise():
+    """A fixed pivot: c_k = g + R_k d, linear; the smoother's answer lies within its own deviation of that fit."""
+    made, _ = prepared("pivot slips", 3, 0)
+    found = smoothed(made.time, made.tracks.position, None)
+    centroid = made.tracks.position.mean(axis=1)
+    design = np.concatenate([np.tile(np.eye(3), (len(centroid), 1, 1)), made.attitude], axis=2)
+    best, *_ = np.linalg.lstsq(design.reshape(-1, 6), centroid.ravel(), rcond=None)
+    deviation = np.sqrt(np.trace(found.covariance[0]))
+    assert np.linalg.norm(found.position[0] - best[:3]) < deviation / 3
+    assert found.density == pytest.approx(WORLDS["pivot slips"].slip ** 2, rel=0.3)
+
+
+def test_the_smoother_finds_the_density_of_white_acceleration():
+    made, bounds = prepared("white 1e-10", 3, 0)
+    found = smoothed(made.time, made.tracks.position, made.orbit)
+    assert 1e-11 < found.density < 1e-9
+    middle = len(made.time) // 2
+    assert nees(found.position[middle] - made.path[middle], found.covariance[middle]) < 16.3
+    assert bounds["free"] < np.sqrt(np.trace(found.covariance, axis1=1, axis2=2).mean()) < 3 * bounds["free"]
+
+
+def test_bounds_of_white_acceleration_are_those_of_the_equations():
+    """equations.md: 0.65 mm at q = 0, 0.89 mm at 1e-12 and 2.2 mm at 1e-10 m²/s³, 3.5 °/s, of another draw."""
+    for name, expected in (("as modelled", 0.65e-3), ("white 1e-12", 0.89e-3), ("white 1e-10", 2.2e-3)):
+        _, bounds = prepared(name, 1, 1)
+        assert bounds["tumble"] == pytest.approx(expected, rel=0.1)
+        assert bounds["tumble"] <= bounds["free"]
+
+
+def test_the_band_is_that_of_chi_square():
+    low, high = band(100)
+    assert low < 3 < high
+    assert high - low == pytest.approx(2 * 1.96 * np.sqrt(6 / 100), rel=0.01)
+
+
+def test_a_row_is_the_mean_of_its_lines():
+    lines = [judged("pivot slips", 1, draw, "pivot") for draw in range(2)]
+    made = table(lines)
+    row = dict(zip(made.headings, made.rows[0], strict=True))
+    expected = 1e3 * np.sqrt(np.mean([line["rmse"] ** 2 for line in lines]))
+    assert float(row["rms error mm"]) == pytest.approx(expected, rel=5e-3)
+    assert float(row["NEES"]) == pytest.approx(np.mean([line["nees"] for line in lines]), rel=5e-3)
+
+
+def test_a_run_is_resumed_and_reported(tmp_path, capsys):
+    output = str(tmp_path / "worlds.jsonl")
+    for _ in range(2):
+        main(["run", "--draws", "1", "--worlds", "pivot slips", "--methods", "pivot,pivot told", "-o", output])
+    assert main(["report", output]) == 0
+    assert capsys.readouterr().out.count("| pivot |") == 1
