@@ -105,11 +105,10 @@ class _Model:
     @property
     def reversed(self) -> "_Model":
         """The same from the last frame to the first."""
-        back = np.linalg.inv(self.transition)
-        driven = back @ self.driven @ np.swapaxes(back, 1, 2)
-        known = -np.einsum("nij,nj->ni", back, self.known)
-        steps = (part[::-1] for part in (back, driven, known))
-        return _Model(self.observed[::-1], self.centroid[::-1], self.noise[::-1], *steps, self.moving)
+        back = np.asarray(np.linalg.inv(self.transition)[::-1])
+        driven = np.asarray(back @ self.driven[::-1] @ np.swapaxes(back, 1, 2))
+        known = -np.einsum("nij,nj->ni", back, self.known[::-1])
+        return _Model(self.observed[::-1], self.centroid[::-1], self.noise[::-1], back, driven, known, self.moving)
 
 
 def _noise(poses: Poses, arm: FloatArray) -> FloatArray:
@@ -148,7 +147,8 @@ def _filtered(
     axes = model.observed[0, :, :3]
     x = np.tile(np.concatenate([axes.T @ model.centroid[0], np.zeros(6)]), (c, 1))
     P = np.tile(np.diag(VAGUE**2 * np.repeat([1.0, model.moving, 1.0], 3)), (c, 1, 1))
-    likelihood, history = np.zeros(c), []
+    likelihood: FloatArray = np.zeros(c)
+    history: list[tuple[FloatArray, ...]] = []
     for k, H in enumerate(model.observed):
         if k:
             F = model.transition[k - 1]
