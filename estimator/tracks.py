@@ -14,6 +14,7 @@ from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
+from baryscope.models.ephemeris.utc import utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes, write_together
 from baryscope.models.words import counted
@@ -28,7 +29,8 @@ class FeatureTracks:
     """Positions of labelled features in frame C (origin at the chaser, inertial axes), frame by frame.
 
     time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN where a feature is not seen;
-    covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around.
+    covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around; epoch:
+    UTC of time 0 in ISO 8601, or None if it is not known.
 
     Times, steps, positions and covariances lie within the ranges of `limits`.
 
@@ -40,14 +42,21 @@ class FeatureTracks:
     position: FloatArray
     labels: tuple[str, ...]
     covariance: FloatArray | None
+    epoch: str | None
 
     def __init__(
-        self, time: ArrayLike, position: ArrayLike, labels: Sequence[str], covariance: ArrayLike | None = None
+        self,
+        time: ArrayLike,
+        position: ArrayLike,
+        labels: Sequence[str],
+        covariance: ArrayLike | None = None,
+        epoch: str | None = None,
     ) -> None:
         object.__setattr__(self, "time", _floats(time, "time"))
         object.__setattr__(self, "position", _floats(position, "position"))
         object.__setattr__(self, "labels", tuple(map(_label, labels)))
         object.__setattr__(self, "covariance", None if covariance is None else _floats(covariance, "covariance"))
+        object.__setattr__(self, "epoch", None if epoch is None else utc_text(utc_of(epoch, "epoch")))
         self._check_shapes()
         self._check_values()
 
@@ -60,16 +69,16 @@ class FeatureTracks:
     def read_csv(cls, path: AnyPath) -> "FeatureTracks":
         """Read a file of one row per observation, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
 
-        A row with an empty position means that the feature is not seen. If the feature is empty, too, the row only
-        gives the time of a frame without observations.
+        Times are seconds, or UTC in ISO 8601; time 0 is then the earliest. A row with an empty position means that the
+        feature is not seen. If the feature is empty, too, the row only gives the time of a frame without observations.
 
         Raises:
             InputError: one line that names file, line and column, what was found and what was expected.
         """
         table = read_table(read_bytes(path, FORM.what), str(path), FORM)
-        arrays = arrays_of(table)
+        arrays, epoch = arrays_of(table), table.columns.epoch
         try:
-            return cls(*arrays)
+            return cls(*arrays, epoch=None if epoch is None else utc_text(epoch))
         except InputError as error:
             refuse_covariances(table)  # names the line if a covariance is the cause
             raise InputError(f"{path}: {error}") from error
@@ -93,7 +102,7 @@ class FeatureTracks:
         if self.covariance is not None:
             values += [self.covariance[frame, feature, row, column] for row, column in UPPER]
         columns: list[list[object]] = [
-            np.concatenate([self.time[frame], self.time[blank]]).tolist(),
+            _times(np.concatenate([self.time[frame], self.time[blank]]), self.epoch),
             [*(self.labels[index] for index in feature.tolist()), *[""] * len(blank)],
             *(_cells(column, seen[frame, feature], len(blank)) for column in values),
         ]
@@ -184,6 +193,14 @@ def _floats(values: ArrayLike, name: str) -> FloatArray:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is not an array of numbers") from error
+
+
+def _times(time: FloatArray, epoch: str | None) -> list[object]:
+    """Times (n,) as numbers, or as UTC texts if the epoch is known."""
+    if epoch is None:
+        return list(time.tolist())
+    moments = utc_of(epoch, "epoch") + np.round(time * 1e9).astype("timedelta64[ns]")
+    return [utc_text(moment) for moment in moments]
 
 
 def _cells(values: FloatArray, seen: BoolArray, blanks: int) -> list[object]:

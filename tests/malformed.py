@@ -283,7 +283,15 @@ TRACKS = {
         HEADER + '"0,5",a,"1,25","2,5","3"\n',
         ["column time", "'0,5'", "with a decimal point"],
     ),
-    "ISO dates": (HEADER + "2026-05-01T12:00:00Z,a,1,2,3\n", ["line 2", "column time", "seconds, not a date"]),
+    "local times": (HEADER + "2026-05-01T12:00:00+02:00,a,1,2,3\n", ["line 2", "column time", "seconds, not a date"]),
+    "UTC after seconds": (
+        HEADER + "0,a,1,2,3\n2026-05-01T12:00:00Z,a,1,2,3\n",
+        ["line 3", "column time", "a number of seconds", "or, from the first row on, a UTC time as"],
+    ),
+    "seconds after UTC": (
+        HEADER + "2026-05-01T12:00:00Z,a,1,2,3\n1,a,1,2,3\n",
+        ["line 3", "column time", "found '1'", "expected a UTC time as"],
+    ),
     "times of day": (HEADER + "12:00:01.5,a,1,2,3\n", ["line 2", "column time", "not a date or a time of day"]),
     "one cell": (HEADER + "0\n", ["line 2: 1 cell, expected 5"]),
     "not a number": (HEADER + "0,a,1,2,3\n0,b,1,far,3\n", ["line 3", "column y", "'far'", "number"]),

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 
 from baryscope.estimator.tables.form import Form
+from baryscope.models.ephemeris.utc import EXPECTED
 
 SEPARATORS = {"\t": "tabs", ";": "semicolons", "|": "bars", " ": "blanks"}
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d*(e[+-]?\d+)?\s*", re.IGNORECASE)
@@ -35,7 +36,7 @@ def wanted_of(cell: str) -> str:
     if DECIMAL_COMMA.fullmatch(cell):
         return "a finite number, with a decimal point"
     if DATE.fullmatch(cell):
-        return "a number of seconds, not a date or a time of day"
+        return f"a number of seconds, not a date or a time of day; or, from the first row on, {EXPECTED}"
     return "a finite number"
 
 

@@ -11,20 +11,26 @@ IntArray = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Form:
-    """The form of a table: required columns, optional columns (all or none), and the one column of text."""
+    """The form of a table: required columns, optional columns (all or none), the one column of text, if any, and the
+    column that may hold UTC times, if any."""
 
     what: str  # "feature tracks in CSV", for errors
     required: tuple[str, ...]
-    optional: tuple[str, ...]
-    label: str
+    optional: tuple[str, ...] = ()
+    label: str = ""
+    clock: str = ""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a table: numbers (rows,) with NaN for empty cells, and one text column as codes."""
+    """Columns of a table: numbers (rows,) with NaN for empty cells, and one text column as codes.
+
+    epoch: the moment from which the column of times counts, the earliest in the file, if it holds UTC times.
+    """
 
     numbers: dict[str, FloatArray]
     labels: tuple[
         str, ...
     ]  # distinct texts in the order of appearance, without blanks around and without the empty one
     codes: IntArray  # (rows,) index into labels, -1 where the cell is empty
+    epoch: np.datetime64 | None = None

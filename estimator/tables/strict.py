@@ -4,10 +4,13 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from itertools import islice
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from baryscope.estimator.tables.causes import has_decimal_commas, looks_like_numbers, separator_of, wanted_of
+from baryscope.estimator.tables.clock import Clock
 from baryscope.estimator.tables.form import Columns, FloatArray, Form, IntArray
 from baryscope.models.errors import InputError
 from baryscope.models.words import counted
@@ -24,7 +27,8 @@ def read_strict(text: str, source: str, form: Form) -> Columns:
     header = read_header(text, source, form)
     labels: dict[str, int] = {}
     codes: list[IntArray] = []
-    chunks: dict[str, list[FloatArray]] = {name: [] for name in header if name != form.label}
+    chunks: dict[str, list[NDArray[Any]]] = {name: [] for name in header if name != form.label}
+    clock: Clock | None = None
     rows = data_rows(text, source)
     while chunk := list(islice(rows, CHUNK)):
         for line, cells in chunk:
@@ -34,18 +38,26 @@ def read_strict(text: str, source: str, form: Form) -> Columns:
                     wanted += ", numbers with a decimal point, not a comma"
                 raise InputError(f"{source}, line {line}: {counted(len(cells), 'cell')}, expected {wanted}")
         columns = dict(zip(header, zip(*(cells for _, cells in chunk), strict=True), strict=True))
-        texts = [cell.strip() for cell in columns[form.label]]
+        texts = [cell.strip() for cell in columns.get(form.label, ())]
         for text_cell in texts:
             if text_cell and text_cell not in labels:
                 labels[text_cell] = len(labels)
         codes.append(np.array([labels.get(cell, -1) for cell in texts], dtype=np.intp))
         lines = [line for line, _ in chunk]
+        if form.clock and clock is None:
+            clock = Clock.of(columns[form.clock])
         for name, parts in chunks.items():
-            parts.append(_numbers(columns[name], name, lines, source))
+            if name == form.clock and clock is not None:
+                parts.append(clock.nanoseconds(columns[name], lines, f"column {name}", source))
+            else:
+                parts.append(_numbers(columns[name], name, lines, source))
     if not codes:
         raise InputError(f"{source}: no rows below the header, expected at least one")
     numbers = {name: np.concatenate(parts) for name, parts in chunks.items()}
-    return Columns(numbers, tuple(labels), np.concatenate(codes))
+    epoch = None
+    if clock is not None:
+        numbers[form.clock], epoch = clock.seconds(numbers[form.clock])
+    return Columns(numbers, tuple(labels), np.concatenate(codes), epoch)
 
 
 def read_header(text: str, source: str, form: Form) -> list[str]:
@@ -55,7 +67,7 @@ def read_header(text: str, source: str, form: Form) -> list[str]:
         InputError: a name that is missing, unknown or there twice, or no header at all.
     """
     required, optional = form.required, form.optional
-    wanted = f"{','.join(required)} and, if known, {','.join(optional)}"
+    wanted = ",".join(required) + (f" and, if known, {','.join(optional)}" if optional else "")
     first = text.lstrip("\n").partition("\n")[0]
     if separator := separator_of(first, form):
         raise InputError(f"{source}, line 1: columns separated by {separator}, expected commas, and points in numbers")

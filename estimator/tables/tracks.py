@@ -16,7 +16,7 @@ COLUMNS = ("time", "feature", "x", "y", "z")
 COVARIANCE_COLUMNS = ("cxx", "cxy", "cxz", "cyy", "cyz", "czz")
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # matrix elements of the six columns
 MOST_PLACES = 10**8  # frames times features: 2.4 GB of positions, three times that of covariances
-FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature")
+FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature", "time")
 
 
 def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], FloatArray | None]:

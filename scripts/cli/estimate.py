@@ -95,6 +95,7 @@ def estimate_file(
     *,
     method: str | None = None,
     orbit: Path | None = None,
+    epoch: str | None = None,
     path: PathChoices | None = None,
     screws: ScrewChoices | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
@@ -107,8 +108,8 @@ def estimate_file(
     Parameters
     ----------
     tracks
-        A CSV file with the columns time,feature,x,y,z (s, m; chaser at the origin, inertial axes), and optionally
-        cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation).
+        A CSV file with the columns time,feature,x,y,z (s or UTC, m; chaser at the origin, inertial axes), and
+        optionally cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation).
     method
         pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
         free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass
@@ -116,8 +117,10 @@ def estimate_file(
         screws. screw-raw: the same with three raw points. Default: pivot; screw-gpa with an option of the screw
         methods.
     orbit
-        The target's orbit at time 0, a TOML file with a table [orbit]; `baryscope simulate` writes it beside its
-        tracks.
+        The target's orbit: a TOML file with a table [orbit], which `baryscope simulate` writes beside its tracks, or a
+        TLE, OMM or OEM. The axes of the tracks are those of the orbit: TEME for a TLE or OMM.
+    epoch
+        UTC of time 0, for a TLE, OMM, OEM or an orbit with an epoch. Default: that of tracks with UTC times.
     output
         The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file.
         Default: the tracks' name with .estimate.csv.
@@ -131,11 +134,11 @@ def estimate_file(
     if for_path["trajectory"] == "relative-orbit" and orbit is None:
         raise InputError("--trajectory relative-orbit: needs the target's orbit, expected --orbit ORBIT.toml")
     refuse_overwriting([target, target.with_suffix(".json")], [tracks, *([] if orbit is None else [orbit])])
-    known_orbit = None if orbit is None else load_orbit(orbit)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = FeatureTracks.read_csv(csv_path(tracks))
             refuse_implausible(data, str(tracks))
+            known_orbit = None if orbit is None else load_orbit(orbit, _epoch(data, epoch))
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, progress=share)
     write_estimate(result, target)
@@ -143,6 +146,17 @@ def estimate_file(
     words = [_headline(result, target), *(f"  {line}" for line in summary(result)), f"  more in {diagnostics}"]
     show.result(json.loads(diagnostics.read_text(encoding="utf-8")), *words)
     return 0 if result.status.trustworthy else UNTRUSTED
+
+
+def _epoch(tracks: FeatureTracks, given: str | None) -> str | None:
+    """The UTC of time 0, as given on the command line or by the tracks.
+
+    Raises:
+        InputError: both give it.
+    """
+    if given is not None and tracks.epoch is not None:
+        raise InputError(f"--epoch: found {given} beside tracks with UTC times, expected one of the two")
+    return tracks.epoch if given is None else given
 
 
 def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, Any]) -> tuple[str, Options]:

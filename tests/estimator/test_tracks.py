@@ -122,3 +122,24 @@ def test_failed_write_leaves_no_file(tmp_path):
     with pytest.raises(InputError):
         tracks.write_csv(tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_utc_times_are_seconds_from_the_earliest(tmp_path):
+    """Rows in any order; written, they are UTC times again."""
+    path, again = tmp_path / "tracks.csv", tmp_path / "again.csv"
+    rows = ["2026-03-01T12:00:01.25Z,b,1,2,3", "2026-03-01T12:00:00.000002Z,a,4,5,6", "2026-060T12:00:00,,,,"]
+    path.write_text("\n".join(["time,feature,x,y,z", *rows, ""]), encoding="utf-8")
+    tracks = FeatureTracks.read_csv(path)
+    assert tracks.epoch == "2026-03-01T12:00:00Z"
+    np.testing.assert_array_equal(tracks.time, [0, 2e-6, 1.25])
+    tracks.write_csv(again)
+    read = FeatureTracks.read_csv(again)
+    np.testing.assert_array_equal(read.time, tracks.time)
+    np.testing.assert_array_equal(read.position, tracks.position)
+    assert (read.epoch, read.labels) == (tracks.epoch, tracks.labels)
+
+
+def test_an_epoch_is_a_utc_time():
+    with pytest.raises(InputError, match="epoch: found 'now', expected a UTC time"):
+        FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"], epoch="now")
+    assert FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"]).epoch is None

@@ -24,3 +24,24 @@ def tracks(tmp_path):
 def test_one_of_anything_is_singular(tracks, capsys):
     assert app.main(["estimate", str(tracks), "--trajectory", "fixed"]) == 0
     assert "60 positions from 1 cluster, 100 % of the times covered" in capsys.readouterr().out
+
+
+TLE = """\
+1 00005U 58002B   00179.78495062  .00000023  00000-0  28098-4 0  4753
+2 00005  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413667
+"""
+
+
+def test_a_tle_needs_the_utc_of_the_tracks(tracks, tmp_path, capsys):
+    orbit, dated = tmp_path / "satellite.tle", tmp_path / "dated.csv"
+    orbit.write_text(TLE, encoding="utf-8")
+    read = FeatureTracks.read_csv(tracks)
+    FeatureTracks(read.time, read.position, read.labels, epoch="2000-06-28T00:00:00Z").write_csv(dated)
+    command = ["--orbit", str(orbit), "--trajectory", "fixed"]
+    assert app.main(["estimate", str(dated), *command]) == 0
+    assert app.main(["estimate", str(tracks), *command, "--epoch", "2000-06-28T00:00:00Z"]) == 0
+    capsys.readouterr()
+    assert app.main(["estimate", str(tracks), *command]) == 2
+    assert "mean elements of 2000-06-27T18:50:19.734Z, but when time 0" in capsys.readouterr().err
+    assert app.main(["estimate", str(dated), *command, "--epoch", "2000-06-28"]) == 2
+    assert "--epoch: found 2000-06-28 beside tracks with UTC times" in capsys.readouterr().err

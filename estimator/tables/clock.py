@@ -1,0 +1,44 @@
+"""Times of a table that are UTC texts, as seconds from the earliest of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.tables.form import FloatArray
+from baryscope.models.ephemeris.utc import FORM, Moment, utc_of
+
+EMPTY = np.iinfo(np.int64).min  # of nanoseconds
+
+
+class Clock:
+    """Reads the cells of a column of UTC times; a time that stands in many rows is read once."""
+
+    def __init__(self, first: Moment) -> None:
+        self.first = first
+        self._known: dict[str, int] = {"": EMPTY}
+
+    @classmethod
+    def of(cls, cells: Sequence[str]) -> "Clock | None":
+        """The clock of a column whose first cell that is not empty is a UTC time; None for any other."""
+        first = next((cell for cell in cells if cell.strip()), "")
+        return cls(utc_of(first, "time")) if FORM.fullmatch(first) else None
+
+    def nanoseconds(self, cells: Sequence[str], lines: Sequence[int], column: str, source: str) -> NDArray[np.int64]:
+        """Nanoseconds (rows,) from the first cell, EMPTY for empty cells.
+
+        Raises:
+            InputError: a cell that is no UTC time; names its line and column.
+        """
+        for cell, line in zip(cells, lines, strict=True):
+            if cell not in self._known:
+                moment = utc_of(cell, f"{source}, line {line}, {column}") if cell.strip() else None
+                self._known[cell] = EMPTY if moment is None else int((moment - self.first).astype(np.int64))
+        return np.array([self._known[cell] for cell in cells], dtype=np.int64)
+
+    def seconds(self, nanoseconds: NDArray[np.int64]) -> tuple[FloatArray, Moment]:
+        """Seconds (rows,) from the earliest of the times, NaN for empty cells, and the moment of that."""
+        empty = nanoseconds == EMPTY
+        earliest = int(nanoseconds[~empty].min(initial=np.iinfo(np.int64).max)) if not empty.all() else 0
+        seconds = np.where(empty, np.nan, (nanoseconds - earliest) / 1e9)
+        return seconds, self.first + np.timedelta64(earliest, "ns")
