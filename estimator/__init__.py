@@ -1,7 +1,7 @@
 """From tracks of features to the path of the centre of mass; the arrows name modules in the order of the data.
 
 - screws: tracks → intervals → procrustes → screws of a method → low_pass → intersection → polynomial → result.
-- pivot: tracks → screening → clusters → drift, degree → refinement → tie_points → lack_of_fit → diagnostics → result.
+- pivot: tracks → screening → clusters → drift → refinement → tie_points → lack_of_fit → diagnostics → result.
 - ml: pivot → relabelling → initial_tumble → likelihood → diagnostics → result.
 - ekf: tracks → screening → start → guess → passes of a bank of filters → smoother → diagnostics → result.
 - score: tracks → screening → clusters → least squares of a fixed centre → diagnostics → result.

@@ -123,7 +123,7 @@ def _path(scenario: Scenario, trajectory: str | None, time: FloatArray) -> Path:
     kind = trajectory_of(trajectory, scenario.orbit)
     if kind.kind == "polynomial" and kind.degree is None:
         raise InputError("trajectory is polynomial, expected its degree for a bound, polynomial:N")
-    return kind.path(scenario.orbit, float(time[0]), float(time[-1]), degree=0)
+    return kind.path(scenario.orbit, float(time[0]), float(time[-1]))
 
 
 def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, FloatArray]:

@@ -14,6 +14,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.options import HIGHEST_DEGREE
 from baryscope.models.errors import InputError
@@ -24,6 +25,8 @@ from baryscope.models.relative_orbit import relative_path, relative_transition
 FloatArray = NDArray[np.float64]
 
 ARC = 0.01  # rad of true anomaly between nodes: the spline's error is 5/384 ARC⁴ of the distance, 3 nm at 20 m
+FIXED = "fixed"
+SMOOTH_DEGREE = 20  # of a smooth path: enough for half a turn of a circle to 1e-14 of its radius, for three to 1e-3
 TRAJECTORIES = "fixed, polynomial, polynomial:N or relative-orbit"
 
 
@@ -44,8 +47,17 @@ class Path(Protocol):
         """The path at times (n,) in s."""
         ...
 
+    @property
+    def prior(self) -> Prior:
+        """The prior of x."""
+        ...
+
     def rate_at(self, time: FloatArray) -> "SampledPath":
         """The velocity at times (n,) in s: a sampled path in m/s instead of m."""
+        ...
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
+        """The gravity gradient (n, 3, 3) along the orbit in C, 1/s²; None if the model has none."""
         ...
 
 
@@ -59,6 +71,14 @@ class SampledPath:
     def covariance(self, of_x: FloatArray) -> FloatArray:
         """The covariance (n, 3, 3) of the positions, m², for the covariance (p, p) of x."""
         return np.asarray(self.jacobian @ of_x @ np.swapaxes(self.jacobian, 1, 2))
+
+    def extended(self, columns: FloatArray) -> "SampledPath":
+        """The path with further unknowns, of which it is a linear function with columns (n, 3, k)."""
+        size = self.jacobian.shape[2]
+        return SampledPath(
+            np.concatenate([self.jacobian, columns], axis=2),
+            lambda x: self.position(x[:size]) + columns @ x[size:],
+        )
 
     def lengths(self, directions: FloatArray) -> FloatArray:
         """The rms displacement (k,) of the path, m, for changes (p, k) of x."""
@@ -76,12 +96,20 @@ class Polynomial:
     @property
     def name(self) -> str:
         """The model's name, as on the command line."""
-        return f"polynomial:{self.degree}" if self.degree else "fixed"
+        return f"polynomial:{self.degree}" if self.degree else FIXED
 
     @property
     def size(self) -> int:
         """The number of unknowns."""
         return 3 * (self.degree + 1)
+
+    @property
+    def prior(self) -> Prior:
+        """No prior."""
+        return Prior.none(self.size)
+
+    def gravity_gradient(self, time: FloatArray) -> None:
+        """None: a polynomial knows no forces."""
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
@@ -106,6 +134,29 @@ class Polynomial:
 
 
 @dataclass(frozen=True)
+class Smooth(Polynomial):
+    """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease geometrically.
+
+    Those of a function that is analytic around the time span do (Trefethen, Approximation Theory and Approximation
+    Practice, theorem 8.1). The prior variance of coefficient j ≥ 1 is that of the first times decay^(j − 1); both
+    are hyperparameters. It takes the place of the choice of a degree, with its uncertainty.
+    """
+
+    @property
+    def name(self) -> str:
+        """The model's name, as on the command line."""
+        return "polynomial"
+
+    @property
+    def prior(self) -> Prior:
+        """That of the coefficients; the constant has none."""
+        order = np.repeat(np.arange(self.degree), 3)
+        slopes = np.column_stack([np.ones(len(order)), order.astype(np.float64)])
+        parameters = (Hyperparameter("first coefficient"), Hyperparameter("decay", np.log(1e-8), 0.0))
+        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters))
+
+
+@dataclass(frozen=True)
 class RelativeOrbit:
     """Free relative motion on a known orbit: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch in s, (6,), all in m.
 
@@ -117,6 +168,22 @@ class RelativeOrbit:
 
     name = "relative-orbit"
     size = 6
+
+    @property
+    def prior(self) -> Prior:
+        """No prior."""
+        return Prior.none(self.size)
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray:
+        """The gravity gradient (n, 3, 3) at the target in C, 1/s²: μ/r³ (3 u uᵀ − 1), u the radial direction."""
+        radial = lvlh_attitude(self.orbit, time)[:, :, 0]
+        # r² θ̇ is the angular momentum √(μ p).
+        mu, semi_latus = (
+            self.orbit.gravitational_parameter,
+            self.orbit.semi_major_axis * (1 - self.orbit.eccentricity**2),
+        )
+        cubed = (np.sqrt(mu * semi_latus) / lvlh_rate(self.orbit, time)) ** 1.5
+        return np.asarray((3 * radial[:, :, None] * radial[:, None] - np.eye(3)) * (mu / cubed)[:, None, None])
 
     @property
     def scale(self) -> FloatArray:
@@ -164,11 +231,11 @@ class Trajectory:
     kind: str
     degree: int | None = None
 
-    def path(self, orbit: Orbit | None, begin: float, end: float, degree: int) -> Path:
-        """The path over begin … end in s; `degree` is used for a polynomial without a given degree."""
+    def path(self, orbit: Orbit | None, begin: float, end: float) -> Path:
+        """The path over begin … end in s; a polynomial without a given degree is a smooth path."""
         if self.kind == "relative-orbit" and orbit is not None:
             return RelativeOrbit(orbit, (begin + end) / 2)
-        return Polynomial(degree if self.degree is None else self.degree, begin, end)
+        return Smooth(SMOOTH_DEGREE, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
 
 
 def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:
@@ -183,7 +250,7 @@ def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:
         return Trajectory("polynomial" if orbit is None else "relative-orbit")
     if text == "relative-orbit" and orbit is None:
         raise InputError("trajectory is relative-orbit, which needs the target's orbit; expected an orbit")
-    if text == "fixed":
+    if text == FIXED:
         return Trajectory("polynomial", 0)
     kind, _, number = text.partition(":")
     if text in ("polynomial", "relative-orbit"):

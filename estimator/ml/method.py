@@ -74,29 +74,44 @@ class _Prior:
     """A weak Gaussian prior on inertia and path, for directions that the tracks do not determine.
 
     The inertia's mean is a sphere's, with PRIOR_INERTIA_DEVIATION. The path's mean is that of `pivot` (x0), with an rms
-    deviation of the target's distance. information (q, q) on (rate and inertia, x), in the units of the weights.
+    deviation of the target's distance. information (q, q) on (rate and inertia, x), in the units of the weights. The
+    path's own prior has the mean zero, and the precision (p,) that `pivot` found, in the same units.
     """
 
     information: FloatArray
     x0: FloatArray
+    precision: FloatArray
 
     @classmethod
-    def of(cls, path: SampledPath, x0: FloatArray, variance: float) -> "_Prior":
+    def of(cls, pivot: Pivot, variance: float) -> "_Prior":
         """The prior for observations of weight 1 with this variance."""
+        path, x0 = pivot.sampled, pivot.solution.x
         distance = np.linalg.norm(path.position(x0), axis=1).max()
         inertia = np.eye(RATE_AND_INERTIA - 3) / PRIOR_INERTIA_DEVIATION**2
         of_path = np.einsum("kip,kiq->pq", path.jacobian, path.jacobian, optimize=True) / (
             len(path.jacobian) * distance**2
         )
-        return cls(variance * block_diag(np.zeros((3, 3)), inertia, of_path), x0)
+        information = variance * block_diag(np.zeros((3, 3)), inertia, of_path)
+        return cls(information, x0, variance * pivot.precision)
+
+    @property
+    def matrix(self) -> FloatArray:
+        """The information (q, q) of both priors."""
+        return self.information + np.diag(np.concatenate([np.zeros(RATE_AND_INERTIA), self.precision]))
+
+    def rhs(self, rotation: Rotation, x: FloatArray) -> FloatArray:
+        """Half of the negative gradient (q,) of the cost."""
+        own = np.concatenate([np.zeros(RATE_AND_INERTIA), self.precision * x])
+        return np.asarray(-self.information @ self.deviation(rotation, x) - own)
 
     def deviation(self, rotation: Rotation, x: FloatArray) -> FloatArray:
         """The deviation (q,) of the unknowns from the prior's mean."""
         return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), x - self.x0])
 
-    def cost(self, deviation: FloatArray) -> float:
-        """The prior's contribution to the cost for a deviation (q,)."""
-        return float(deviation @ self.information @ deviation)
+    def cost(self, rotation: Rotation, x: FloatArray) -> float:
+        """The priors' contribution to the cost."""
+        deviation = self.deviation(rotation, x)
+        return float(deviation @ self.information @ deviation + self.precision @ (x * x))
 
 
 def estimate_by_likelihood(
@@ -182,7 +197,7 @@ def _covariances(
     only rotates the axes and is subtracted.
     """
     variance = max(best.variance, 1e-300)
-    y = best.found.covariance(best.sampled, distance / np.sqrt(variance), best.prior.information)
+    y = best.found.covariance(best.sampled, distance / np.sqrt(variance), best.prior.matrix)
     turn = best.motion.turn - best.motion.turn.mean(axis=0)
     spread = variance * turn @ y[:RATE_AND_INERTIA, :RATE_AND_INERTIA] @ np.swapaxes(turn, 1, 2)
     position_information = _position_information(best)
@@ -232,13 +247,13 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
     motion, origin = rotation.at(tracks.time), sampled.position(x)
     stereo = measured.precision is not None and options.noise == "stereo"
     damping, converged, rounds, floor = 1e-6, False, 0, least_variance(measured, ROUNDING)
-    prior = _Prior.of(sampled, x, max(pivot.variance, floor))
-    found, deviation = equations(observations, Model(motion, sampled, origin, points)), prior.deviation(rotation, x)
+    prior = _Prior.of(pivot, max(pivot.variance, floor))
+    found = equations(observations, Model(motion, sampled, origin, points))
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         done.did(STAGE)
-        matrix, rhs = found.matrix + prior.information, found.rhs - prior.information @ deviation
-        cost = found.cost + prior.cost(deviation)
+        matrix, rhs = found.matrix + prior.matrix, found.rhs + prior.rhs(rotation, x)
+        cost = found.cost + prior.cost(rotation, x)
         accepted = False
         while not accepted and damping < 1e10:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
@@ -248,14 +263,13 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
                 moved = x + change[RATE_AND_INERTIA:]
                 new_origin = sampled.position(moved)
                 trial = equations(observations, Model(new_motion, sampled, new_origin, found.points))
-                trial_deviation = prior.deviation(turned, moved)
-                accepted = trial.cost + prior.cost(trial_deviation) <= cost * (1 + 1e-12)
+                accepted = trial.cost + prior.cost(turned, moved) <= cost * (1 + 1e-12)
             damping = damping / 30 if accepted else damping * 10
         if not accepted:
             break
         assert new_motion is not None  # noqa: S101  it was accepted
-        rotation, x, motion, origin, found, deviation = turned, moved, new_motion, new_origin, trial, trial_deviation
-        dof = _dof(observations, len(x))
+        rotation, x, motion, origin, found = turned, moved, new_motion, new_origin, trial
+        dof = _dof(observations, pivot.path_unknowns)
         variance = max(found.cost / dof, floor)
         step = float(change @ matrix @ change)
         weight = reweighted(found.squares, observations.weight, dof, floor)
@@ -270,12 +284,12 @@ def _maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Pat
                 estimated = found.points @ np.swapaxes(motion.attitude, 1, 2) + origin[:, None]
                 observations = moved_to(observations, measured, estimated)
             found = equations(observations, Model(motion, sampled, origin, found.points))
-    residual = found.cost / _dof(observations, len(x))
+    residual = found.cost / _dof(observations, pivot.path_unknowns)
     variance = residual if options.sigma is None else options.sigma**2
     return Likelihood(rotation, motion, x, sampled, found, prior, observations, variance, residual, converged, rounds)
 
 
-def _dof(observations: Observations, path_size: int) -> float:
+def _dof(observations: Observations, path_size: float) -> float:
     seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
     return max(3 * float(observations.weight.sum()) - 3 * seen - RATE_AND_INERTIA - path_size, 1.0)
 

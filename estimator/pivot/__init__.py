@@ -1,20 +1,15 @@
 """The drifting pivot: least squares of path and points with a free attitude in every frame.
 
-`method` is the entry: drift (linear start), degree, refinement of free_attitudes, tie_points, lack_of_fit.
+`method` is the entry: drift (linear start), refinement of free_attitudes, tie_points, lack_of_fit.
 Uses geometry, registration, dynamics, result and adjustment.
 """
 
-from baryscope.estimator.pivot.degree import HIGHEST_CHOSEN, Criterion, akaike_unbiased, choose_degree
 from baryscope.estimator.pivot.method import MAX_VARIANCE_RATIO, estimate_by_pivot, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
 
 __all__ = [
-    "HIGHEST_CHOSEN",
     "MAX_VARIANCE_RATIO",
-    "Criterion",
     "Pivot",
-    "akaike_unbiased",
-    "choose_degree",
     "estimate_by_pivot",
     "least_variance",
     "solve_pivot",

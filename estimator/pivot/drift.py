@@ -4,14 +4,15 @@ It has one equation for each frame with an attitude. c_k is the origin of the bo
 centre of mass in S, g the path.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.evidence import Linear, conditional, maximise
 from baryscope.estimator.adjustment.normal_equations import turn_information
 from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
@@ -20,6 +21,7 @@ from baryscope.estimator.registration.clusters import Registered
 FloatArray = NDArray[np.float64]
 
 ROUNDING = 1e-14  # relative to Σ c²: the rounding error of the difference of two such sums
+NOISE_ROUNDS = 4  # of noise and hyperparameters by turns
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,21 +32,31 @@ class Drift:
     offsets: tuple[FloatArray, ...]
 
 
-def solve_drift(registered: Registered, weights: list[FloatArray], path: SampledPath) -> Drift:
-    """The least-squares solution of c_k = g + R_k d; weights has an array (n,) for the frames of each body."""
-    matrix, rhs, _ = _normal_equations(registered, weights, path)
-    found = symmetric_pseudo_inverse(matrix) @ rhs
-    d = 3 * len(registered.bodies)
-    return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
+def solve_drift(registered: Registered, weights: list[FloatArray], path: SampledPath, prior: Prior) -> Drift:
+    """The solution of c_k = g + R_k d; weights has an array (n,) for the frames of each body, prior is that of x.
 
-
-def squares_by_size(registered: Registered, path: SampledPath, sizes: Sequence[int]) -> FloatArray:
-    """The minimal sums of squares of c_k − g − R_k d, m², with the first `size` unknowns of the path for each size."""
-    weights = [np.ones(len(body.frames)) for body in registered.bodies]
+    Least squares, or, with a prior, the posterior mean for hyperparameters and noise of maximum likelihood.
+    """
     matrix, rhs, total = _normal_equations(registered, weights, path)
-    ends = [3 * len(registered.bodies) + size for size in sizes]
-    gains = [rhs[:end] @ symmetric_pseudo_inverse(matrix[:end, :end]) @ rhs[:end] for end in ends]
-    return np.maximum(total - np.array(gains), ROUNDING * total)
+    d = 3 * len(registered.bodies)
+    if prior.free.all():
+        found = symmetric_pseudo_inverse(matrix) @ rhs
+        return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
+    inverse = symmetric_pseudo_inverse(matrix[:d, :d])
+    information = matrix[d:, d:] - matrix[d:, :d] @ inverse @ matrix[:d, d:]
+    right = rhs[d:] - matrix[d:, :d] @ inverse @ rhs[:d]
+    total -= float(rhs[:d] @ inverse @ rhs[:d])
+    variance, x, theta = max(registered.noise**2, ROUNDING * total), np.zeros(len(right)), None
+    values = 3 * sum(len(weight) for weight in weights) - d
+    for _ in range(NOISE_ROUNDS):
+        linear = Linear(information / variance, right / variance, np.zeros_like(x))
+        theta = maximise(linear, prior, theta)
+        x, covariance = conditional(linear, prior, theta)
+        left = values - float(np.vdot(linear.information, covariance))
+        squares = total - 2 * float(right @ x) + float(x @ information @ x)
+        variance = max(squares / max(left, 1.0), ROUNDING * total)
+    offsets = inverse @ (rhs[:d] - matrix[:d, d:] @ x)
+    return Drift(x, tuple(offsets.reshape(-1, 3)))
 
 
 def _normal_equations(

@@ -52,6 +52,23 @@ class Solution:
     squares: FloatArray
     step: float
 
+    def with_covariance(self, covariance: FloatArray, attached: tuple[Body, ...] | None = None) -> "Solution":
+        """The solution with another covariance (p, p) of x, and what follows from it.
+
+        attached: the bodies whose points define the axes of the offsets; the solution's own unless given.
+        """
+        bodies = self.bodies if attached is None else attached
+        maps = [offset_by_points(body.points) for body in bodies]
+        own = zip(maps, self.points_covariance, strict=True)
+        by_x = np.concatenate([to @ by_path for to, by_path in zip(maps, self.points_path, strict=True)])
+        return replace(
+            self,
+            covariance=covariance,
+            offset_covariance=block_diag(*(to @ alone @ to.T for to, alone in own)) + by_x @ covariance @ by_x.T,
+            offset_path=-by_x @ covariance,
+            offset_null_space=-by_x @ self.null_space,
+        )
+
 
 @dataclass(eq=False)
 class _Sums:
@@ -66,15 +83,75 @@ class _Sums:
     points_rhs: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The least-squares problem linearised at x (p,) and the bodies' points, with the rotations eliminated.
+
+    matrix (p, p) and rhs (p,) of the change of x, after the elimination of the points; sizes (p,): the matrix's
+    diagonal before. For each body, with attitudes at their optimum: inverse (3 m, 3 m) of its points' matrix, by_path
+    (3 m, p): a change δx changes the points by −by_path δx, and points_rhs (3 m,). squares (n, m): the weighted squared
+    residuals.
+    """
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    matrix: FloatArray
+    rhs: FloatArray
+    sizes: FloatArray
+    inverse: tuple[FloatArray, ...]
+    by_path: tuple[FloatArray, ...]
+    points_rhs: tuple[FloatArray, ...]
+    squares: FloatArray
+
+    def step(self, precision: FloatArray | None = None) -> Solution:
+        """The solution after one step; precision (p,): inverse prior variances of x, in the units of the weights.
+
+        Raises:
+            ComputationError: x or a point is larger than MAX_LENGTH after the step, or not finite.
+        """
+        prior = np.zeros_like(self.x) if precision is None else precision
+        matrix, rhs, sizes = self.matrix + np.diag(prior), self.rhs - prior * self.x, self.sizes + prior
+        covariance = symmetric_pseudo_inverse(matrix, sizes)
+        change = covariance @ rhs
+        moved, decrease = [], float(change @ rhs)
+        for body, inverse, by_path, points_rhs in zip(
+            self.bodies, self.inverse, self.by_path, self.points_rhs, strict=True
+        ):
+            decrease += float(points_rhs @ inverse @ points_rhs)
+            moved.append(body.moved(inverse @ points_rhs - by_path @ change))
+        unknowns = np.concatenate([self.x + change, *(body.points.ravel() for body in moved)])
+        if not np.abs(unknowns).max() <= MAX_LENGTH:
+            raise ComputationError(
+                "the least squares of path and points diverge: the features do not move as rigid bodies or hardly turn",
+                Reason.DIVERGED,
+            )
+        alone = Solution(
+            bodies=tuple(moved),
+            x=self.x + change,
+            covariance=covariance,
+            points_covariance=self.inverse,
+            points_path=self.by_path,
+            offset_covariance=np.zeros(0),
+            offset_path=np.zeros(0),
+            null_space=null_space_of(matrix, sizes),
+            offset_null_space=np.zeros(0),
+            squares=self.squares,
+            step=decrease,
+        )
+        return alone.with_covariance(covariance, self.bodies)
+
+
 def gauss_newton_step(
     bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray
 ) -> Solution:
-    """One Gauss–Newton step in x and all points, after one in the rotations at fixed x and points.
+    """One Gauss–Newton step without a prior, see `linearised`."""
+    return linearised(bodies, observations, path, x).step()
+
+
+def linearised(bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray) -> Linearised:
+    """The problem linearised at x (p,) and points, after one Gauss–Newton step in the rotations at fixed x and points.
 
     bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames.
-
-    Raises:
-        ComputationError: x or a point is larger than MAX_LENGTH after the step, or not finite.
     """
     origin = path.position(x)
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
@@ -87,45 +164,17 @@ def gauss_newton_step(
         turned.append(replace(body, attitude=attitude))
         sums.append(_sum(turned[-1], own, path, origin, squares))
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
-    solved = []
+    inverses, by_paths = [], []
     for body, own_sums in zip(turned, sums, strict=True):
         inverse = _points_inverse(body.points, own_sums.points, own_sums.points_sizes)
         sizes += own_sums.path_sizes
         by_path = inverse @ own_sums.path_points.T
         matrix += own_sums.path - own_sums.path_points @ by_path
         rhs += own_sums.path_rhs - by_path.T @ own_sums.points_rhs
-        solved.append((inverse, by_path))
-    covariance = symmetric_pseudo_inverse(matrix, sizes)
-    change = covariance @ rhs
-    null_space = null_space_of(matrix, sizes)
-    moved, offsets, by_x, decrease = [], [], [], float(change @ rhs)
-    for body, own_sums, (inverse, by_path) in zip(turned, sums, solved, strict=True):
-        points_change = inverse @ (own_sums.points_rhs - own_sums.path_points.T @ change)
-        decrease += float(own_sums.points_rhs @ inverse @ own_sums.points_rhs)
-        moved.append(body.moved(points_change))
-        attached = offset_by_points(body.points)
-        offsets.append(attached @ inverse @ attached.T)
-        by_x.append(attached @ by_path)
-    unknowns = np.concatenate([x + change, *(body.points.ravel() for body in moved)])
-    if not np.abs(unknowns).max() <= MAX_LENGTH:
-        raise ComputationError(
-            "the least squares of path and points diverge: the features do not move as rigid bodies or hardly turn",
-            Reason.DIVERGED,
-        )
-    offset_by_x = np.concatenate(by_x)
-    return Solution(
-        bodies=tuple(moved),
-        x=x + change,
-        covariance=covariance,
-        points_covariance=tuple(inverse for inverse, _ in solved),
-        points_path=tuple(by_path for _, by_path in solved),
-        offset_covariance=block_diag(*offsets) + offset_by_x @ covariance @ offset_by_x.T,
-        offset_path=-offset_by_x @ covariance,
-        null_space=null_space,
-        offset_null_space=-offset_by_x @ null_space,
-        squares=squares,
-        step=decrease,
-    )
+        inverses.append(inverse)
+        by_paths.append(by_path)
+    points_rhs = tuple(own_sums.points_rhs for own_sums in sums)
+    return Linearised(tuple(turned), x, matrix, rhs, sizes, tuple(inverses), tuple(by_paths), points_rhs, squares)
 
 
 def _chunks(body: Body) -> Iterator[slice]:

@@ -23,10 +23,10 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import PivotDetails, TiedClusters
-from baryscope.estimator.dynamics.paths import Path, Polynomial, trajectory_of
+from baryscope.estimator.dynamics.paths import Path, trajectory_of
+from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.degree import choose_degree
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
@@ -136,15 +136,10 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     measured = observations_of(tracks, tracks.seen)
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
-    _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span, degree=0))
-    if trajectory.kind == "polynomial" and trajectory.degree is None:
-        degree = choose_degree(registered, observations, tracks.time, span)
-        path: Path = Polynomial(degree, *span)
-        _refuse_few_frames(registered.bodies, path)
-    else:
-        path = trajectory.path(orbit, *span, degree=0)
+    _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
+    path = disturbed(trajectory.path(orbit, *span), options.process_noise, *span)
     bodies, x = linear_start(registered, observations, path, tracks.time)
-    start = Start(path, path.at(tracks.time), bodies, x, measured, observations, inliers)
+    start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers)
     found = refined(start, options)
     return replace(found, findings=_findings(found, registered.noise, measured, tracks))
 
@@ -156,10 +151,11 @@ def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
         ComputationError: they have not.
     """
     frames, count = sum(len(body.frames) for body in bodies), len(bodies)
-    if 3 * frames <= path.size + 3 * count:
+    free = int(path.prior.free.sum())
+    if 3 * frames <= free + 3 * count:
         raise ComputationError(
             f"{counted(frames, 'frame shows', 'frames show')} an attitude, too few for {path.name}: "
-            f"more than {path.size // 3 + count} needed",
+            f"more than {free // 3 + count} needed",
             Reason.TOO_FEW_FRAMES,
         )
 
@@ -174,7 +170,7 @@ def _findings(found: Pivot, noise: float, measured: Observations, tracks: Featur
     if found.residual_variance > least_variance(measured, ROUNDING):
         if measured.precision is None and ratio > MAX_VARIANCE_RATIO:
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
-        elif finding := lack_of_fit(found, tracks.time):
+        elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     return tuple(findings)
 

@@ -5,13 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.evidence import Linear, Posterior, held, maximise, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
-from baryscope.estimator.pivot.free_attitudes import Solution, gauss_newton_step
+from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
@@ -25,13 +28,12 @@ IntArray = NDArray[np.intp]
 
 MAX_ROUNDS = 30
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
-# Squared length of the second step over that of the first, at most: a short first step needs no second one to confirm
-# convergence.
-CONTRACTION = 1e-5
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
 FREE_ROUNDS = 6  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
+COVARIANCE_TIMES = 64  # at which the covariance is compared with that of the modes left out
+OMITTED = 0.01  # of the variance: more than that of the modes left out
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
 
@@ -39,12 +41,13 @@ MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 class Start:
     """The initial solution of the refinement.
 
-    path, and sampled at the tracks' times; bodies with points from the centre of mass, and the path's x; measured: all
-    observations; observations: those of bodies in their frames; inliers (n, m): which passed the screening.
+    path, and sampled at the tracks' times (n,) in s; bodies with points from the centre of mass, and the path's x;
+    measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
     """
 
     path: Path
     sampled: SampledPath
+    time: FloatArray
     bodies: tuple[Body, ...]
     x: FloatArray
     measured: Observations
@@ -59,8 +62,9 @@ class Pivot:
     path, and sampled at the tracks' times; inliers (n, m): which observations passed the screening; solution: bodies
     with points from the centre of mass, and the path's x; observations (n, m) with their final weights; variance of an
     observation of weight 1, as given or from the residuals: in m², or as a factor on the given covariances;
-    residual_variance: that from the residuals. tie_points between bodies that share features, and those refused as the
-    labels belong to different points; findings against the models.
+    residual_variance: that from the residuals; posterior of x and of the hyperparameters of its prior, whose precision
+    (p,) is in 1/m²; path_unknowns: the number of unknowns of x that the observations determine. tie_points between
+    bodies that share features, and those refused as the labels belong to different points; findings against the models.
     """
 
     path: Path
@@ -70,6 +74,9 @@ class Pivot:
     observations: Observations
     variance: float
     residual_variance: float
+    posterior: Posterior
+    precision: FloatArray
+    path_unknowns: float
     converged: bool
     rounds: int
     tie_points: tuple[TiePoints, ...]
@@ -95,13 +102,10 @@ class Subsample:
 def linear_start(
     registered: Registered, observations: Observations, path: Path, time: FloatArray
 ) -> tuple[tuple[Body, ...], FloatArray]:
-    """Initial bodies and x (p,) by linear least squares; of many frames, a subsample and one Gauss–Newton step."""
+    """Initial bodies and x (p,) by linear least squares, of many frames from a subsample."""
     few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
     sampled = path.at(time[few.rows])
-    bodies, x = linear_solution(in_subsample(registered, few), few.observations, sampled)
-    if len(few.rows) < sum(len(body.frames) for body in registered.bodies):
-        solution = gauss_newton_step(bodies, few.observations, sampled, x)
-        bodies, x = solution.bodies, solution.x
+    bodies, x = linear_solution(in_subsample(registered, few), few.observations, sampled, path.prior)
     both = zip(registered.bodies, bodies, strict=True)
     return tuple(replace(body, points=refined.points) for body, refined in both), x
 
@@ -113,11 +117,13 @@ def in_subsample(registered: Registered, few: Subsample) -> Registered:
 
 
 def linear_solution(
-    registered: Registered, observations: Observations, sampled: SampledPath
+    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted, then weighted."""
-    first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled)
-    drift = solve_drift(registered, frame_weights(registered.bodies, observations.weight, first.offsets), sampled)
+    first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled, prior)
+    drift = solve_drift(
+        registered, frame_weights(registered.bodies, observations.weight, first.offsets), sampled, prior
+    )
     moved = zip(registered.bodies, drift.offsets, strict=True)
     return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x
 
@@ -128,45 +134,85 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     Raises:
         ComputationError: too few values for the unknowns.
     """
-    sampled, measured, observations = start.sampled, start.measured, start.observations
+    path, sampled, measured, observations = start.path, start.sampled, start.measured, start.observations
     bodies, x = start.bodies, start.x
+    theta: FloatArray | None = None
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
-        solution = gauss_newton_step(bodies, observations, sampled, x)
+        problem = linearised(bodies, observations, sampled, x)
+        cost = float(problem.squares.sum())
+        if np.isnan(variance):
+            variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
+        theta, precision = _hyperparameters(problem, path.prior, max(variance, floor), theta)
+        solution = problem.step(precision)
         bodies, x = solution.bodies, solution.x
-        dof = _dof(bodies, observations, len(x))
-        cost = float(solution.squares.sum())
+        dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
         variance = cost / dof
         weight = reweighted(solution.squares, observations.weight, dof, floor)
         if rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
             weight = np.sqrt(weight * observations.weight)
         least = max(variance, floor)
-        short_step = solution.step <= STEP_TOLERANCE * least
-        if rounds == 1 and measured.precision is None:
-            short_step = CONTRACTION * solution.step <= STEP_TOLERANCE * least
         unweighted = solution.squares / np.where(weight > 0, observations.weight, 1.0)
-        converged = short_step and abs(float(np.vdot(unweighted, weight)) - cost) <= WEIGHT_CHANGE_TOLERANCE * max(
-            cost, floor * dof
-        )
+        converged = solution.step <= STEP_TOLERANCE * least and abs(
+            float(np.vdot(unweighted, weight)) - cost
+        ) <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof)
         observations = observations.weighted(weight)
+        if converged and (richer := _richer(path, solution, theta, least, sampled)) is not None:
+            path, sampled, converged = richer, richer.at(start.time), False
+            x, theta = np.pad(x, (0, path.size - len(x))), None
     scale = options.sigma**2 if options.sigma is not None else variance
-    solution, tied, refused = tie_bodies(solution, max(scale, floor))
+    linear = _scaled(problem, max(scale, floor))
+    assert theta is not None  # noqa: S101  there was a round
+    found = posterior(linear, path.prior, theta)
+    solution, tied, refused = tie_bodies(
+        solution.with_covariance(found.covariance / max(scale, floor)), max(scale, floor)
+    )
     return Pivot(
-        path=start.path,
+        path=path,
         sampled=sampled,
         inliers=start.inliers,
         solution=solution,
         observations=observations,
         variance=scale,
         residual_variance=variance,
+        posterior=found,
+        precision=held(linear, path.prior, theta)[0],
+        path_unknowns=float(np.vdot(found.covariance, problem.matrix)) / max(scale, floor),
         converged=converged,
         rounds=rounds,
         tie_points=tied,
         refused=refused,
     )
+
+
+def _hyperparameters(
+    problem: Linearised, prior: Prior, variance: float, theta: FloatArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """The hyperparameters (h,) of maximum likelihood, and the precision (p,) of the prior in the units of the weights.
+
+    variance: of an observation of weight 1; theta: of the previous round.
+    """
+    linear = _scaled(problem, variance)
+    found = maximise(linear, prior, theta)
+    return found, variance * held(linear, prior, found)[0]
+
+
+def _scaled(problem: Linearised, variance: float) -> Linear:
+    return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
+
+
+def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, sampled: SampledPath) -> Path | None:
+    """The path with twice the modes of process noise if those left out matter; None if they do not."""
+    if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
+        return None
+    density = path.density if path.density is not None else float(np.exp(theta[-1]))
+    every = max(1, len(sampled.jacobian) // COVARIANCE_TIMES)
+    few = SampledPath(sampled.jacobian[::every], sampled.position)
+    typical = float(np.median(np.trace(few.covariance(variance * solution.covariance), axis1=1, axis2=2))) / 3
+    return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
 
 
 def values_for_path(bodies: tuple[Body, ...], observations: Observations) -> float:
@@ -179,14 +225,14 @@ def values_for_path(bodies: tuple[Body, ...], observations: Observations) -> flo
     return 3 * float(observations.weight.sum()) - 3 * frames - points
 
 
-def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: int) -> float:
+def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: float) -> float:
     """The degrees of freedom: number of values less that of all unknowns."""
     dof = values_for_path(bodies, observations) - path_size
     if dof <= 0:
         frames = sum(len(body.frames) for body in bodies)
         raise ComputationError(
             f"{counted(frames, 'frame that shows', 'frames that show')} an attitude, with "
-            f"{counted(observations.count, 'observation')}: too few for a path of {path_size} unknowns",
+            f"{counted(observations.count, 'observation')}: too few for a path of {path_size:.3g} unknowns",
             Reason.TOO_FEW_FRAMES,
         )
     return dof

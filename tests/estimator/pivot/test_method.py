@@ -30,36 +30,60 @@ def moving(degree):
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 4])
-def test_the_degree_is_chosen_by_the_data(tumbling, degree):
-    """A degree too high is as rare as χ²₃ > 9; none is too low, as each term is significant."""
-    excess = []
-    for seed in range(8):
+def test_a_smooth_path_needs_no_degree(tumbling, degree):
+    """The covariance holds without a degree, and is at most half larger than for the right one."""
+    squares, smooth, known = [], [], []
+    for seed in range(30):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
         found = estimate(case.tracks, method="pivot")
-        name = found.path
-        excess.append((0 if name == "fixed" else int(name.partition(":")[2])) - degree)
-        assert np.linalg.norm(found.position - case.com, axis=1).max() < 0.02
-    assert min(excess) >= 0
-    assert sum(one > 0 for one in excess) <= 4
-    assert max(excess) <= 4
+        right = estimate(
+            case.tracks, method="pivot", options=PathOptions(trajectory=f"polynomial:{degree}", process_noise="none")
+        )
+        error = found.position[150] - case.com[150]
+        squares.append(error @ np.linalg.solve(found.covariance[150], error))
+        smooth.append(found.predicted_rmse)
+        known.append(right.predicted_rmse)
+        assert found.findings == ()
+    # The mean of 30 values of χ²₃ has a standard deviation of √(6/30): four of them.
+    assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 30))
+    assert np.median(smooth) < 1.5 * np.median(known)
 
 
 @pytest.mark.parametrize("trajectory, degree", [("fixed", 1), ("fixed", 2), ("polynomial:1", 2)])
 def test_a_wrong_path_model_is_reported(tumbling, trajectory, degree):
     case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02)
-    found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=trajectory))
+    found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=trajectory, process_noise="none"))
     (finding_text,) = [sentence(finding) for finding in found.findings]
     assert trajectory in finding_text
-    right = estimate(case.tracks, method="pivot", options=PathOptions(trajectory=f"polynomial:{degree}"))
+    right = estimate(
+        case.tracks, method="pivot", options=PathOptions(trajectory=f"polynomial:{degree}", process_noise="none")
+    )
     assert right.findings == ()
 
 
-def test_thrust_on_a_free_relative_orbit_is_reported(tumbling):
+THRUST = np.outer(TIME**2 / 2, [2e-5, 0, 4e-5])
+
+
+def test_thrust_on_a_free_relative_orbit_is_reported_without_process_noise(tumbling):
     orbit = Orbit()
-    com = -(orbit.R_I_L(TIME) @ np.array([0.0, -20.0, 0.0])) + np.outer(TIME**2 / 2, [2e-5, 0, 4e-5])
+    com = -(orbit.R_I_L(TIME) @ np.array([0.0, -20.0, 0.0])) + THRUST
     case = make_case(TIME, tumbling, com, FEATURES, noise=0.02)
-    found = estimate(case.tracks, method="pivot", orbit=orbit.model())
+    found = estimate(case.tracks, method="pivot", orbit=orbit.model(), options=PathOptions(process_noise="none"))
     assert any("relative-orbit" in finding_text for finding_text in [sentence(finding) for finding in found.findings])
+
+
+def test_thrust_on_a_free_relative_orbit_costs_no_more_than_its_process_noise(tumbling):
+    """The thrust moves the chaser by 2 m."""
+    orbit, squares = Orbit(), []
+    com = -(orbit.R_I_L(TIME) @ np.array([0.0, -20.0, 0.0])) + THRUST
+    for seed in range(10):
+        case = make_case(TIME, tumbling, com, FEATURES, noise=0.02, seed=seed)
+        found = estimate(case.tracks, method="pivot", orbit=orbit.model())
+        error = found.position[[20, 150, 280]] - case.com[[20, 150, 280]]
+        squares += [e @ np.linalg.solve(P, e) for e, P in zip(error, found.covariance[[20, 150, 280]], strict=True)]
+        assert np.linalg.norm(error, axis=1).max() < 0.01
+    # A constant thrust is no white noise: the covariance may be too large, not too small by more than chance.
+    assert np.mean(squares) < 3 + 4 * np.sqrt(6 / 30)
 
 
 def test_no_finding_for_the_right_path_model(tumbling):

@@ -1,0 +1,189 @@
+"""Hyperparameters of a Gaussian prior from the observations, by the maximum of the marginal likelihood.
+
+The model is linear in x (p,) near the current x: observations with information A on the change of x, a right-hand side
+r, and the prior x ~ N(0, P⁻¹). All unknowns that are not in x have been eliminated. Then, up to a constant,
+
+    −2 ln p(observations | θ) = ln det(A + P) − ln det P + xᵀP x − uᵀ(A + P)⁻¹u,  u = r − P x.
+
+Its derivative by the logarithm of an unknown's variance is 1 − Pᵢ (Mᵢᵢ + mᵢ²), with M = (A + P)⁻¹ and m the posterior
+mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bounds, that is, log-uniform in the density.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize
+
+from baryscope.estimator.dynamics.prior import Prior
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NO_EFFECT = 1e-3  # prior variance times information, at which a hyperparameter's range begins
+RANGE = 1e16  # of the variances, from there
+FIRMEST = 1e6  # prior precision over information: that of an unknown that the prior fixes
+RIDGE = 1e-13  # added to the scaled information, for directions without information and without a prior
+SCAN = 12  # values of each hyperparameter in the search for a start
+SWEEPS = 2  # of it, where there are several
+GRID_STEP = 0.7  # of a hyperparameter's logarithm, in the integration over its uncertainty
+GRID_END = 12.0  # increase of −2 ln p at which this integration ends
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Information A (p, p) on x (p,), and right-hand side (p,), both over the observations' variance."""
+
+    information: FloatArray
+    rhs: FloatArray
+    x: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Hyperparameters θ (h,) at the maximum, with bounds (h, 2) of a standard deviation, and the posterior of x.
+
+    mean (p,) for these; covariance (p, p) about it, with the uncertainty of θ; significance (h,): 2 ln p less that at
+    the lower bound of the range, where the hyperparameter has no effect.
+    """
+
+    theta: FloatArray
+    interval: FloatArray
+    significance: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+
+def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
+    """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges."""
+    bounds = ranges(linear, prior)
+    if not len(bounds):
+        return np.zeros(0)
+    if start is None:
+        starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
+        best = min(starts, key=lambda at: _objective(linear, prior, at)[0])
+    else:
+        best = np.clip(start, bounds[:, 0], bounds[:, 1])
+    least = _objective(linear, prior, best)[0]
+
+    def excess(at: FloatArray) -> tuple[float, FloatArray]:
+        value, gradient = _objective(linear, prior, at)
+        return value - least, gradient  # small numbers, so that a relative tolerance means what it says
+
+    found = minimize(excess, best, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
+    return np.asarray(found.x)
+
+
+def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
+    """The posterior of x, integrated over the uncertainty of each hyperparameter about θ (h,)."""
+    mean, covariance = conditional(linear, prior, theta)
+    bounds, total = ranges(linear, prior), covariance.copy()
+    interval, significance = np.empty((len(theta), 2)), np.empty(len(theta))
+    least = _objective(linear, prior, theta)[0]
+    for index, (low, high) in enumerate(bounds):
+        values, increases = [theta[index]], [0.0]
+        spread = np.zeros_like(covariance)
+        weights = 1.0
+        for sign, end in ((-1.0, low), (1.0, high)):
+            for step in range(1, 60):
+                at = theta.copy()
+                at[index] += sign * GRID_STEP * step
+                if sign * (at[index] - end) > 0:
+                    break
+                increase = _objective(linear, prior, at)[0] - least
+                if increase > GRID_END:
+                    break
+                other_mean, other = conditional(linear, prior, at)
+                weight = float(np.exp(-increase / 2))
+                weights += weight
+                spread += weight * (other - covariance + np.outer(other_mean - mean, other_mean - mean))
+                values.append(at[index])
+                increases.append(increase)
+        total += _positive(spread / weights)
+        density = np.exp(-np.array(increases) / 2)
+        centre = np.average(values, weights=density)
+        deviation = np.sqrt(np.average((np.array(values) - centre) ** 2, weights=density))
+        interval[index] = centre - deviation, centre + deviation
+        lowest = theta.copy()
+        lowest[index] = low
+        significance[index] = _objective(linear, prior, lowest)[0] - least
+    return Posterior(theta, interval, significance, mean, (total + total.T) / 2)
+
+
+def _positive(matrix: FloatArray) -> FloatArray:
+    """The positive semidefinite part (p, p) of a symmetric matrix."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    half = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(half @ half.T)
+
+
+def ranges(linear: Linear, prior: Prior) -> FloatArray:
+    """The bounds (h, 2) of the hyperparameters."""
+    size = np.log(np.maximum(np.diag(linear.information), 1e-300))
+    found = []
+    for one, slope in zip(prior.hyperparameters, prior.slopes.T, strict=True):
+        used = slope > 0
+        first = np.log(NO_EFFECT) - np.max(size[used] + prior.offset[used], initial=-600.0)
+        lower = first if one.lower is None else one.lower
+        found.append((lower, lower + np.log(RANGE) if one.upper is None else one.upper))
+    return np.array(found).reshape(-1, 2)
+
+
+def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray) -> FloatArray:
+    """A start for the maximum: one hyperparameter after the other, over its range, twice."""
+    theta = start.copy()
+    for _ in range(1 if len(bounds) == 1 else SWEEPS):
+        for index, (low, high) in enumerate(bounds):
+            values = np.linspace(low, high, SCAN)
+            costs = []
+            for value in values:
+                theta[index] = value
+                costs.append(_objective(linear, prior, theta)[0])
+            theta[index] = values[int(np.argmin(costs))]
+    return theta
+
+
+def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """The prior's precision (p,), at most FIRMEST times the information; and whose it is not, nor zero, (p,)."""
+    most = FIRMEST * np.maximum(np.diag(linear.information), np.diag(linear.information).max() * RIDGE)
+    precision = prior.precision(theta)
+    return np.minimum(precision, most), ~prior.free & (precision < most)
+
+
+def _factor(linear: Linear, precision: FloatArray) -> tuple[FloatArray, tuple[FloatArray, bool]]:
+    """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor of the scaled matrix."""
+    matrix = linear.information + np.diag(precision)
+    diagonal = np.diag(matrix)
+    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
+    scaled = matrix * np.outer(scale, scale)
+    ridge = RIDGE
+    while True:
+        try:
+            return scale, cho_factor(scaled + ridge * np.eye(len(scaled)), lower=True)
+        except np.linalg.LinAlgError:
+            ridge *= 100  # rounding of the elimination
+
+
+def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean (p,) and covariance (p, p) of x for given hyperparameters."""
+    precision, _ = held(linear, prior, theta)
+    scale, factor = _factor(linear, precision)
+    change = scale * cho_solve(factor, scale * (linear.rhs - precision * linear.x))
+    inverse = cho_solve(factor, np.eye(len(scale))) * np.outer(scale, scale)
+    return linear.x + change, np.asarray(inverse)
+
+
+def _objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
+    """−2 ln p up to a constant, and its gradient (h,)."""
+    precision, loose = held(linear, prior, theta)
+    scale, factor = _factor(linear, precision)
+    u = linear.rhs - precision * linear.x
+    change = scale * cho_solve(factor, scale * u)
+    inverse = cho_solve(factor, np.eye(len(scale)))
+    p, mean = precision[loose], (linear.x + change)[loose]
+    variance = (np.diag(inverse) * scale * scale)[loose]
+    value = 2 * np.log(np.diag(factor[0])).sum() - 2 * np.log(scale).sum() - np.log(precision[~prior.free]).sum()
+    value += float(precision @ (linear.x * linear.x) - u @ change)
+    return float(value), np.asarray((1 - p * (variance + mean**2)) @ prior.slopes[loose])

@@ -1,0 +1,72 @@
+"""Gaussian priors of a path's unknowns, whose variances are log-linear in a few hyperparameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Hyperparameter:
+    """A parameter of a prior, by its natural logarithm: name, and bounds of the logarithm.
+
+    Bounds of None follow from the observations: from a variance without effect to one without a limit.
+    """
+
+    name: str
+    lower: float | None = None
+    upper: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Independent unknowns x (p,) with mean zero and variances exp(offset + slopes θ), θ (h,) the hyperparameters.
+
+    offset (p,): infinite for an unknown without a prior; slopes (p, h).
+    """
+
+    offset: FloatArray
+    slopes: FloatArray
+    hyperparameters: tuple[Hyperparameter, ...] = ()
+
+    @classmethod
+    def none(cls, size: int) -> "Prior":
+        """No prior on `size` unknowns."""
+        return cls(np.full(size, np.inf), np.zeros((size, 0)))
+
+    @classmethod
+    def known(cls, variance: FloatArray) -> "Prior":
+        """A prior of given variances (p,)."""
+        return cls(np.log(variance), np.zeros((len(variance), 0)))
+
+    @property
+    def free(self) -> BoolArray:
+        """Which unknowns have no prior, (p,)."""
+        return np.isposinf(self.offset)
+
+    def precision(self, theta: FloatArray) -> FloatArray:
+        """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
+        return np.asarray(np.exp(-(self.offset + self.slopes @ theta)))
+
+    def joined(self, other: "Prior") -> "Prior":
+        """The prior of the unknowns of both, with the hyperparameters of both."""
+        return Prior(
+            np.concatenate([self.offset, other.offset]),
+            block_diag(self.slopes, other.slopes),
+            self.hyperparameters + other.hyperparameters,
+        )
+
+    def fixed(self, name: str, value: float) -> "Prior":
+        """The prior with the logarithm of one hyperparameter fixed; unchanged if there is none of that name."""
+        names = [one.name for one in self.hyperparameters]
+        if name not in names:
+            return self
+        index = names.index(name)
+        with np.errstate(invalid="ignore"):
+            offset = np.where(self.free, np.inf, self.offset + self.slopes[:, index] * value)
+        rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]
+        return Prior(offset, np.delete(self.slopes, index, axis=1), rest)

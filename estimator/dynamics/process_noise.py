@@ -1,0 +1,153 @@
+"""White acceleration noise on a path, as a series of modes with a Gaussian prior.
+
+White noise of density q over T seconds is Σ ξⱼ φⱼ(t)/√T for any orthonormal basis φⱼ, with independent coefficients of
+variance q. Here φⱼ are the bending modes of a beam clamped at both ends. Their double integrals are the modes of a free
+beam, which are orthogonal to each other and to every constant and linear motion. So they are the Karhunen–Loève basis
+of what the noise adds to free flight (Rayleigh, Theory of Sound, ch. VIII): few modes represent it.
+On an orbit the gravity gradient adds its response.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from baryscope.estimator.dynamics.paths import FIXED, Path, SampledPath
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.options import Density
+
+FloatArray = NDArray[np.float64]
+
+DENSITY = "process noise"
+FEWEST_MODES, MOST_MODES = 12, 96
+SHORTEST = 1e-6  # s, of the time over which noise acts
+STEP = 0.03  # of G's frequency times the step of the response to the gravity gradient: errors of (0.03)⁴ of it
+
+
+@dataclass(frozen=True, eq=False)
+class Disturbed:
+    """A path with white acceleration noise: the unknowns of `base` and, in m, three of each of `count` modes.
+
+    begin … end in s: the time over which the noise acts. A mode's coefficient is the rms displacement it causes.
+    density: of the noise in m²/s³; None if it is unknown.
+    """
+
+    base: Path
+    begin: float
+    end: float
+    count: int = FEWEST_MODES
+    density: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The model's name, that of the base."""
+        return self.base.name
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.base.size + 3 * self.count
+
+    @property
+    def prior(self) -> Prior:
+        """The prior of the base, and that of the modes: q T³/β⁴ with q, in m²/s³, a hyperparameter."""
+        span = self.end - self.begin
+        offset = np.repeat(np.log(span**3 / wave_numbers(self.count) ** 4), 3)
+        own = Prior(offset, np.ones((len(offset), 1)), (Hyperparameter(DENSITY),))
+        return self.base.prior.joined(own if self.density is None else own.fixed(DENSITY, float(np.log(self.density))))
+
+    def with_modes(self, count: int) -> "Disturbed":
+        """The path with another number of modes."""
+        return replace(self, count=count)
+
+    def omitted_variance(self, density: float) -> float:
+        """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
+        return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
+        """See `Path`."""
+        return self.base.gravity_gradient(time)
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        own = _isotropic(free_modes(self._scaled(time), self.count)[0]) + self._response(time, 0)
+        return self.base.at(time).extended(own)
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The velocity at times (n,) in s."""
+        own = _isotropic(free_modes(self._scaled(time), self.count)[1] / (self.end - self.begin))
+        return self.base.rate_at(time).extended(own + self._response(time, 1))
+
+    def _scaled(self, time: FloatArray) -> FloatArray:
+        return np.asarray((time - self.begin) / (self.end - self.begin))
+
+    def _response(self, time: FloatArray, derivative: int) -> FloatArray | float:
+        """The response (n, 3, 3 count) to the gravity gradient along the modes, or a derivative of it."""
+        spline = self._splines(float(min(time.min(), self.begin)), float(max(time.max(), self.end)))
+        if spline is None:
+            return 0.0
+        return np.reshape(np.asarray(spline(time, derivative), np.float64), (len(time), 3, 3 * self.count))
+
+    def _splines(self, begin: float, end: float) -> CubicSpline | None:
+        """δ from δ̈ = G (δ + w) for every mode's w, by Numerov's method; its initial values do not matter."""
+        ends = self.base.gravity_gradient(np.linspace(begin, end, 65))
+        if ends is None:
+            return None
+        frequency = np.sqrt(np.linalg.norm(ends, axis=(1, 2)).max())
+        steps = max(int(np.ceil(frequency * (end - begin) / STEP)), 8 * self.count, 32)
+        time, step = np.linspace(begin, end, steps + 1, retstep=True)
+        gradient = self.base.gravity_gradient(time)
+        assert gradient is not None  # noqa: S101  as at the times above
+        forcing = gradient @ _isotropic(free_modes(self._scaled(time), self.count)[0]) * (step**2 / 12)
+        scaled = gradient * (step**2 / 12)
+        inverse = np.linalg.inv(np.eye(3) - scaled)
+        found = np.zeros((steps + 1, 3, 3 * self.count))
+        found[1] = 6 * forcing[0]
+        for k in range(1, steps):
+            past = 2 * found[k] - found[k - 1] + forcing[k + 1] + 10 * forcing[k] + forcing[k - 1]
+            past += 10 * scaled[k] @ found[k] + scaled[k - 1] @ found[k - 1]
+            found[k + 1] = inverse[k + 1] @ past
+        return CubicSpline(time, found.reshape(steps + 1, -1))
+
+
+def disturbed(path: Path, noise: Density, begin: float, end: float) -> Path:
+    """The path with process noise over begin … end in s: of a density in m²/s³, of an unknown one (auto), or none.
+
+    A fixed point has none unless a density is given.
+    """
+    if noise == "none" or (noise == "auto" and path.name == FIXED):
+        return path
+    return Disturbed(path, begin, max(end, begin + SHORTEST), density=None if noise == "auto" else noise)
+
+
+def _isotropic(values: FloatArray) -> FloatArray:
+    """Columns (n, 3, 3 k) of three equal axes for values (n, k) of k scalar functions."""
+    n, k = values.shape
+    return np.asarray(np.einsum("nk,ij->nikj", values, np.eye(3)).reshape(n, 3, 3 * k))
+
+
+def wave_numbers(count: int) -> FloatArray:
+    """The first roots β (count,) of cos β cosh β = 1, β > 0."""
+    odd = (np.arange(1, count + 1) + 0.5) * np.pi
+    beta = odd
+    for _ in range(4):  # of Newton for cos β = 1/cosh β; only the first few differ from the start
+        beta = beta + (np.cos(beta) - 1 / np.cosh(beta)) / (np.sin(beta) - np.tanh(beta) / np.cosh(beta))
+    return np.asarray(beta)
+
+
+def free_modes(u: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Modes of a free beam (n, count) at u (n,) and their derivatives, of mean square 1 over 0 … 1.
+
+    Outside 0 … 1 they go on in a straight line, as free flight does.
+    """
+    beta = wave_numbers(count)
+    s, c, e = np.sin(beta), np.cos(beta), np.exp(-beta)
+    denominator = 1 - e * e - 2 * e * s  # 2 e^−β (sinh β − sin β)
+    sigma = (1 + e * e - 2 * e * c) / denominator
+    left, right = (1 + sigma) / 2, (c - s - e) / denominator
+    inside = np.clip(u, 0.0, 1.0)[:, None]
+    falling, rising = left * np.exp(-beta * inside), right * np.exp(-beta * (1 - inside))
+    sine, cosine = np.sin(beta * inside), np.cos(beta * inside)
+    slope = beta * (rising - falling - sine - sigma * cosine)
+    return falling + rising + cosine - sigma * sine + (u[:, None] - inside) * slope, slope

@@ -1,0 +1,69 @@
+"""Hyperparameters of maximum marginal likelihood: against the density of the observations, and in repeated draws."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from baryscope.estimator.adjustment.evidence import Linear, _objective, maximise, posterior
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+
+PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
+
+
+def observed(seed, variance):
+    rng = np.random.default_rng(seed)
+    H = rng.normal(size=(60, 14))
+    x = np.concatenate([rng.normal(size=2) * 5, np.sqrt(np.exp(PRIOR.offset[2:]) * variance) * rng.normal(size=12)])
+    return H, x, H @ x + rng.normal(size=60)
+
+
+def test_the_objective_is_the_density_of_the_observations():
+    """Of 60 observations given the free unknowns' wide prior; differences between two values of θ."""
+    H, _, y = observed(0, 0.4)
+    at = np.full(14, 0.2)
+    linear = Linear(H.T @ H, H.T @ (y - H @ at), at)
+    wide, found, expected = 1e5, [], []
+    for theta in (-2.0, 0.5):
+        variances = np.concatenate([np.full(2, wide), np.exp(PRIOR.offset[2:] + theta)])
+        density = multivariate_normal(np.zeros(60), np.eye(60) + (H * variances) @ H.T)
+        expected.append(-2 * density.logpdf(y))
+        found.append(_objective(linear, PRIOR, np.array([theta]))[0])
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-3)
+
+
+def test_the_gradient_is_that_of_the_objective():
+    H, _, y = observed(1, 2.0)
+    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    ends = [_objective(linear, PRIOR, np.array([0.3 + step]))[0] for step in (-1e-5, 1e-5)]
+    assert _objective(linear, PRIOR, np.array([0.3]))[1][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6)
+
+
+@pytest.mark.parametrize("variance", [1e-6, 0.01, 1.0])
+def test_the_posterior_covers_the_truth(variance):
+    """The mean of 300 values of χ²₁₄ over 14 has a standard deviation of 0.022; the uncertainty of θ may add to it."""
+    squares = []
+    for seed in range(300):
+        H, x, y = observed(seed, variance)
+        linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+        theta = maximise(linear, PRIOR)
+        found = posterior(linear, PRIOR, theta)
+        error = found.mean - x
+        squares.append(error[:2] @ np.linalg.solve(found.covariance[:2, :2], error[:2]))
+        assert np.linalg.eigvalsh(found.covariance).min() > 0
+    # The mean of χ²₂ has a standard deviation of 2/√300.
+    assert np.mean(squares) == pytest.approx(2, abs=0.5)
+
+
+def test_without_hyperparameters_the_posterior_is_that_of_least_squares():
+    H, _, y = observed(2, 1.0)
+    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    found = posterior(linear, Prior.none(14), maximise(linear, Prior.none(14)))
+    np.testing.assert_allclose(found.mean, np.linalg.lstsq(H, y, rcond=None)[0], rtol=1e-8)
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(H.T @ H), rtol=1e-8)
+
+
+def test_a_fixed_hyperparameter_is_none():
+    fixed = PRIOR.fixed("scale", 0.7)
+    assert fixed.hyperparameters == ()
+    np.testing.assert_allclose(fixed.precision(np.zeros(0)), PRIOR.precision(np.array([0.7])))
+    assert PRIOR.fixed("other", 1.0) is PRIOR
