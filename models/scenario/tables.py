@@ -91,11 +91,16 @@ class Features(FileModel):
 
 
 class Chaser(FileModel):
-    """[chaser]: position and velocity of the observer at time 0, and its constant acceleration, in LVLH."""
+    """[chaser]: position and velocity of the observer at time 0, and its constant acceleration, in LVLH.
+
+    `acceleration_noise` is the density of a white acceleration that thrusters add: by so
+    much the velocity's variance grows every second, on each axis. A flight holds it over each sample interval.
+    """
 
     position: PositionVector
     velocity: VelocityVector = (0.0, 0.0, 0.0)
     acceleration: Annotated[RateVector, Unit("m/s²")] = (0.0, 0.0, 0.0)
+    acceleration_noise: Annotated[float, Unit("m²/s³"), Field(ge=0, le=1)] = 0.0
 
     @field_validator("position")
     @classmethod

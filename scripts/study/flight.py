@@ -1,6 +1,7 @@
 """Flights: a scenario flown by its unit, and what the chaser measures of the target."""
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.fmu import Recording, build_fmu, simulate
+from baryscope.fmu import Recording, Session, build_fmu, simulate
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, temporary_folder, write_together
 from baryscope.models.scenario import Scenario, load_scenario, orbit_text
@@ -68,6 +69,7 @@ def fly(scenario: Scenario | AnyPath, unit: AnyPath | None = None, progress: Pro
                 flown.sample_times,
                 flown.parameters(),
                 acceleration=flown.chaser.acceleration,
+                control=_thruster(flown),
                 progress=share,
             )
     observation = observe(
@@ -80,6 +82,29 @@ def fly(scenario: Scenario | AnyPath, unit: AnyPath | None = None, progress: Pro
     )
     tracks = FeatureTracks(truth.time, observation.position, flown.features.labels, observation.covariance)
     return Flight(flown, truth, tracks)
+
+
+def thrust(scenario: Scenario) -> FloatArray:
+    """The chaser's acceleration over each sample interval, held in LVLH: the constant one and white noise.
+
+    The noise has a random stream of its own, so that it leaves the sensor's as it is.
+
+    Returns:
+        (samples - 1, 3), m/s².
+    """
+    shape = (len(scenario.sample_times) - 1, 3)
+    deviation = np.sqrt(scenario.chaser.acceleration_noise / scenario.run.sample_time)
+    draws = np.random.default_rng(np.random.SeedSequence(scenario.run.seed).spawn(6)[5]).standard_normal(shape)
+    accelerations: FloatArray = np.array(scenario.chaser.acceleration) + deviation * draws
+    return accelerations
+
+
+def _thruster(scenario: Scenario) -> Callable[[Session], None] | None:
+    """Sets the thrust before each step; None where it is constant."""
+    if scenario.chaser.acceleration_noise == 0:
+        return None
+    accelerations = iter(thrust(scenario))
+    return lambda session: session.set_inputs(acceleration=next(accelerations))
 
 
 def scenario_of(scenario: Scenario | AnyPath) -> Scenario:

@@ -1,0 +1,44 @@
+"""Flights with thrust noise: its density, its seed, and that nothing else changes."""
+
+import numpy as np
+import pytest
+
+from baryscope.study import fly
+from baryscope.study.flight import thrust
+
+Q = 1e-8  # m²/s³
+
+
+@pytest.fixture(scope="module")
+def short(envisat):
+    run = envisat.run.model_copy(update={"duration": 400.0, "sample_time": 2.0})
+    return envisat.model_copy(update={"run": run, "tracking": type(envisat.tracking)()})
+
+
+def noisy(scenario, q=Q, seed=1):
+    run = scenario.run.model_copy(update={"seed": seed})
+    chaser = scenario.chaser.model_copy(update={"acceleration_noise": q})
+    return scenario.model_copy(update={"run": run, "chaser": chaser})
+
+
+def test_the_density_of_the_noise(short):
+    """Velocity gathers the variance q t: 200 intervals, 3 axes, 20 seeds, a chi-square of 12,000 degrees of freedom."""
+    draws = np.array([thrust(noisy(short, seed=seed)) for seed in range(20)])
+    assert draws.shape == (20, 200, 3)
+    assert (draws * 2.0).var() / 2.0 == pytest.approx(Q, rel=5 * np.sqrt(2 / draws.size))
+    constant = short.chaser.model_copy(update={"acceleration": (1e-5, 0.0, -2e-5)})
+    pushed = thrust(noisy(short.model_copy(update={"chaser": constant}), seed=3))
+    assert pushed - draws[3] == pytest.approx(np.broadcast_to([1e-5, 0, -2e-5], pushed.shape), abs=1e-15)
+
+
+def test_noise_moves_the_chaser_and_leaves_the_sensors_draws(short, envisat_fmu):
+    """Over 400 s a free chaser goes astray by √(q t³/3) on an axis, to the order of it."""
+    calm, shaken = (fly(scenario, envisat_fmu) for scenario in (short, noisy(short)))
+    off = shaken.true_path - calm.true_path
+    expected = np.sqrt(Q * 400.0**3 / 3)
+    assert 0.1 * expected < np.abs(off[-1]).max() < 5 * expected
+    errors = [flight.tracks.position - flight.truth["features"] for flight in (calm, shaken)]
+    np.testing.assert_allclose(errors[0], errors[1], atol=1e-12)
+    again = fly(noisy(short), envisat_fmu)
+    assert np.array_equal(again.true_path, shaken.true_path)
+    assert not np.array_equal(fly(noisy(short, seed=2), envisat_fmu).true_path, shaken.true_path)
