@@ -45,19 +45,20 @@ class TumbleDetails:
 class FilterDetails:
     """Of `ekf`: the chosen process noise, and the filter's final state.
 
-    order: of the noisy derivative of the path; path_noise: standard deviation of the position in m due to this noise
-    after the whole time span; turn_noise: relative standard deviation of the rate after a rotation by a radian;
-    gravity_gradient: whether the model has this torque; nis: mean normalised innovation squared, 1 is expected;
-    restarts: number of registrations of a lost attitude; log_likelihood of the innovations; final_covariance (3, 3) of
-    the position at the last frame, m²; angular_rate (3,) there, rad/s in B; inertia (3, 3) over its trace.
+    order: of the noisy derivative of the path; process_noise: spectral density of the next derivative, of order 1 the
+    acceleration, m²/s³ (for a fixed point the variance of its position's noise, m²); torque_noise: that of the angular
+    acceleration, rad²/s³; with their bounds, which hold 90 %; gravity_gradient: whether the model has this torque; nis:
+    mean normalised innovation squared, 1 is expected; log_likelihood of the innovations; final_covariance (3, 3) of the
+    position at the last frame, m²; angular_rate (3,) there, rad/s in B; inertia (3, 3) over its trace.
     """
 
     order: int
-    path_noise: float
-    turn_noise: float
+    process_noise: float
+    process_noise_bounds: tuple[float, float]
+    torque_noise: float
+    torque_noise_bounds: tuple[float, float]
     gravity_gradient: bool
     nis: float
-    restarts: int
     log_likelihood: float
     final_covariance: FloatArray
     angular_rate: FloatArray

@@ -135,11 +135,12 @@ class FilterPart(_Part):
 
     kind: Literal["filter"] = "filter"
     order: int = Field(description="of the noisy derivative of the path")
-    path_noise: float = Field(description="standard deviation of the position due to noise after the time span, m")
-    turn_noise: float = Field(description="relative standard deviation of the rate after a rotation by a radian")
+    process_noise: float = Field(description="density of the next derivative, of order 1 in m²/s³; of order 0 in m²")
+    process_noise_bounds: tuple[float, float] = Field(description="that hold 90 %")
+    torque_noise: float = Field(description="density of the angular acceleration, rad²/s³")
+    torque_noise_bounds: tuple[float, float] = Field(description="that hold 90 %")
     gravity_gradient: bool
     mean_normalised_innovation_squared: float | None = Field(description="1 is expected")
-    restarts: int = Field(description="number of registrations of a lost attitude")
     log_likelihood: float | None
     final_position_covariance: Matrix = Field(description="of the filter at the last time, C, m²")
     angular_rate: Vector = Field(description="body axes, at the last time, rad/s")
@@ -347,11 +348,12 @@ def _details(found: kinds.Details) -> Any:
         case kinds.FilterDetails():
             return FilterPart(
                 order=found.order,
-                path_noise=found.path_noise,
-                turn_noise=found.turn_noise,
+                process_noise=found.process_noise,
+                process_noise_bounds=found.process_noise_bounds,
+                torque_noise=found.torque_noise,
+                torque_noise_bounds=found.torque_noise_bounds,
                 gravity_gradient=found.gravity_gradient,
                 mean_normalised_innovation_squared=_number(found.nis),
-                restarts=found.restarts,
                 log_likelihood=_number(found.log_likelihood),
                 final_position_covariance=_matrix(found.final_covariance),
                 angular_rate=_vector(found.angular_rate),

@@ -15,8 +15,11 @@ ENVISAT = np.array([[17023.3, 397.1, -2171.4], [397.1, 124825.7, 344.2], [-2171.
 MU = 3.986004418e14
 
 
-def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray) -> FloatArray:
-    """R_I_B (n, 3, 3) of a torque-free body that starts with R_I_B = 1 and angular rate rate0 (rad/s, body axes)."""
+def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray, braking: float = 0.0) -> FloatArray:
+    """R_I_B (n, 3, 3) of a body that starts with R_I_B = 1 and angular rate rate0 (rad/s, body axes).
+
+    It is torque-free but for −braking ω, N·m s/rad.
+    """
 
     def slope(_: float, state: FloatArray) -> FloatArray:
         w, x, y, z = state[:4]
@@ -25,7 +28,9 @@ def attitude(inertia: FloatArray, rate0: FloatArray, time: FloatArray) -> FloatA
         quaternion = 0.5 * np.array(
             [-x * p - y * q - z * r, w * p + y * r - z * q, w * q + z * p - x * r, w * r + x * q - y * p]
         )
-        return np.concatenate([quaternion, np.linalg.solve(inertia, -np.cross(omega, inertia @ omega))])
+        return np.concatenate(
+            [quaternion, np.linalg.solve(inertia, -np.cross(omega, inertia @ omega) - braking * omega)]
+        )
 
     start = np.concatenate([[1.0, 0, 0, 0], rate0])
     solution = solve_ivp(

@@ -1,109 +1,140 @@
-"""The bank of hypotheses of `ekf`: process noise of path and rate, and whether there is a gravity-gradient torque."""
+"""The bank of hypotheses of `ekf`: densities of the process noise of path and rotation, and their probabilities.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+A density is zero with probability 1/2; else every factor of ten of it, over sixteen of them, is as probable as any
+other. The levels at which the likelihood is evaluated lie at factors of the density whose effect over the time span
+equals the noise of a single observation.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from math import factorial, log
 
 import numpy as np
 
-from baryscope.estimator.ekf.filter import ProcessNoise
-from baryscope.estimator.ekf.motion import gravity_gradient_axis, white_noise
+from baryscope.estimator.options import Density
 from baryscope.estimator.tracks import FloatArray
-from baryscope.models.orbit import Orbit
 
-PENALTY = 3.0  # of the log-likelihood for a process noise or a torque, against none
-ORDERS = (1, 2, 3)  # of the noisy derivative of the path, if the path model is not given
-# Noise of the path: standard deviation of the position in m after the whole time span.
-UNKNOWN_PATH = (1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3)  # path model not given
-LONG_PATH = (1.0, 3e1, 1e3)  # over all frames
-KNOWN_PATH = (1e-1, 1e1)  # path model given
-# Noise of the rate: relative standard deviation after a rotation by a radian.
-FIRST_TURN = (0.01, 0.03, 0.1, 0.3, 1.0)
-TURN_WITH_PATH = 0.1  # if the path has noise, too
-LEAST_PATH, LEAST_TURN = 1e-2, 1e-4  # first values to try after zero noise
-NEXT_TURN = (0.0, 1e-4, 1e-3, 1e-2)
+DECADES = 16  # of a density, over which its logarithm is uniformly distributed
+COARSE = tuple(10.0**power for power in range(-4, 9, 2))  # levels that are tried first
+FINE = 10.0  # factor between neighbouring levels
+GENEROUS = 1e4  # level of a noise that leaves the other one free to be judged
+MAX_REFINEMENTS = 12
+NEGLIGIBLE = 0.02  # probability below which a member does not enter the result
 
 
 @dataclass(frozen=True)
 class Member:
-    """A hypothesis.
+    """A hypothesis: density of the path's process noise, m²/s^(2 order + 1), and of the rotation's, rad²/s³."""
 
-    order of the noisy derivative of the path; path: standard deviation of the position in m after the time span due to
-    this noise; turn: relative standard deviation of the rate after a rotation by a radian; gravity_gradient: whether
-    there is a gravity-gradient torque.
-    """
-
-    order: int
     path: float
     turn: float
-    gravity_gradient: bool = False
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The hypotheses for one density: its unit level, and the density if it is given."""
+
+    level: float
+    option: Density
 
     @property
-    def penalty(self) -> float:
-        """The penalty of the log-likelihood for the noises and the torque of this hypothesis."""
-        return PENALTY * ((self.path > 0) + (self.turn > 0) + self.gravity_gradient)
+    def free(self) -> bool:
+        """Whether the density is to be estimated."""
+        return self.option == "auto"
+
+    @property
+    def given(self) -> float:
+        """The density where it is not estimated."""
+        return 0.0 if isinstance(self.option, str) else self.option
+
+    def at(self, level: float) -> float:
+        """The density at a level, or the given one."""
+        return level * self.level if self.free else self.given
+
+    def log_prior(self, density: float) -> float:
+        """Logarithm of the probability of a factor of ten around the density, or of none, but for a constant."""
+        return -log(DECADES) if self.free and density > 0 else 0.0
 
 
-def first_members(degree: int | None) -> list[Member]:
-    """The bank of the first pass, with noise that covers the error of the initial inertia.
-
-    degree: of the path's derivative that is constant or noisy, None if the path model is not given.
-    """
-    if degree is None:
-        return [Member(order, path, TURN_WITH_PATH) for order in ORDERS for path in UNKNOWN_PATH]
-    noiseless, noisy = [(0.0, turn) for turn in FIRST_TURN], [(path, TURN_WITH_PATH) for path in KNOWN_PATH]
-    return [Member(degree, path, turn) for path, turn in noiseless + noisy]
+def path_level(order: int, variance: float, span: float) -> float:
+    """The density of the (order + 1)-th derivative that moves the position by `variance` in m² over a span in s."""
+    return variance * (2 * order + 1) * factorial(order) ** 2 / span ** (2 * order + 1) if order else variance
 
 
-def next_members(best: Member, gravity_gradients: Sequence[bool], orders: Sequence[int]) -> list[Member]:
-    """The bank around the best member of the previous pass: other noise of path or rate, or another torque."""
-    paths = (0.0, best.path / 3, best.path * 3) if best.path else (0.0, 1e-2)
-    members = [
-        best,
-        *(replace(best, path=path) for path in paths),
-        *(replace(best, turn=turn) for turn in (*NEXT_TURN, best.turn / 3)),
-        *(replace(best, order=order, path=path) for order in orders for path in (best.path / 3, best.path)),
-        *(
-            replace(best, turn=turn, gravity_gradient=gravity_gradient)
-            for gravity_gradient in gravity_gradients
-            for turn in (0.0, best.turn)
-        ),
-    ]
-    return [member for member in dict.fromkeys(members) if member.gravity_gradient in gravity_gradients]
+def turn_level(variance: float, radius: float, span: float) -> float:
+    """The density of the angular acceleration that turns features at the radius in m by `variance` in m² in a span."""
+    return 3 * variance / radius**2 / span**3
 
 
-def middle_members(best: Member, orders: Sequence[int]) -> list[Member]:
-    """The first bank over all frames: the best member for the first frames, and paths with more noise and derivatives.
+@dataclass(eq=False)
+class Bank:
+    """The search for the most probable member; scores: the log-likelihoods of the members evaluated so far."""
 
-    A short time may need no noise, or may choose few derivatives with much noise, which cannot predict over a gap.
-    """
-    others = [replace(best, order=order, path=path) for order in orders[1:] for path in LONG_PATH]
-    return list(dict.fromkeys([best, *(others or [replace(best, path=best.path or LONG_PATH[0])])]))
+    path: Axis
+    turn: Axis
+    evaluate: Callable[[Sequence[Member]], FloatArray]
+    scores: dict[Member, float] = field(default_factory=dict)
 
+    def best(self, start: Member | None) -> Member:
+        """The most probable member: from `start`, or from the coarse levels."""
+        if start is None:
+            generous = self.path.at(GENEROUS)
+            best = self._best([Member(generous, turn) for turn in self._levels(self.turn)])
+            best = self._best([replace(best, path=path) for path in self._levels(self.path)])
+        else:
+            best = start
+        for _ in range(MAX_REFINEMENTS):
+            around = self._around(best)
+            found = self._best([best, *around]) if around else best
+            if found == best:
+                break
+            best = found
+        return best
 
-def last_members(best: Member, gravity_gradients: Sequence[bool]) -> list[Member]:
-    """The bank over all frames: the last best member, and variations whose effect shows only over a long time."""
-    paths = [best.path / 3, best.path * 3] if best.path else [LEAST_PATH]
-    members = [
-        best,
-        *(replace(best, gravity_gradient=gravity_gradient) for gravity_gradient in gravity_gradients),
-        *(replace(best, path=path) for path in paths),
-        *(replace(best, turn=turn) for turn in ([best.turn / 3, 0.0] if best.turn else [LEAST_TURN])),
-    ]
-    return [member for member in dict.fromkeys(members) if member.gravity_gradient in gravity_gradients]
+    def posterior(self, best: Member) -> tuple[list[Member], FloatArray]:
+        """The members with their probabilities (k,), as if path and rotation were independent around the best one."""
+        paths, path_weight = self._weights(
+            {member.path: score for member, score in self.scores.items() if member.turn == best.turn}, self.path
+        )
+        turns, turn_weight = self._weights(
+            {member.turn: score for member, score in self.scores.items() if member.path == best.path}, self.turn
+        )
+        weight = np.outer(path_weight, turn_weight).ravel()
+        members = [Member(path, turn) for path, turn in product(paths, turns)]
+        kept = weight >= min(NEGLIGIBLE, float(weight.max()))
+        return [member for member, keep in zip(members, kept, strict=True) if keep], weight[kept] / weight[kept].sum()
 
+    def _weights(self, scores: dict[float, float], axis: Axis) -> tuple[list[float], FloatArray]:
+        """Densities, ascending, and their probabilities."""
+        densities = sorted(scores)
+        width = np.ones(len(densities))
+        positive = [k for k, density in enumerate(densities) if density > 0]
+        if len(positive) > 1:
+            width[positive] = np.abs(np.gradient(np.log10([densities[k] for k in positive])))
+        logarithm = np.array([scores[density] + axis.log_prior(density) for density in densities])
+        weight = width * np.exp(logarithm - logarithm.max())
+        return densities, weight / weight.sum()
 
-def bank_noise(
-    members: Sequence[Member], size: int, time: FloatArray, speed: float, orbit: Orbit | None
-) -> ProcessNoise:
-    """The process noise of the bank, for paths of `size` derivatives and a rotation at `speed`, rad/s."""
-    orders = sorted({member.order for member in members})
-    gravity_gradient = (
-        np.zeros((len(time) - 1, 3)) if orbit is None else gravity_gradient_axis(orbit, (time[1:] + time[:-1]) / 2)
-    )
-    return ProcessNoise(
-        np.stack([white_noise(order, size, time) for order in orders]),
-        np.array([orders.index(member.order) for member in members]),
-        np.array([member.path**2 for member in members]),
-        np.array([member.turn**2 * speed**3 for member in members]),
-        np.stack([member.gravity_gradient * gravity_gradient for member in members]),
-    )
+    def _levels(self, axis: Axis) -> list[float]:
+        return [0.0, *(axis.at(level) for level in COARSE)] if axis.free else [axis.given]
+
+    def _around(self, best: Member) -> list[Member]:
+        """Neighbours of a member along both axes."""
+        members = []
+        if self.path.free:
+            paths = [0.0, best.path / FINE, best.path * FINE] if best.path else [self.path.at(COARSE[0])]
+            members += [replace(best, path=path) for path in paths]
+        if self.turn.free:
+            turns = [0.0, best.turn / FINE, best.turn * FINE] if best.turn else [self.turn.at(COARSE[0])]
+            members += [replace(best, turn=turn) for turn in turns]
+        return members
+
+    def _best(self, members: Sequence[Member]) -> Member:
+        new = [member for member in dict.fromkeys(members) if member not in self.scores]
+        if new:
+            self.scores.update(zip(new, self.evaluate(new).tolist(), strict=True))
+        return max(members, key=self._probability)
+
+    def _probability(self, member: Member) -> float:
+        return self.scores[member] + self.path.log_prior(member.path) + self.turn.log_prior(member.turn)

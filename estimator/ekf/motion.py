@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from functools import cache
-from math import comb
+from math import comb, factorial
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
-from baryscope.estimator.ekf.columns import Columns
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
@@ -22,7 +22,8 @@ from baryscope.models.relative_orbit import relative_path, relative_transition
 FloatArray = NDArray[np.float64]
 
 STEP_ANGLE = 0.1  # rad in a step of the integration: its error is 1e-7 rad, and 1e-4 of the errors' transition
-MAX_INERTIA_CHANGE = 4.0  # of the inertia's logarithm in one correction
+MAX_INERTIA_CHANGE = 1.0  # of the inertia's logarithm in one correction
+THINNEST = 1e-3  # least second moment of the mass over the inertia's trace
 ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
 
 
@@ -39,16 +40,6 @@ class PathProcess:
     nominal_rate: FloatArray
     observed_rate: FloatArray
     transition: FloatArray
-
-    def until(self, stop: int) -> "PathProcess":
-        """The process over the frames before `stop`."""
-        return PathProcess(
-            self.nominal[:stop],
-            self.observed[:stop],
-            self.nominal_rate[:stop],
-            self.observed_rate[:stop],
-            self.transition[: stop - 1],
-        )
 
 
 def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: FloatArray, epoch: float) -> PathProcess:
@@ -99,17 +90,27 @@ def span_of(time: FloatArray) -> float:
     return float(time[-1] - time[0]) or 1.0
 
 
-def white_noise(order: int, size: int, time: FloatArray) -> FloatArray:
-    """Covariance (n - 1, 3 size, 3 size), from frame to frame, of T^j/j! times the j-th derivatives, j < size.
+def white_noise(order: int, time: FloatArray) -> FloatArray:
+    """Covariance (n - 1, p, p), from frame to frame, of T^j/j! times the j-th derivatives, p = 3 (order + 1).
 
-    The (order + 1)-th derivative is white noise with the density that gives the position the variance 1 after T.
+    The (order + 1)-th derivative is white noise of the density 1 m²/s^(2 order + 1); a fixed point has none.
     """
-    steps = np.diff(time) / span_of(time)
-    noise = np.zeros((len(steps), size, size))
-    for i in range(order + 1):
-        for j in range(order + 1):
-            power = 2 * order + 1 - i - j
-            noise[:, i, j] = (2 * order + 1) * comb(order, i) * comb(order, j) * steps**power / power
+    span = span_of(time)
+    steps = np.diff(time) / span
+    noise = np.zeros((len(steps), order + 1, order + 1))
+    if order:
+        variance = span ** (2 * order + 1) / factorial(order) ** 2
+        for i in range(order + 1):
+            for j in range(order + 1):
+                power = 2 * order + 1 - i - j
+                noise[:, i, j] = variance * comb(order, i) * comb(order, j) * steps**power / power
+    return np.asarray(np.kron(noise, np.eye(3)))
+
+
+def turning_noise(time: FloatArray) -> FloatArray:
+    """Covariance (n - 1, 6, 6) of attitude and rate by white acceleration of 1 rad²/s³, from frame to frame."""
+    dt = np.diff(time)[:, None, None]
+    noise = np.concatenate([np.concatenate([dt**3 / 3, dt**2 / 2], 2), np.concatenate([dt**2 / 2, dt], 2)], 1)
     return np.asarray(np.kron(noise, np.eye(3)))
 
 
@@ -120,33 +121,37 @@ def gravity_gradient_axis(orbit: Orbit, time: FloatArray) -> FloatArray:
 
 
 def rotated(
-    quaternion: FloatArray, rate: FloatArray, inertia: FloatArray, gravity_gradient: FloatArray, step: float
+    attitude: FloatArray, rate: FloatArray, inertia: FloatArray, gravity_gradient: FloatArray, steps: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotation of k bodies over `step` s, forwards or backwards, under the gravity gradient alone.
+    """Rotation of one body from k initial states, each over its step, under the gravity gradient alone.
 
     Args:
-        quaternion: (k, 4) of R_C_B, scalar first.
+        attitude: (k, 3, 3) R_C_B.
         rate: (k, 3), rad/s in B.
-        inertia: (k, 3, 3), in any unit.
+        inertia: (3, 3), in any unit.
         gravity_gradient: (k, 3), axis of the gravity gradient, 1/s in C, constant over the step; 0 for no torque.
-        step: s.
+        steps: (k,) s.
 
     Returns:
-        quaternion and rate after the step, and the transition (k, 11, 11) of the errors of attitude, rate and inertia:
-        the attitude error is a rotation vector in B; the inertia's errors δ change it to A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J,
-        E the INERTIA_BASIS.
+        attitude and rate after the steps, and the transition (k, 6, 11) to the errors of attitude and rate from those
+        of attitude, rate and inertia: the attitude error is a rotation vector in B; the inertia's errors δ change it
+        to A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J, E the INERTIA_BASIS.
     """
-    k = len(quaternion)
-    highest_rate = float(np.sqrt((rate * rate).sum(axis=1).max()))
-    count = max(1, int(np.ceil(highest_rate * abs(step) / STEP_ANGLE))) if np.isfinite(highest_rate) else 1
-    constants = np.concatenate([inertia.reshape(k, 9), gravity_gradient], axis=1)
-    advance = advance_of(k)
-    change = np.tile(np.eye(ROTATION), (k, 1, 1))
+    k = len(attitude)
+    fastest = float(np.max(np.linalg.norm(rate, axis=1) * steps, initial=0.0))
+    count = max(1, int(np.ceil(fastest / STEP_ANGLE)))
+    quaternion = quaternion_from_matrix(attitude).T
+    w, change, constants = rate.T, None, np.vstack([np.tile(inertia.reshape(9, 1), k), gravity_gradient.T])
     for _ in range(count):
-        values = advance(quaternion, rate, constants, step / count)
-        quaternion, rate = values[:, :4], values[:, 4:7]
-        change[:, :6] = values[:, 7:].reshape(k, 6, ROTATION) @ change
-    return quaternion, rate, change
+        values = _advance()(quaternion, w, constants, steps[None] / count)
+        quaternion, w = values[:, :4].T, values[:, 4:7].T
+        step = values[:, 7:].reshape(k, 6, ROTATION)
+        if change is not None:
+            by_inertia = step[:, :, :6] @ change[:, :, 6:] + step[:, :, 6:]
+            step = np.concatenate([step[:, :, :6] @ change[:, :, :6], by_inertia], axis=2)
+        change = step
+    assert change is not None  # noqa: S101  there is at least one step
+    return matrix_from_quaternion(quaternion.T), w.T, change
 
 
 @cache
@@ -158,8 +163,8 @@ def _gravity_gradient_root() -> ColumnFunction:
 
 
 @cache
-def advance_of(k: int) -> Columns:
-    """One Runge–Kutta step of k bodies: (q, ω, (J, gravity gradient), h) → q, ω, transition (6, 11) of the errors."""
+def _advance() -> ColumnFunction:
+    """One Runge–Kutta step: (q, ω, (J, gravity gradient), h) → q, ω, transition (6, 11) of the errors."""
     q, w, c, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("c", 12), ca.SX.sym("h")
     J, gradient_C = ca.reshape(c[:9], 3, 3), c[9:]
     inverse = symmetric_inverse(J)
@@ -188,37 +193,32 @@ def advance_of(k: int) -> Columns:
     one = ca.SX.eye(ROTATION)
     change = one + h * slopes @ (one + h / 2 * slopes @ (one + h / 3 * slopes))
     found = ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:], ca.vec(change[:6, :].T))
-    return Columns(ca.Function("rotated", [q, w, c, h], [ca.densify(found)], {"cse": True}), k)
+    return ColumnFunction("rotated", [q, w, c, h], ca.densify(found))
 
 
-@cache
-def changed_of(k: int) -> Columns:
-    """The function (q, ω, J, errors of attitude, rate and inertia) → corrected q, ω, J, for k bodies."""
-    q, w, J9, error = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("error", ROTATION)
-    root = ca.chol(ca.reshape(J9, 3, 3)).T
-    moved = error[6:] * ca.fmin(1, MAX_INERTIA_CHANGE / (ca.norm_2(error[6:]) + 1e-300))
-    matrix = sum((moved[i] * ca.DM(basis) for i, basis in enumerate(INERTIA_BASIS)), ca.SX(3, 3)) / 8
-    one = ca.SX.eye(3)
-    power = one + matrix @ (one + matrix / 2 @ (one + matrix / 3 @ (one + matrix / 4)))
-    for _ in range(2):
-        power = power @ power
-    new_root = root @ power
-    found = ca.vertcat(turned(q, error[:3]), w + error[3:6], ca.vec(new_root @ new_root.T))
-    return Columns(ca.Function("changed", [q, w, J9, error], [ca.densify(found)], {"cse": True}), k)
+def changed_inertia(inertia: FloatArray, error: FloatArray) -> FloatArray:
+    """The inertia (3, 3) A exp(Σ δ_i E_i) Aᵀ, for errors δ (5,), bounded by MAX_INERTIA_CHANGE; that of a body."""
+    root = np.linalg.cholesky(inertia)
+    error = error * min(1.0, MAX_INERTIA_CHANGE / (float(np.linalg.norm(error)) + 1e-300))
+    values, vectors = np.linalg.eigh(np.tensordot(error, INERTIA_BASIS, 1))
+    half = root @ vectors * np.exp(values / 2)
+    return of_a_body(half @ half.T)
 
 
-@cache
-def attitude_of(k: int) -> Columns:
-    """The function (q, turn) → matrix R_C_B by rows, of k attitudes rotated by the rotation vector turn in B."""
-    q, turn = ca.SX.sym("q", 4), ca.SX.sym("turn", 3)
-    matrix = rotation_from_quaternion(turned(q, turn))
-    return Columns(ca.Function("attitude", [q, turn], [ca.densify(ca.vec(matrix.T))], {"cse": True}), k)
+def of_a_body(inertia: FloatArray) -> FloatArray:
+    """The inertia (3, 3) of trace 1 whose principal moments obey the triangle inequality, nearest to the given one.
+
+    The second moments of the mass, ½ tr J − J, get eigenvalues of at least THINNEST. Where the tracks do not determine
+    the inertia, a fitted one may cone many times as fast as any body.
+    """
+    values, vectors = np.linalg.eigh(inertia / np.trace(inertia))
+    mass = np.maximum(0.5 - values, THINNEST)
+    mass *= 0.5 / mass.sum()
+    return np.asarray((vectors * (0.5 - mass)) @ vectors.T)
 
 
-def turned(q: ca.SX, turn: ca.SX) -> ca.SX:
-    """The quaternion q, scalar first, rotated by a rotation vector in B."""
-    half = ca.norm_2(turn) / 2 + 1e-150
-    sine = ca.sin(half) / half / 2 * turn
-    w, x, y, z = ca.vertsplit(q)
-    by = ca.vertcat(ca.horzcat(-x, -y, -z), ca.horzcat(w, -z, y), ca.horzcat(z, w, -x), ca.horzcat(-y, x, w))
-    return ca.cos(half) * q + by @ sine
+def logarithm_of_inertia(inertia: FloatArray) -> FloatArray:
+    """The coefficients (5,) in INERTIA_BASIS of the logarithm of an inertia (3, 3): zero for a sphere's."""
+    values, vectors = np.linalg.eigh(inertia)
+    logarithm = (vectors * np.log(values)) @ vectors.T
+    return np.asarray(np.tensordot(INERTIA_BASIS, logarithm))

@@ -1,77 +1,111 @@
-"""The initial state of `ekf` from a registration of the first frames, with its standard deviations."""
+"""The reference motion that the first pass of `ekf` is linearised about, from a registration of all frames.
+
+A free tumble is fitted to the registered attitudes, as in `ml`. Where it does not follow them, it is turned to them:
+by the mean rotation between nearby frames' registered and fitted attitudes.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.geometry.so3 import log_rotation
-from baryscope.estimator.registration.clusters import find_bodies
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.rotation import Rotation, too_long
+from baryscope.estimator.ekf.linearised import Nodes
+from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
+from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, Reason
+from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
-MAX_FRAMES = 100  # with three features or more, for the noise and the first poses
-MIN_FRAMES = 4  # for a rate and the noise
-MAX_RATE_FRAMES = 20  # for the rate
-MAX_RATE_ANGLE = 0.5  # rad that the target turns in these frames
-INFLATION = 3.0  # factor on the standard deviations, as the filter uses these frames again
+MIN_FRAMES = 4  # with an attitude
+NODE_ANGLE = 0.3  # rad that the target turns between nodes
+MAX_NODES, NODES_PER_FRAME = 10_000, 4  # more would take minutes
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """The initial state.
+    """The initial motion.
 
-    frame: the first with an attitude; centroid (3,) of the features there, in C, m; radius of the features, m; rate
-    (3,) in B, rad/s, and its standard deviation; speed: standard deviation of the velocity of the centre of mass, m/s;
-    noise: standard deviation of a coordinate from the registration, m. The axes B are parallel to C in this frame.
+    nodes; rotation: the fitted tumble, and whether it explains the attitudes; attitude (n, 3, 3) R_C_B and rate (n, 3),
+    rad/s in B, at the nodes; points (m, 3) in B, m; centroid (3,): the mean of the features' centroids in C, m, and
+    extent, m, their rms distance from it; radius of the features, m; noise: standard deviation of a coordinate from the
+    registration, m.
     """
 
-    frame: int
-    centroid: FloatArray
-    radius: float
+    nodes: Nodes
+    rotation: Rotation
+    explained: bool
+    attitude: FloatArray
     rate: FloatArray
-    rate_deviation: float
-    speed: float
+    points: FloatArray
+    centroid: FloatArray
+    extent: float
+    radius: float
     noise: float
 
 
-def start_from(tracks: FeatureTracks, inliers: BoolArray) -> Start:
-    """The initial state from the first frames in which the inliers (n, m) determine an attitude.
+def start_from(
+    tracks: FeatureTracks, inliers: BoolArray, observations: Observations, torques: tuple[Orbit | None, ...]
+) -> Start:
+    """The initial motion from the inliers (n, m), with the gravity gradient of the orbit that fits best.
 
     Raises:
-        ComputationError: the first frames determine no attitude, or no rate.
+        ComputationError: the tracks determine no attitude or no rate, or the target turns too often.
     """
-    posed = np.nonzero(inliers.sum(axis=1) >= 3)[0]
-    window = slice(int(posed[0]), int(posed[:MAX_FRAMES][-1]) + 1) if len(posed) else slice(0, None)
-    registered = find_bodies(tracks.position[window], inliers[window])
-    main = max(range(len(registered.bodies)), key=lambda index: len(registered.bodies[index].frames))
-    body, origin, noise = registered.bodies[main], registered.origins[main], registered.noise
-    frames = window.start + body.frames
-    time = tracks.time[frames] - tracks.time[frames[0]]
-    turn = log_rotation(body.attitude[0].T @ body.attitude)
-    if len(frames) < MIN_FRAMES:
+    registered = find_bodies(tracks.position, inliers)
+    frames = sum(len(body.frames) for body in registered.bodies)
+    if frames < MIN_FRAMES:
         raise ComputationError(
-            f"the first attitudes are seen in {counted(len(frames), 'frame')}, {MIN_FRAMES} are needed for a rate",
+            f"attitudes are seen in {counted(frames, 'frame')}, {MIN_FRAMES} are needed for a rate",
             Reason.TOO_FEW_FRAMES,
         )
-    turned_enough = np.linalg.norm(turn, axis=1) > MAX_RATE_ANGLE
-    count = min(max(int(np.argmax(turned_enough)) if turned_enough.any() else len(turned_enough), 2), MAX_RATE_FRAMES)
-    time, turn = time[:count], turn[:count]
-    # B is parallel to C in the first frame, so rotation vectors from there have the same components in C and in B.
-    turn_B = turn @ body.attitude[0].T
-    rate = (time @ turn_B) / (time @ time)
-    points = body.points
-    radius = float(np.sqrt(np.mean(np.sum(points**2, axis=1))))
-    speed = float(np.linalg.norm(rate))
-    by_noise = INFLATION * noise / radius * np.sqrt(3 / len(points)) * np.sqrt(2 / (time @ time))
-    by_change = speed**2 * time[-1] / 2  # for an angular acceleration of at most ω²
-    drift = float(np.linalg.norm(origin[count - 1] - origin[0])) / time[-1]
-    return Start(
-        int(frames[0]),
-        origin[0],
-        radius,
-        rate,
-        float(np.hypot(by_noise, by_change)),
-        INFLATION * (drift + speed * radius),
-        noise,
-    )
+    radius = max(float(np.sqrt(np.mean(np.sum(body.points**2, axis=1)))) for body in registered.bodies)
+    noise = max(registered.noise, 1e-5 * radius)
+    tumble = fit_tumble(registered.bodies, observations, noise**2, tracks.time, torques)
+    nodes = _nodes(tumble.rotation, tracks.time)
+    attitude, rate = _followed(tumble, registered.bodies, nodes, tracks.time)
+    origins = np.concatenate(registered.origins)
+    centroid = origins.mean(axis=0)
+    extent = float(np.sqrt(np.mean(np.sum((origins - centroid) ** 2, axis=1))))
+    points = _points(tumble, registered, attitude[nodes.frames], centroid, tracks.seen.shape[1])
+    explained = tumble.median_ratio < EXPLAINED
+    return Start(nodes, tumble.rotation, explained, attitude, rate, points, centroid, extent, radius, noise)
+
+
+def _nodes(rotation: Rotation, time: FloatArray) -> Nodes:
+    """Nodes between which the target turns by at most NODE_ANGLE."""
+    speed = float(np.linalg.norm(rotation.rate))
+    if speed * float(time[-1] - time[0]) > NODE_ANGLE * (MAX_NODES + NODES_PER_FRAME * len(time)):
+        raise too_long(speed, float(time[-1] - time[0]))
+    return Nodes.between(time, NODE_ANGLE / max(speed, 1e-9))
+
+
+def _followed(
+    tumble: Tumble, bodies: tuple[Body, ...], nodes: Nodes, time: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Attitude (n, 3, 3) and rate (n, 3) at the nodes: the fitted ones, turned to the registered if needed."""
+    found = tumble.rotation.at(nodes.time)
+    if tumble.median_ratio < EXPLAINED:
+        return found.attitude, found.rate
+    frames = np.concatenate([body.frames for body in bodies])
+    registered = np.concatenate([body.attitude @ R.T for body, R in zip(bodies, tumble.bodies, strict=True)])
+    order = np.argsort(frames, kind="stable")
+    at = nodes.frames[frames[order]]
+    turn = log_rotation(np.swapaxes(found.attitude[at], 1, 2) @ registered[order])
+    spread = np.stack([np.interp(nodes.time, nodes.time[at], values) for values in turn.T], axis=1)
+    return found.attitude @ exp_rotation(spread), found.rate
+
+
+def _points(
+    tumble: Tumble, registered: Registered, attitude: FloatArray, centroid: FloatArray, count: int
+) -> FloatArray:
+    """The points (count, 3) in B, m, for a path at rest in the mean centroid; means where bodies share features."""
+    total, points = np.zeros(count), np.zeros((count, 3))
+    for body, origin, R_B_S in zip(registered.bodies, registered.origins, tumble.bodies, strict=True):
+        offset = np.einsum("kij,ki->j", attitude[body.frames], origin - centroid) / len(body.frames)
+        points[body.features] += len(body.frames) * (body.points @ R_B_S.T + offset)
+        total[body.features] += len(body.frames)
+    return points / np.maximum(total, 1.0)[:, None]

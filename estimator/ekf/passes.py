@@ -1,0 +1,328 @@
+"""The passes of `ekf`: linearise, choose the process noise, filter and smooth, until the linearisation holds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.stereo import moved_to
+from baryscope.estimator.ekf.bank import GENEROUS, Axis, Bank, Member, path_level, turn_level
+from baryscope.estimator.ekf.filter import ProcessNoise
+from baryscope.estimator.ekf.linearised import INERTIA, Linearised, Reference, linearised, moved, points_from
+from baryscope.estimator.ekf.motion import (
+    PathProcess,
+    derivatives,
+    free_orbit,
+    gravity_gradient_axis,
+    logarithm_of_inertia,
+    of_a_body,
+    span_of,
+    turning_noise,
+    white_noise,
+)
+from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, log_likelihoods, mixed, solve
+from baryscope.estimator.ekf.start import Start
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.progress import Rounds
+from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.orbit import Orbit
+
+MAX_PASSES = 12
+TOLERANCE = 0.05  # of the linearisation, in standard deviations of the position
+WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
+PRIOR_INERTIA_DEVIATION = 1.0  # of the inertia's logarithm from that of a sphere
+PRIOR_EXTENTS = 10.0  # standard deviation of the centre of mass in radii of the features, and of the path in its extent
+ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be solved.
+
+    measured: observations, with weight (n, m) at the start; order of the noisy derivative of the path; on_orbit:
+    whether the path is free relative motion; rounds: told of each pass.
+    """
+
+    tracks: FeatureTracks
+    orbit: Orbit | None
+    options: PathOptions
+    measured: Observations
+    weight: FloatArray
+    start: Start
+    order: int
+    on_orbit: bool
+    rounds: Rounds
+
+    @property
+    def span(self) -> float:
+        """The time span in s."""
+        return span_of(self.tracks.time)
+
+    @property
+    def sigma(self) -> float | None:
+        """The known variance of an observation of weight 1, m² or a factor on the given covariances."""
+        return None if self.options.sigma is None else self.options.sigma**2
+
+    @cached_property
+    def unit(self) -> float:
+        """The variance of a coordinate, m², of a typical observation of weight 1."""
+        covariance = self.tracks.covariance
+        return 1.0 if covariance is None else float(np.median(np.trace(covariance[self.tracks.seen].T)) / 3)
+
+    @cached_property
+    def floor(self) -> float:
+        """The least variance of an observation of weight 1: below it residuals are rounding."""
+        distance = float(np.abs(self.measured.position).max())
+        return (ROUNDING * distance) ** 2 / self.unit
+
+    @cached_property
+    def first_nominal(self) -> FloatArray:
+        """The chaser's (ρ, T ρ̇) in LVLH, m, at the first time: at rest, with the features' centroid at the target."""
+        nominal = np.zeros(3 * (self.order + 1))
+        if self.on_orbit and self.orbit is not None:
+            R_I_L = lvlh_attitude(self.orbit, self.start.nodes.time[:1])[0]
+            nominal[:3] = -R_I_L.T @ self.start.centroid
+        return nominal
+
+    @cached_property
+    def noise_units(self) -> FloatArray:
+        """The covariances (n - 1, 2, d, d) of each step for unit densities, see `ProcessNoise`."""
+        time, p = self.start.nodes.time, 3 * (self.order + 1)
+        units = np.zeros((len(time) - 1, 2, p + 6, p + 6))
+        units[:, 0, :p, :p] = white_noise(self.order, time)
+        units[:, 1, p:, p:] = turning_noise(time)
+        return units
+
+    def process(self, nominal: FloatArray) -> PathProcess:
+        """The path's process about a nominal motion on the orbit, or about the features' centroid."""
+        time = self.start.nodes.time
+        if self.on_orbit and self.orbit is not None:
+            return free_orbit(self.orbit, time, nominal[:3], nominal[3:] / span_of(time), float(time[0]))
+        return derivatives(self.order + 1, time, self.start.centroid)
+
+    def noise(self, members: Sequence[Member], variance: float) -> ProcessNoise:
+        """The process noise of members, relative to the variance of an observation."""
+        density = np.array([[member.path, member.turn] for member in members]) / variance
+        shift = np.zeros(len(members))
+        if self.order == 0:
+            shift, density[:, 0] = density[:, 0].copy(), 0.0
+        return ProcessNoise(self.noise_units, density, shift)
+
+    def axes(self, variance: float) -> tuple[Axis, Axis]:
+        """The hypotheses for path and rotation, for this variance of an observation."""
+        metres, start = variance * self.unit, self.start
+        return (
+            Axis(path_level(self.order, metres, self.span), self.options.process_noise),
+            Axis(turn_level(metres, start.radius, self.span), self.options.torque_noise),
+        )
+
+    def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
+        """The prior about a reference; shift (p,): of its first state since the first pass."""
+        p, m = 3 * (self.order + 1), self.weight.shape[1]
+        size = points_from(p) - 1 + 3 * m
+        mean, information = np.zeros(size), np.zeros(size)
+        mean[:INERTIA] = -logarithm_of_inertia(reference.inertia)
+        information[:INERTIA] = variance / PRIOR_INERTIA_DEVIATION**2
+        extent = np.repeat([self.start.radius, *[max(self.start.extent, self.start.radius)] * self.order], 3)
+        information[INERTIA : INERTIA + p] = variance * self.unit / (PRIOR_EXTENTS * extent) ** 2
+        mean[INERTIA : INERTIA + p] = -shift
+        unseen = ~(self.weight > 0).any(axis=0)
+        information[points_from(p) - 1 :] = np.repeat(np.where(unseen, 1.0, 0.0), 3)
+        return Prior(mean, information)
+
+    def dof(self, observations: Observations) -> float:
+        """Values less unknowns."""
+        seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
+        unknowns = points_from(3 * (self.order + 1)) - 1 + 3 * seen
+        return max(3 * float(observations.weight.sum()) - unknowns, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """A pass: the system about a reference, and the solution for the best member.
+
+    noise_variance: to which the process noise was relative; variance: of an observation of weight 1, as given or from
+    the innovations, residual_variance; after: the reference after the pass; weight (frames, m): new weights; bank: None
+    in the first pass; linear: whether the linearisation error is small; steady: whether the weights are settled.
+    """
+
+    observations: Observations
+    system: Linearised
+    prior: Prior
+    dof: float
+    bank: Bank | None
+    member: Member
+    noise_variance: float
+    solution: Solution
+    parameters: Parameters
+    variance: float
+    residual_variance: float
+    after: Reference
+    weight: FloatArray
+    linear: bool
+    steady: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Passes:
+    """The last pass, and the solution in SI units, the mean over members with probability (k,).
+
+    reference: of the solution; evidence: log-likelihood and log-prior of the last pass's member.
+    """
+
+    last: Pass
+    reference: Reference
+    solution: Solution
+    members: tuple[Member, ...]
+    probability: FloatArray
+    evidence: float
+    count: int
+    converged: bool
+
+
+def passes(problem: Problem) -> Passes:
+    """Passes until the linearisation holds, the first with generous process noise, and the mean over the bank."""
+    start, time = problem.start, problem.start.nodes.time
+    axis = np.zeros((len(time) - 1, 3))
+    if start.rotation.orbit is not None:
+        axis = gravity_gradient_axis(start.rotation.orbit, (time[1:] + time[:-1]) / 2)
+    nominal = problem.first_nominal
+    path = problem.process(nominal)
+    still = np.zeros((len(time), path.observed.shape[2]))
+    inertia = of_a_body(start.rotation.inertia)
+    reference = Reference(path, still, start.attitude, start.rate, inertia, start.points, axis)
+    observations = problem.measured.weighted(problem.weight)
+    variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
+    last = _pass(problem, reference, nominal, observations, variance, None)
+    count = 1
+    while count < MAX_PASSES and not (last.bank and last.linear and last.steady):
+        reference = last.after
+        if problem.on_orbit:
+            nominal = nominal + reference.deviation[0]
+            reference = replace(reference, path=problem.process(nominal), deviation=still)
+        last = _pass(problem, reference, nominal, _renewed(problem, last), last.variance, last)
+        count += 1
+    return _mean(problem, reference, last, count)
+
+
+def _pass(
+    problem: Problem,
+    reference: Reference,
+    nominal: FloatArray,
+    observations: Observations,
+    variance: float,
+    last: Pass | None,
+) -> Pass:
+    """A pass; the noise of the first is generous, that of the others from a bank around the last one's."""
+    system = linearised(reference, problem.start.nodes, observations)
+    prior = problem.prior(reference, reference.deviation[0] + nominal - problem.first_nominal, variance)
+    dof = problem.dof(observations)
+    axes, bank = problem.axes(variance), None
+    member = Member(axes[0].at(GENEROUS), axes[1].at(0.0 if problem.start.explained else GENEROUS))
+    if last is not None and last.bank and last.linear:
+        bank, member = last.bank, last.member
+    elif last is not None:
+
+        def scores(members: Sequence[Member]) -> FloatArray:
+            return log_likelihoods(system, problem.noise(members, variance), prior, dof, problem.sigma)
+
+        bank = Bank(*axes, scores)
+        member = bank.best(last.member if last.bank else None)
+    solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
+    residual_variance = max(parameters.squares / dof, problem.floor)
+    used = problem.sigma or residual_variance
+    after = moved(reference, solution.state, solution.theta)
+    seen = observations.position - after.seen_at(problem.start.nodes)
+    squares = observations.weight * _squares(seen, observations)
+    weight = reweighted(squares, observations.weight, dof, problem.floor)
+    changed = float(np.vdot(squares, weight / np.where(observations.weight > 0, observations.weight, 1.0) - 1))
+    problem.rounds.did(0.5)
+    return Pass(
+        observations,
+        system,
+        prior,
+        dof,
+        bank,
+        member,
+        variance,
+        solution,
+        parameters,
+        used,
+        residual_variance,
+        after,
+        weight,
+        linear=_is_linear(problem, reference, solution, used) or _has_stayed(problem, after, solution, used, last),
+        steady=abs(changed) <= WEIGHT_CHANGE_TOLERANCE * float(squares.sum()),
+    )
+
+
+def _squares(residual: FloatArray, observations: Observations) -> FloatArray:
+    """Normalised squares (frames, m) of residuals (frames, m, 3) in C, for weight 1."""
+    if observations.precision is None:
+        return np.asarray(np.einsum("kmi,kmi->km", residual, residual))
+    return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, observations.precision, residual, optimize=True))
+
+
+def _renewed(problem: Problem, last: Pass) -> Observations:
+    """The observations with new weights, and covariances at the estimated points."""
+    observations = last.observations.weighted(last.weight)
+    if observations.precision is not None and problem.options.noise == "stereo":
+        return moved_to(observations, problem.measured, last.after.seen_at(problem.start.nodes))
+    return observations
+
+
+def _is_linear(problem: Problem, reference: Reference, solution: Solution, variance: float) -> bool:
+    """Whether terms of second order are small: of turns times points, and of rate and inertia over the time span."""
+    p = reference.deviation.shape[1]
+    turn = float(np.linalg.norm(solution.state[:, p : p + 3], axis=1).max())
+    rate = float(np.linalg.norm(solution.state[:, p + 3 :], axis=1).max())
+    inertia = float(np.linalg.norm(solution.theta[:INERTIA]))
+    points = float(np.abs(solution.theta[points_from(p) - 1 :]).max())
+    speed = float(np.linalg.norm(reference.rate, axis=1).max())
+    radius = float(np.linalg.norm(reference.points, axis=1).max())
+    error = turn * (turn * radius + points) + radius * problem.span * inertia * (rate + speed * inertia)
+    least = float(_position_variance(reference, solution).min())
+    return bool(error < TOLERANCE * np.sqrt(max(variance * least, 0.0)) + ROUNDING * radius)
+
+
+def _has_stayed(problem: Problem, after: Reference, solution: Solution, variance: float, last: Pass | None) -> bool:
+    """Whether the path has hardly moved since the last pass with a bank."""
+    if last is None or last.bank is None:
+        return False
+    squares = np.sum((after.origin - last.after.origin) ** 2, axis=1)
+    return bool(np.all(squares <= TOLERANCE**2 * variance * _position_variance(after, solution) + problem.floor))
+
+
+def _position_variance(reference: Reference, solution: Solution) -> FloatArray:
+    """The sum (n,) of the variances of the position's coordinates, in the units of the weights."""
+    H, p = reference.path.observed, reference.deviation.shape[1]
+    return np.asarray(np.einsum("kip,kpq,kiq->k", H, solution.of_state[:, :p, :p], H, optimize=True))
+
+
+def _mean(problem: Problem, reference: Reference, last: Pass, count: int) -> Passes:
+    """The mean over the probable members of the last bank."""
+    members, probability, found = [last.member], np.ones(1), [(last.solution, last.parameters)]
+    if last.bank is not None:
+        members, probability = last.bank.posterior(last.member)
+        if members != [last.member]:
+            found = solve(last.system, problem.noise(members, last.noise_variance), last.prior)
+    least, sigma = problem.floor, problem.sigma
+    variance = np.array([sigma or max(parameters.squares / last.dof, least) for _, parameters in found])
+    solution = mixed([one for one, _ in found], probability, variance)
+    p = reference.deviation.shape[1]
+    scale = np.log(np.maximum(last.prior.information[INERTIA : INERTIA + p], 1e-300)).sum()
+    score = last.bank.scores[last.member] if last.bank is not None else -np.inf
+    return Passes(
+        last,
+        moved(reference, solution.state, solution.theta),
+        solution,
+        tuple(members),
+        probability,
+        score + 0.5 * float(scale),
+        count,
+        last.bank is not None and last.linear and last.steady,
+    )

@@ -1,0 +1,113 @@
+"""The solution of the linearised problem for one or several process noises: parameters, states, likelihood."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from baryscope.estimator.ekf.filter import Forward, ProcessNoise, filtered, smoothed
+from baryscope.estimator.ekf.linearised import Linearised
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.tracks import FloatArray
+
+MEMORY = 3e8  # bytes for the smoother of some members at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """A Gaussian prior of the parameters θ (q,): mean, and information (q,) in the units of the weights, 0 for none."""
+
+    mean: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """The parameters for one member: theta (q,), covariance (q, q) in the units of the weights; squares: weighted sum
+    of squared innovations; log_determinant of the innovations' covariance and of the parameters' information.
+    """
+
+    theta: FloatArray
+    covariance: FloatArray
+    squares: float
+    log_determinant: float
+
+
+def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
+    """The parameters that minimise the quadratic cost of a member."""
+    cost = forward.cost[member]
+    matrix = cost[1:, 1:] + np.diag(prior.information)
+    covariance = symmetric_pseudo_inverse(matrix)
+    theta = covariance @ (prior.information * prior.mean - cost[1:, 0])
+    off = theta - prior.mean
+    squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ (prior.information * off)
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values = np.linalg.eigvalsh(matrix * np.outer(scale, scale))
+    determinant = float(np.log(np.maximum(values, 1e-13)).sum() - 2 * np.log(scale).sum())
+    return Parameters(theta, covariance, float(squares), determinant + float(forward.log_determinant[member]))
+
+
+def log_likelihoods(
+    system: Linearised, noise: ProcessNoise, prior: Prior, dof: float, variance: float | None
+) -> FloatArray:
+    """The restricted log-likelihoods (k,) of the members, for a known or an unknown variance of an observation."""
+    forward = filtered(system, noise, keep=False)
+    found = [parameters_of(forward, member, prior) for member in range(len(noise.density))]
+    squares = np.array([max(one.squares, 1e-300) for one in found])
+    misfit = dof * np.log(squares) if variance is None else squares / variance
+    likelihood = -0.5 * (np.array([one.log_determinant for one in found]) + misfit)
+    return np.asarray(np.where(np.isfinite(likelihood), likelihood, -np.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Means and covariances of parameters and states, covariances in the units of the weights, or in SI from `mixed`.
+
+    theta (q,), of_theta (q, q); state (n, d), of_state (n, d, d), and crossed (n, d, q), their covariance with θ;
+    spread (n, 3, 3): covariance of the attitude's deviation from its mean over time, without the θ-independent part of
+    the mean.
+    """
+
+    theta: FloatArray
+    of_theta: FloatArray
+    state: FloatArray
+    of_state: FloatArray
+    crossed: FloatArray
+    spread: FloatArray
+
+
+def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[Solution, Parameters]]:
+    """The solutions of all members."""
+    n, (d, c), k = len(system.observed), system.first.shape, len(noise.density)
+    at_once = max(1, int(MEMORY / (8.0 * n * 4 * d * (c + d))))
+    turn = slice(system.path_size, system.path_size + 3)
+    found = []
+    for begin in range(0, k, at_once):
+        part = noise.of(slice(begin, begin + at_once))
+        forward = filtered(system, part, keep=True)
+        state, covariance = smoothed(system, forward)
+        for member in range(len(part.density)):
+            parameters = parameters_of(forward, member, prior)
+            theta, of_theta = parameters.theta, parameters.covariance
+            by_theta, own = state[:, member, :, 1:], covariance[:, member]
+            crossed = by_theta @ of_theta
+            mean = state[:, member, :, 0] + by_theta @ theta
+            off = by_theta[:, turn] - by_theta[system.seen, turn].mean(axis=0)
+            spread = own[:, turn, turn] + off @ of_theta @ np.swapaxes(off, 1, 2)
+            own = own + crossed @ np.swapaxes(by_theta, 1, 2)
+            found.append((Solution(theta, of_theta, mean, own, crossed, spread), parameters))
+    return found
+
+
+def mixed(solutions: list[Solution], weight: FloatArray, variance: FloatArray) -> Solution:
+    """The mean and covariance of a mixture with probabilities weight (k,); variance (k,): factors on covariances."""
+    theta = np.einsum("k,kq->q", weight, np.array([one.theta for one in solutions]))
+    state = sum((w * one.state for w, one in zip(weight, solutions, strict=True)), np.zeros_like(solutions[0].state))
+    of_theta, of_state = np.zeros_like(solutions[0].of_theta), np.zeros_like(solutions[0].of_state)
+    crossed, spread = np.zeros_like(solutions[0].crossed), np.zeros_like(solutions[0].spread)
+    for w, factor, one in zip(weight, variance, solutions, strict=True):
+        off, off_state = one.theta - theta, one.state - state
+        of_theta += w * (factor * one.of_theta + np.outer(off, off))
+        of_state += w * (factor * one.of_state + off_state[:, :, None] * off_state[:, None])
+        crossed += w * (factor * one.crossed + off_state[:, :, None] * off)
+        spread += w * factor * one.spread
+    return Solution(theta, of_theta, state, of_state, crossed, spread)

@@ -1,0 +1,98 @@
+"""The process models of `ekf` against independent integrations and differences."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
+from baryscope.estimator.ekf.motion import (
+    ROTATION,
+    changed_inertia,
+    derivatives,
+    logarithm_of_inertia,
+    of_a_body,
+    rotated,
+    turning_noise,
+    white_noise,
+)
+from synthetic import ENVISAT, attitude
+
+FAST = np.deg2rad([3.38, 0.45, 0.77])  # rad/s
+J = ENVISAT / np.trace(ENVISAT)
+
+
+def advanced(R, rate, inertia, step):
+    still = np.zeros((1, 3))
+    R, rate, growth = rotated(R[None], rate[None], inertia, still, np.array([step]))
+    return R[0], rate[0], growth[0]
+
+
+def test_rotation_against_an_independent_integration():
+    truth = attitude(ENVISAT, FAST, np.array([0.0, 10.0]))[1]
+    R = advanced(np.eye(3), FAST, J, 10.0)[0]
+    assert Rotation.from_matrix(R.T @ truth).magnitude() < 1e-6
+
+
+def test_transition_of_rotation_errors_against_differences():
+    h = 4.0
+    root = np.linalg.cholesky(J)
+
+    def after(error):
+        inertia = root @ expm(np.tensordot(error[6:], INERTIA_BASIS, 1)) @ root.T
+        return advanced(Rotation.from_rotvec(error[:3]).as_matrix(), FAST + error[3:6], inertia, h)[:2]
+
+    growth = advanced(np.eye(3), FAST, J, h)[2]
+    for index in range(ROTATION):
+        step = np.zeros(ROTATION)
+        step[index] = 1e-5
+        (R1, w1), (R0, w0) = after(step), after(-step)
+        difference = np.concatenate([Rotation.from_matrix(R0.T @ R1).as_rotvec(), w1 - w0]) / 2e-5
+        np.testing.assert_allclose(growth[:, index], difference, atol=1e-2 * np.abs(difference).max())
+
+
+def test_inertia_changes_by_the_exponential_of_its_errors():
+    change = np.array([0.02, -0.01, 0.05, 0.03, -0.02])
+    root = np.linalg.cholesky(J)
+    expected = root @ expm(np.tensordot(change, INERTIA_BASIS, 1)) @ root.T
+    np.testing.assert_allclose(changed_inertia(J, change), expected / np.trace(expected), atol=1e-12)
+
+
+def test_an_inertia_no_body_has_becomes_that_of_a_thin_one():
+    """Principal moments 0.002, 0.118 and 0.88 break the triangle inequality; Envisat's obey it."""
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
+    found = of_a_body(turn @ np.diag([0.002, 0.118, 0.88]) @ turn.T)
+    moments = np.linalg.eigvalsh(found)
+    assert moments.sum() == pytest.approx(1)
+    assert moments[2] < moments[0] + moments[1]
+    assert np.abs(found @ turn - turn @ np.diag(moments)).max() < 1e-12
+    np.testing.assert_allclose(of_a_body(7 * ENVISAT), J, atol=1e-12)
+
+
+def test_the_logarithm_of_an_inertia_leads_to_a_sphere():
+    np.testing.assert_allclose(logarithm_of_inertia(np.eye(3) / 3), 0.0, atol=1e-15)
+    error = logarithm_of_inertia(np.diag([0.2, 0.35, 0.45]))
+    expected = expm(np.tensordot(error, INERTIA_BASIS, 1))
+    np.testing.assert_allclose(expected / np.trace(expected), np.diag([0.2, 0.35, 0.45]), atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_white_noise_of_unit_density(order):
+    """The position's variance after T: ∫ ((T − t)^order / order!)² dt."""
+    time = np.array([0.0, 3.0, 4.0, 9.0, 15.0])
+    process, noise = derivatives(order + 1, time, np.zeros(3)), white_noise(order, time)
+    covariance = np.zeros_like(noise[0])
+    for transition, added in zip(process.transition, noise, strict=True):
+        covariance = transition @ covariance @ transition.T + added
+    t = (np.arange(1000) + 0.5) * 0.015
+    factorial = np.prod(np.arange(1, order + 1))
+    expected = np.sum(((15.0 - t) ** order / factorial) ** 2) * 0.015
+    np.testing.assert_allclose(covariance[:3, :3], expected * np.eye(3), rtol=1e-5, atol=1e-9 * expected)
+
+
+def test_turning_noise_adds_up_over_steps():
+    """Of a body at rest: ∫ of (T − t, 1) (T − t, 1)ᵀ over 5 s, in one step and in two."""
+    one, two = turning_noise(np.array([0.0, 5.0]))[0], turning_noise(np.array([0.0, 2.0, 5.0]))
+    F = np.kron([[1.0, 3.0], [0.0, 1.0]], np.eye(3))
+    np.testing.assert_allclose(F @ two[0] @ F.T + two[1], one, rtol=1e-12)
+    np.testing.assert_allclose(one[[0, 0, 3], [0, 3, 3]], [125 / 3, 25 / 2, 5.0])
