@@ -42,6 +42,8 @@ def unknowns_bound(
     the observations, used where right (n, m). turn (n, 3, t): rotation vectors in B by the unknowns of the tumble; None
     leaves the attitudes free. prior (p,): information that is had on each of x.
     """
+    some = right.any(axis=0)
+    points, precision, right = points[some], precision[:, some], right[:, some]
     n, m, p = len(jacobian), len(points), jacobian.shape[2]
     q = p + 3 * m
     W = np.einsum("nji,nmjk,nkl->nmil", attitude, precision, attitude, optimize=True) * right[..., None, None]
@@ -64,7 +66,7 @@ def unknowns_bound(
     if turn is None:
         M -= np.tensordot(G, np.linalg.pinv(F, rcond=1e-12, hermitian=True) @ G, ([0, 1], [0, 1]))
         gauge = np.concatenate([np.zeros((p, 3)), K.reshape(3 * m, 3)])
-        M += gauge @ gauge.T * (np.trace(M) / q)
+        M += gauge @ gauge.T * (np.trace(M[p:, p:]) / max(3 * m, 1))
         return _inverse(M, sizes)[:p, :p]
     by_turn = np.einsum("nit,niq->tq", turn, G, optimize=True)
     own_turn = np.einsum("nit,nij,nju->tu", turn, F, turn, optimize=True)
