@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import cluster_of, observability_of
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Path, trajectory_of
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.dynamics.trajectory import trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices

@@ -7,18 +7,18 @@ Uses geometry and options.
 from baryscope.estimator.dynamics.paths import (
     Path,
     Polynomial,
-    RelativeOrbit,
     SampledPath,
-    Trajectory,
-    trajectory_of,
 )
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation, too_long
+from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
 
 __all__ = [
     "INERTIA_BASIS",
     "RATE_AND_INERTIA",
     "Attitudes",
     "Path",
+    "PerturbedOrbit",
     "Polynomial",
     "RelativeOrbit",
     "Rotation",

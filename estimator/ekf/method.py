@@ -19,7 +19,7 @@ from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, o
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
-from baryscope.estimator.dynamics.paths import trajectory_of
+from baryscope.estimator.dynamics.trajectory import trajectory_of
 from baryscope.estimator.ekf.linearised import points_from
 from baryscope.estimator.ekf.passes import PRIOR_EXTENTS, Passes, Problem, passes
 from baryscope.estimator.ekf.spurious import spurious_growth

@@ -23,8 +23,9 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import PivotDetails, TiedClusters
-from baryscope.estimator.dynamics.paths import Path, trajectory_of
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import disturbed
+from baryscope.estimator.dynamics.trajectory import trajectory_of
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information

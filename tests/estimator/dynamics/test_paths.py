@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
 
-from baryscope.estimator.dynamics.paths import Polynomial, RelativeOrbit, Smooth, Trajectory, trajectory_of
+from baryscope.estimator.dynamics.paths import Polynomial, Smooth
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
 from baryscope.models.errors import InputError
 from oracles import inertial_states, propagate_kepler
 from synthetic import MU, Orbit

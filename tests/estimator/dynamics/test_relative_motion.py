@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.paths import RelativeOrbit
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from oracles import inertial_states, oblate_gravity

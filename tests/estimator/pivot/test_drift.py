@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.dynamics.paths import Polynomial, RelativeOrbit
+from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.registration.body import Body
