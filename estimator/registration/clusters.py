@@ -1,7 +1,8 @@
 """From observations to rigid bodies: which features belong together, their shape, and their attitude in each frame.
 
 The frames are cut into intervals. Intervals that share three features that are not collinear belong to one body, also
-across gaps, if the shapes agree. Features that return thus connect intervals; replaced features do not.
+across gaps, if the shapes agree. Features that return thus connect intervals; replaced features do not. Intervals too
+short for a shape of their own belong to the body that their frames fit (`gathering`).
 """
 
 from collections.abc import Sequence
@@ -12,13 +13,26 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.gathering import (
+    AGREEMENT,
+    OFF_LINE,
+    SHAPE_SHARE,
+    Shape,
+    Sightings,
+    aligned_frames,
+    frames_of,
+    gathered,
+    grown_from,
+    refined_shape,
+)
 from baryscope.estimator.registration.intervals import (
     Interval,
     collinear_features,
     cut_intervals,
     too_few_features,
 )
-from baryscope.estimator.registration.procrustes import OFF_LINE, register
+from baryscope.estimator.registration.noise import noise_of_distances, pooled_noise
+from baryscope.estimator.registration.procrustes import Registration, register
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -27,8 +41,8 @@ SHAPE_TOLERANCE = 1e-4  # convergence of an initial shape, relative to its size;
 COLLINEARITY = 0.03  # second over first singular value of points up to which they count as collinear
 MAX_FRAME_STEP = 4  # frames between two with three features, up to which an interval continues
 MAX_SHAPE_FRAMES = 400  # frames of an interval that its initial shape is computed from, at most
-AGREEMENT = 6.0  # standard deviations by which two shapes of one body may differ at shared features
-CHUNK = 8192  # frames aligned at once
+MAX_SEEDS = 20  # bodies tried from intervals that have no shape of their own, at most
+MIN_FRAMES = 10  # a body of fewer frames tells nothing of the centre of mass, and is left out if there is a longer one
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +58,10 @@ class Registered:
     noise: float
 
 
-@dataclass(eq=False)
-class _Shape:
-    """A shape being assembled: its features' points in its own axes, m, and how often each feature is seen."""
-
-    points: dict[int, FloatArray]
-    counts: dict[int, int]
-    intervals: list[Interval]
-
-
 def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
     """The rigid bodies in position (n, m, 3) in C, m, and the noise of a coordinate from the residuals of registration.
 
-    used (n, m) selects the observations.
+    used (n, m) selects the observations. Bodies of fewer than MIN_FRAMES frames are left out if there is a longer one.
 
     Raises:
         ComputationError: no frame sees three features, or they are collinear in all frames.
@@ -67,36 +72,50 @@ def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
     )
     if not intervals:
         raise too_few_features(used)
-    shapes, squares, dof = [], 0.0, 0.0
-    for interval in intervals:
-        columns = np.array(interval.features)
-        rows = enough[interval.start : interval.stop]
-        interval = Interval(int(rows[0]), int(rows[-1]) + 1, interval.features)
+    # Short intervals take the most time, and have shapes of little use: they are gathered by the long ones.
+    long = [interval for interval in intervals if interval.length >= MIN_FRAMES] or intervals
+    registrations, blocks = [], []
+    for interval in long:
+        rows = enough[interval.frames]
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_SHAPE_FRAMES)).astype(int))]
-        block = np.where(used[np.ix_(rows, columns)][..., None], position[np.ix_(rows, columns)], np.nan)
-        fitted = register(block, tolerance=SHAPE_TOLERANCE)
-        if not fitted.valid.any():
-            continue
-        values = max(3 * int(np.isfinite(block[..., 0]).sum()) - 6 * len(rows) - 3 * len(columns) + 6, 0)
-        squares, dof = squares + fitted.rms**2 * values, dof + values
-        seen = used[interval.frames][:, columns].sum(axis=0)
-        placed = [index for index, point in enumerate(fitted.shape) if np.isfinite(point[0])]
-        shapes.append(
-            _Shape(
-                {int(columns[index]): fitted.shape[index] for index in placed},
-                {int(columns[index]): int(seen[index]) for index in placed},
-                [interval],
-            )
-        )
-    if not shapes:
+        block = np.ix_(rows, np.array(interval.features))
+        blocks.append(np.where(used[block][..., None], position[block], np.nan))
+        registrations.append(register(blocks[-1], tolerance=SHAPE_TOLERANCE))
+    pooled = pooled_noise(registrations, blocks)
+    noise = noise_of_distances(position, used) if pooled is None else pooled
+    sightings = Sightings(position, used, noise)
+    shapes, loose = [], [_placed(interval, enough) for interval in intervals if interval not in set(long)]
+    for interval, fitted in zip(long, registrations, strict=True):
+        placed = _placed(interval, enough)
+        if (fitted.moment > max((OFF_LINE * noise) ** 2, (1e-9 * fitted.radius) ** 2)).any():
+            shapes.append(_shape(placed, fitted, used))
+        else:
+            loose.append(placed)
+    whole = _assembled(shapes, loose, sightings)
+    with_attitudes = [_with_attitudes(shape, sightings) for shape in whole]
+    longest = max((len(body.frames) for body, _ in with_attitudes), default=0)
+    if not longest:
         raise collinear_features()
-    noise = float(np.sqrt(squares / max(dof, 1)))
-    with_attitudes = [_with_attitudes(shape, position, used, noise) for shape in _merged(shapes, noise)]
-    found = [(body, origin) for body, origin in with_attitudes if len(body.frames)]
-    if not found:
-        raise collinear_features()
+    found = [(body, origin) for body, origin in with_attitudes if len(body.frames) >= min(MIN_FRAMES, longest)]
     bodies, origins = zip(*found, strict=True)
     return Registered(bodies, origins, noise)
+
+
+def _placed(interval: Interval, frames: NDArray[np.intp]) -> Interval:
+    """An interval of some frames as one of all."""
+    return Interval(int(frames[interval.start]), int(frames[interval.stop - 1]) + 1, interval.features)
+
+
+def _shape(interval: Interval, fitted: Registration, used: BoolArray) -> Shape:
+    """The shape that the registration of an interval found."""
+    columns = np.array(interval.features)
+    seen = used[interval.frames][:, columns].sum(axis=0)
+    known = [index for index, point in enumerate(fitted.shape) if np.isfinite(point[0])]
+    return Shape(
+        {int(columns[index]): fitted.shape[index] for index in known},
+        {int(columns[index]): int(seen[index]) for index in known},
+        [interval],
+    )
 
 
 def _connected_intervals(position: FloatArray, used: BoolArray, gaps: BoolArray) -> list[Interval]:
@@ -130,24 +149,43 @@ def _are_collinear(points: FloatArray) -> bool:
     return bool(lengths[1] <= COLLINEARITY * lengths[0])
 
 
-def _merged(shapes: Sequence[_Shape], noise: float) -> list[_Shape]:
-    """Shapes, merged if two share three features that are not collinear; starts with the most often seen one."""
-    pending = sorted(shapes, key=lambda shape: -sum(shape.counts.values()))
-    done: list[_Shape] = []
+def _assembled(shapes: Sequence[Shape], loose: list[Interval], sightings: Sightings) -> list[Shape]:
+    """Bodies from the shapes of intervals and from those without one, `loose`; the most often seen one grows first."""
+    pending = sorted(shapes, key=lambda shape: -shape.size)
+    done: list[Shape] = []
     while pending:
         whole = pending.pop(0)
-        joined = True
-        while joined:
-            joined = False
-            for other in list(pending):
-                if _merge(whole, other, noise):
-                    pending.remove(other)
-                    joined = True
+        parts = len(whole.intervals)
+        size = 0
+        while size < whole.size:
+            size = whole.size
+            for other in pending:
+                if _length(other) >= MIN_FRAMES and _merge(whole, other, sightings.noise):
+                    other.intervals = []
+            candidates = [interval for shape in pending for interval in shape.intervals] + loose
+            left = set(gathered(whole, candidates, sightings))
+            loose = [interval for interval in loose if interval in left]
+            for shape in pending:
+                shape.intervals = [interval for interval in shape.intervals if interval in left]
+            pending = [shape for shape in pending if shape.intervals]
+        if len(whole.intervals) > parts:
+            refined_shape(whole, sightings)
         done.append(whole)
+    for _ in range(MAX_SEEDS if loose else 0):
+        whole, loose = grown_from(loose, sightings)
+        if _length(whole) >= MIN_FRAMES:
+            done.append(whole)
+        if not loose:
+            break
     return done
 
 
-def _merge(whole: _Shape, other: _Shape, noise: float) -> bool:
+def _length(shape: Shape) -> int:
+    """The number of frames of a shape's intervals."""
+    return sum(interval.length for interval in shape.intervals)
+
+
+def _merge(whole: Shape, other: Shape, noise: float) -> bool:
     """Merge `other` into `whole` if their shared features determine the rigid motion between them and agree.
 
     Returns whether they were merged.
@@ -164,8 +202,7 @@ def _merge(whole: _Shape, other: _Shape, noise: float) -> bool:
         return False
     R, t = fitted.rotation[0], fitted.translation[0]
     residual = np.linalg.norm(b @ R.T + t - a, axis=1)
-    # The factor 3: a shape from few frames is less accurate than its noise says, as its attitudes have errors, too.
-    if np.any(residual > AGREEMENT * 3 * deviation + 1e-9 * np.abs(a).max()):
+    if np.any(residual > AGREEMENT * SHAPE_SHARE * deviation + 1e-9 * np.abs(a).max()):
         return False
     for index, point in other.points.items():
         moved = R @ point + t
@@ -178,25 +215,15 @@ def _merge(whole: _Shape, other: _Shape, noise: float) -> bool:
     return True
 
 
-def _with_attitudes(shape: _Shape, position: FloatArray, used: BoolArray, noise: float) -> tuple[Body, FloatArray]:
+def _with_attitudes(shape: Shape, sightings: Sightings) -> tuple[Body, FloatArray]:
     """The shape as a body with its attitude in all frames of its intervals, and its centroid there, (n, 3) in C, m.
 
     Frames whose features are nearly collinear are left out.
     """
-    features = np.array(sorted(shape.points), dtype=np.intp)
-    points = np.array([shape.points[index] for index in features])
+    features, points = shape.arrays()
     points = points - points.mean(axis=0)
     shape.intervals.sort(key=lambda interval: interval.start)
-    frames = np.concatenate([np.arange(interval.start, interval.stop) for interval in shape.intervals])
-    frames = frames[used[np.ix_(frames, features)].sum(axis=1) >= 3]
-    attitudes, translations, kept = [], [], []
-    for first in range(0, len(frames), CHUNK):
-        rows = frames[first : first + CHUNK]
-        weight = used[np.ix_(rows, features)].astype(np.float64)
-        fitted = align(position[np.ix_(rows, features)], points, weight)
-        determined = fitted.spread > max((OFF_LINE * noise) ** 2, 1e-18 * float(np.sum(points**2)))
-        attitudes.append(fitted.rotation[determined])
-        translations.append(fitted.translation[determined])
-        kept.append(rows[determined])
-    body = Body(features, np.concatenate(kept), points, np.concatenate(attitudes), tuple(shape.intervals))
-    return body, np.concatenate(translations)
+    frames, _ = frames_of(shape.intervals)
+    frames = frames[sightings.used[np.ix_(frames, features)].sum(axis=1) >= 3]
+    (attitude, origin), determined = aligned_frames(sightings, frames, features, points)
+    return Body(features, frames[determined], points, attitude, tuple(shape.intervals)), origin

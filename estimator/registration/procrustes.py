@@ -32,6 +32,7 @@ class Registration:
 
     shape (m, 3) p_S in m, NaN for features that are never seen; rotation (n, 3, 3) R_C_S; translation (n, 3) in m, the
     shape's centroid in C; valid (n,), False where fewer than three or collinear points leave the pose undetermined;
+    moment (n,), m²: a lower bound of the sum of squared distances of a frame's points from a line;
     rms in m, the residual's standard deviation per coordinate; radius in m, the shape's rms radius; rounds, the number
     of iterations; converged: whether the last one changed the shape by less than a tenth of
     what noise does.
@@ -41,6 +42,7 @@ class Registration:
     rotation: FloatArray
     translation: FloatArray
     valid: BoolArray
+    moment: FloatArray
     rms: float
     radius: float
     rounds: int
@@ -103,7 +105,8 @@ def register(points: FloatArray, reference: Reference = "mean", tolerance: float
     radius = _radius(shape[in_shape])
     valid = (seen.sum(axis=1) >= 3) & (spread > (OFF_LINE * rms) ** 2) & (spread > (1e-9 * radius) ** 2)
     adequate = converged or bool(change <= ADEQUATE * rms / np.sqrt(len(points)))
-    return Registration(shape, rotation, translation, valid, rms, radius, rounds, adequate)
+    moment = spread * seen[:, in_shape].sum(axis=1)
+    return Registration(shape, rotation, translation, valid, moment, rms, radius, rounds, adequate)
 
 
 def _poses(

@@ -16,7 +16,7 @@ LIMIT = 5.0  # standard deviations of a distance that still fits
 PARTNERS = 12  # distances examined for each feature, at most
 SAMPLE = 1500  # frames of the sample that decides whether all frames are screened, and of a chunk
 CHUNK = 8_000_000  # distances in a chunk at most: 200 MB of differences
-OUTLIER_SHARE = 0.01  # share of distances in the sample that do not fit, from which all frames are screened
+OUTLIER_SHARE = 0.001  # share of distances in the sample that do not fit, from which all frames are screened
 DENSEST_SHARE = 0.25  # share of a pair's distances that its typical distance is computed from
 DENSEST_WIDTH = 2 * 0.3186  # standard deviations that the central quarter of a Gaussian spans
 

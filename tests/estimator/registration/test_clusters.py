@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.registration.clusters import find_bodies
+from baryscope.estimator.registration.screening import screen
 from baryscope.models.errors import ComputationError
 from synthetic import box_features, make_case
 
@@ -123,3 +124,50 @@ def test_collinear_and_too_few_features_are_refused(observed, noise):
     position, seen, _ = observed([(0, N, [0, 1])], noise)
     with pytest.raises(ComputationError, match="at most 2 features are seen together in a frame, at least 3"):
         find_bodies(position, seen)
+
+
+def test_fragments_are_part_of_the_body_that_their_features_are_of(observed):
+    """With a third of the sightings lost, few frames in a row see the same features; each fragment alone is no body."""
+    position, seen, features = observed([(0, N, range(7))], 0.02)
+    seen = seen & (np.random.default_rng(5).random(seen.shape) < 0.6)
+    enough = np.nonzero(seen.sum(axis=1) >= 3)[0]
+    (one,) = find_bodies(position, seen).bodies
+    assert len(one.frames) > 0.99 * len(enough)
+    found, true = (p - p.mean(axis=0) for p in (one.points, features[:7]))
+    np.testing.assert_allclose(found, Rotation.align_vectors(found, true)[0].apply(true), atol=6 * 0.02 / np.sqrt(100))
+
+
+def test_every_frame_a_fragment(observed):
+    """Gaps after each frame: no interval has a residual, distances tell the noise."""
+    position, seen, _ = observed([(0, N, range(7))], 0.02)
+    seen[np.arange(N) % 7 != 0] = False
+    registered = find_bodies(position, seen)
+    assert [len(one.frames) for one in registered.bodies] == [len(range(0, N, 7))]
+    assert registered.noise == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_body_of_a_few_frames_is_left_out(observed):
+    position, seen, _ = observed([(0, 200, [0, 1, 2, 3]), (205, 212, [6, 7, 8, 9]), (215, 400, [3, 4, 5, 6])], 0.02)
+    assert sorted(groups(find_bodies(position, seen).bodies)) == [[0, 1, 2, 3], [3, 4, 5, 6]]
+    position, seen, _ = observed([(0, 6, [0, 1, 2, 3]), (8, 13, [6, 7, 8, 9])], 0.02)
+    assert sorted(groups(find_bodies(position, seen).bodies)) == [[0, 1, 2, 3]]
+
+
+def test_features_as_near_together_as_the_noise_is_great(observed, attitude):
+    """Ten features with a spread of three times the noise: many features make up for what each of them lacks."""
+    features = box_features(10, (1.5, 1.5, 1.5), seed=7)
+    position, seen, _ = observed([(0, N, range(10))], 0.2, features)
+    (one,) = find_bodies(position, seen).bodies
+    assert len(one.frames) > 0.98 * N
+    R_S_B = Rotation.from_matrix(np.swapaxes(one.attitude, 1, 2) @ attitude[one.frames])
+    error = (R_S_B * R_S_B.mean().inv()).magnitude()
+    assert np.sqrt(np.mean(error**2)) < 1.5 * 0.2 * np.sqrt(1.5 / 10 * 3) / np.sqrt((features**2).sum() / 10)
+
+
+def test_outliers_do_not_count_as_noise(observed):
+    position, seen, _ = observed([(0, N, range(10))], 0.002)
+    rng = np.random.default_rng(2)
+    wrong = rng.random(seen.shape) < 0.004
+    position[wrong] += rng.uniform(-3, 3, (int(wrong.sum()), 3))
+    inliers = screen(position, seen)
+    assert find_bodies(position, inliers).noise == pytest.approx(0.002, rel=0.05)

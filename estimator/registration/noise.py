@@ -1,0 +1,59 @@
+"""The noise of a coordinate from the residuals of registrations, without the influence of outliers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.registration.procrustes import Registration
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MEDIAN = 2.366  # of χ² with three degrees of freedom
+MAX_PAIRS = 500  # pairs whose distances are looked at, at most
+QUARTILE = 0.6745  # of the standard Gaussian
+MIN_DOF = 20.0  # degrees of freedom of the registrations, below which distances tell the noise
+GATE = 20.0  # squared residual over the variance that the median tells, beyond which there is an outlier: 1 in 6,000
+
+
+def pooled_noise(registrations: Sequence[Registration], blocks: Sequence[FloatArray]) -> float | None:
+    """The standard deviation of a coordinate in m, from all registrations of the points (n, m, 3) in `blocks`.
+
+    None if these have too few degrees of freedom. Outliers are found by the median of the squared residuals, each over
+    its share of the degrees of freedom.
+    """
+    squares, shares, values = [], [], []
+    for fitted, points in zip(registrations, blocks, strict=True):
+        seen = ~np.isnan(points[..., 0])
+        count = 3 * int(seen.sum())
+        dof = count - 6 * len(points) - 3 * int(seen.any(axis=0).sum()) + 6
+        if dof > 0:
+            residual = np.nan_to_num(points - fitted.rigid_points)[seen]
+            squares.append(np.einsum("ki,ki->k", residual, residual))
+            shares.append(np.full(len(residual), dof / count))
+            values.append(np.full(len(residual), 3 * dof / count))
+    if sum(float(value.sum()) for value in values) < MIN_DOF:
+        return None
+    square, share, value = np.concatenate(squares), np.concatenate(shares), np.concatenate(values)
+    inlier = square <= GATE * max(float(np.median(square / share)) / MEDIAN, 1e-300) * share
+    return float(np.sqrt(square[inlier].sum() / value[inlier].sum()))
+
+
+def noise_of_distances(position: FloatArray, used: BoolArray) -> float:
+    """The standard deviation of a coordinate in m, from the distances of features, which are constant on a body.
+
+    position (n, m, 3) in m; used (n, m). It is the median departure of a distance from the median of its pair; 0 if no
+    two features are seen together twice. A body that is no larger than the noise makes it too small, by a third or so.
+    """
+    first, second = np.triu_indices(used.shape[1], 1)
+    both = used[:, first] & used[:, second]
+    pairs = np.nonzero(both.sum(axis=0) >= 2)[0][:MAX_PAIRS]
+    departures, shares = [np.zeros(0)], [np.zeros(0)]
+    for pair in pairs.tolist():
+        rows = both[:, pair]
+        distance = np.linalg.norm(position[rows, first[pair]] - position[rows, second[pair]], axis=1)
+        departures.append(np.abs(distance - np.median(distance)))
+        shares.append(np.full(len(distance), 1 - 1 / len(distance)))
+    departure, share = np.concatenate(departures), np.concatenate(shares)
+    return float(np.median(departure / np.sqrt(share)) / QUARTILE / np.sqrt(2)) if len(departure) else 0.0
