@@ -6,7 +6,7 @@ The schema is derived from `EstimateDocument` by pydantic; a test compares docs/
 import csv
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
@@ -28,6 +28,7 @@ from baryscope.estimator.result import (
     Status,
 )
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, write_together
 
@@ -87,6 +88,15 @@ class RejectedPart(_Part):
     share: float = Field(description="of the used observations")
     features: tuple[str, ...] = Field(description="features with most of their observations rejected")
     intervals: dict[str, tuple[Interval, ...]] = Field(description="for each feature, from first to last time, s")
+
+
+class ForcePart(_Part):
+    """An estimated factor of a force."""
+
+    name: str = Field(description="acceleration scale (its relative error), or a component of a constant acceleration")
+    value: float
+    deviation: float = Field(description="standard deviation")
+    unit: Literal["1", "m/s²"]
 
 
 class FindingPart(_Part):
@@ -195,6 +205,7 @@ class EstimateDocument(_Part):
     clusters: tuple[ClusterPart, ...]
     residual_rms: dict[str, float | None] = Field(description="of each feature, per coordinate, m")
     rejected: RejectedPart
+    forces: tuple[ForcePart, ...] = Field(description="estimated factors of forces")
     findings: tuple[FindingPart, ...]
     details: DetailsPart
     wall_time: float = Field(description="s")
@@ -207,7 +218,7 @@ def document_of(result: Estimate) -> EstimateDocument:
         method=result.method,
         status=result.status,
         path=result.path,
-        options={name: _number(value) for name, value in asdict(result.options).items()},
+        options={field.name: _option(getattr(result.options, field.name)) for field in fields(result.options)},
         converged=result.converged,
         rounds=result.rounds,
         coverage=result.coverage,
@@ -225,6 +236,7 @@ def document_of(result: Estimate) -> EstimateDocument:
         rejected=RejectedPart(
             share=result.rejected_share, features=result.rejected_features, intervals=rejected_intervals(result)
         ),
+        forces=tuple(ForcePart.model_validate(asdict(force)) for force in result.forces),
         findings=tuple(_finding(finding) for finding in result.findings),
         details=_details(result.details),
         wall_time=result.wall_time,
@@ -263,6 +275,11 @@ def write_estimate(result: Estimate, path: AnyPath) -> None:
         writer.writerows(zip(*columns, strict=True))
 
     write_together({path: write_rows, beside: lambda stream: stream.write(text + "\n")})
+
+
+def _option(value: Any) -> Any:
+    """An option as JSON has it, a known acceleration in words."""
+    return str(value) if isinstance(value, KnownAcceleration) else _number(value)
 
 
 def _number(value: Any) -> Any:

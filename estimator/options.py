@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from baryscope.estimator.limits import COARSEST, FINEST, LATEST, SHORTEST_STEP
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 
 Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
 Noise = Literal["stereo", "fixed"]
+ConstantAxes = Literal["none", "lvlh", "sun"]
 Torque = Literal["none", "gravity-gradient"]
 Density = float | Literal["auto", "none"]
 
@@ -53,6 +55,9 @@ class PathOptions:
     acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
     exactly.
 
+    acceleration: of the chaser, as its thrusters' log tells, for `pivot` and `ml`; constant_acceleration: an unknown
+    one of the target less the chaser, in LVLH axes, away from the Sun, or none, for `pivot` and `ml`.
+
     None means: relative-orbit if an orbit is given, else a polynomial whose degree the data choose; sigma from the
     residuals; the torque that fits the tracks better.
 
@@ -66,17 +71,34 @@ class PathOptions:
     torque: Torque | None = None
     process_noise: Density = "auto"
     torque_noise: Density = "auto"
+    acceleration: KnownAcceleration | None = None
+    constant_acceleration: ConstantAxes = "none"
 
     def __post_init__(self) -> None:
         if self.sigma is not None and not (FINEST <= self.sigma <= COARSEST):
             raise InputError(f"sigma is {self.sigma}, expected a standard deviation of {FINEST:g} to {COARSEST:g} m")
         _check_one_of("noise", self.noise, ("stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
+        _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "sun"))
         _check_density("process_noise", self.process_noise, "m²/s³")
         _check_density("torque_noise", self.torque_noise, "rad²/s³")
 
 
 Options = ScrewOptions | PathOptions
+
+
+def refuse_forces(options: PathOptions, method: str) -> None:
+    """Refuse accelerations for a method that has none.
+
+    Raises:
+        InputError: there is one.
+    """
+    for name, given in (
+        ("acceleration", options.acceleration),
+        ("constant_acceleration", options.constant_acceleration),
+    ):
+        if given not in (None, "none"):
+            raise InputError(f"{name}: found with {method}, expected pivot or ml")
 
 
 def _check_density(name: str, value: Density, unit: str) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
+from baryscope.estimator.dynamics.forces import Factor
 from baryscope.estimator.options import ScrewOptions
 from baryscope.estimator.result import (
     FREE_TUMBLE,
@@ -64,9 +65,15 @@ def summary(result: Estimate) -> list[str]:
     ]
     if result.observability is not None and result.predicted_rmse is not None:
         lines.append(f"centre of mass {verdict(result.observability)}; path ±{result.predicted_rmse:.2g} m RMSE")
+    lines += [f"{one.name} {_measured(one)}" for one in result.forces]
     if result.status is Status.NOT_CONVERGED:
         lines.append("did not converge: the result is a rough approximation only")
     return lines + [f"note: {sentence(finding)}" for finding in result.findings]
+
+
+def _measured(force: Factor) -> str:
+    unit = "" if force.unit == "1" else f" {force.unit}"
+    return f"{force.value:.3g} ± {force.deviation:.2g}{unit}"
 
 
 def _screw_summary(result: Estimate, details: ScrewDetails) -> list[str]:

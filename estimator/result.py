@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import Details
+from baryscope.estimator.dynamics.forces import Factor
 from baryscope.estimator.options import Options
 from baryscope.estimator.registration.intervals import Interval
 
@@ -189,6 +190,7 @@ class Estimate:
         method, path, options, version: path is the path's model; options include those chosen from the data.
         details: results specific to the method.
         wall_time: s.
+        forces: the estimated factors of forces: an accelerometer's scale, constant accelerations.
     """
 
     time: FloatArray
@@ -212,6 +214,7 @@ class Estimate:
     details: Details
     wall_time: float
     version: str = VERSION
+    forces: tuple[Factor, ...] = ()
 
     @property
     def status(self) -> Status:

@@ -22,7 +22,7 @@ from baryscope.estimator.adjustment.diagnostics import (
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
-from baryscope.estimator.options import PathOptions
+from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate, Motion, Noise
@@ -43,6 +43,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         ComputationError: the tracks determine no attitude.
     """
     begin = clock.perf_counter()
+    refuse_forces(options, "score")
     if options.trajectory not in (None, "fixed"):
         raise InputError(f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest")
     in_orbit = orbit is not None and options.trajectory is None

@@ -25,6 +25,8 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_TWICE: lambda a, out: np.add(a, a, out),
     ca.OP_SQRT: np.sqrt,
     ca.OP_FABS: np.abs,
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
     ca.OP_SIGN: np.sign,
     ca.OP_FLOOR: np.floor,
     ca.OP_SIN: np.sin,

@@ -17,6 +17,7 @@ LAYERS = [
     ["models.scenario"],
     ["models.sensor"],
     ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],
+    ["estimator.thrust"],
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.tables"],
     ["fmu.check", "estimator.tracks"],
     ["estimator.registration", "estimator.plausibility"],

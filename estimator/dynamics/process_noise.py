@@ -30,7 +30,7 @@ class Disturbed:
     """A path with white acceleration noise: the unknowns of `base` and, in m, three of each of `count` modes.
 
     begin … end in s: the time over which the noise acts. A mode's coefficient is the rms displacement it causes.
-    density: of the noise in m²/s³; None if it is unknown.
+    density: of the noise in m²/s³; None if it is unknown; least: what it is at least, such as that of an accelerometer.
     """
 
     base: Path
@@ -38,6 +38,7 @@ class Disturbed:
     end: float
     count: int = FEWEST_MODES
     density: float | None = None
+    least: float = 0.0
 
     @property
     def name(self) -> str:
@@ -54,7 +55,8 @@ class Disturbed:
         """The prior of the base, and that of the modes: q T³/β⁴ with q, in m²/s³, a hyperparameter."""
         span = self.end - self.begin
         offset = np.repeat(np.log(span**3 / wave_numbers(self.count) ** 4), 3)
-        own = Prior(offset, np.ones((len(offset), 1)), (Hyperparameter(DENSITY),))
+        lower = float(np.log(self.least)) if self.least > 0 else None
+        own = Prior(offset, np.ones((len(offset), 1)), (Hyperparameter(DENSITY, lower),))
         return self.base.prior.joined(own if self.density is None else own.fixed(DENSITY, float(np.log(self.density))))
 
     def with_modes(self, count: int) -> "Disturbed":
@@ -111,14 +113,16 @@ class Disturbed:
         return CubicSpline(time, found.reshape(steps + 1, -1))
 
 
-def disturbed(path: Path, noise: Density, begin: float, end: float) -> Path:
+def disturbed(path: Path, noise: Density, begin: float, end: float, known: float = 0.0) -> Path:
     """The path with process noise over begin … end in s: of a density in m²/s³, of an unknown one (auto), or none.
 
-    A fixed point has none unless a density is given.
+    A fixed point has none unless a density is given. known: the density of a noise that comes to it, m²/s³.
     """
-    if noise == "none" or (noise == "auto" and path.name == FIXED):
-        return path
-    return Disturbed(path, begin, max(end, begin + SHORTEST), density=None if noise == "auto" else noise)
+    end = max(end, begin + SHORTEST)
+    if noise == "auto" and path.name != FIXED:
+        return Disturbed(path, begin, end, least=known)
+    density = known + (0.0 if isinstance(noise, str) else noise)
+    return Disturbed(path, begin, end, density=density) if density > 0 else path
 
 
 def _isotropic(values: FloatArray) -> FloatArray:

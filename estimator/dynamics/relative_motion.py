@@ -18,6 +18,7 @@ from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.trajectory import gravity_difference, gravity_gradient, lvlh_axes, target_states
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
@@ -106,11 +107,12 @@ class PerturbedOrbit:
     The same unknowns as those of `RelativeOrbit`: n is the mean motion of the orbit's elements, and ρ̇ the rate in axes
     that turn about the orbit normal at h/r². The jacobian is that of a chaser at the target.
 
-    orbit: with J2, an ephemeris, or neither.
+    orbit: with J2, an ephemeris, or neither; known: the acceleration of the chaser besides gravity.
     """
 
     orbit: Orbit
     epoch: float
+    known: KnownAcceleration | None = None
 
     name = "relative-orbit"
     size = 6
@@ -138,19 +140,27 @@ class PerturbedOrbit:
         return self._sampled(time, Motion.velocity)
 
     def _sampled(self, time: FloatArray, seen: Callable[[Motion, FloatArray], FloatArray]) -> SampledPath:
-        panels = Panels.over(time, self.epoch, self.longest)
+        panels = self._panels(time)
         reference = target_states(self.orbit, panels.points)
         gradient = gravity_gradient(self.orbit, reference)
         equation = LinearMotion(panels, gradient)
         from_x = self._from_x()
+        thrust = 0.0 if self.known is None else -self.known.inertial(panels.points, self.orbit)
 
         def left_out(p: FloatArray) -> FloatArray:
-            return np.asarray(-gravity_difference(self.orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p))
+            beyond = -gravity_difference(self.orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p)
+            return np.asarray(beyond + thrust)
 
         def position(x: FloatArray) -> FloatArray:
             return seen(_exact(equation, equation.free @ (from_x @ x)[:, None], left_out), time)[:, :, 0]
 
         return SampledPath(seen(equation.free @ from_x, time), position)
+
+    def _panels(self, time: FloatArray) -> Panels:
+        if self.known is None:
+            return Panels.over(time, self.epoch, self.longest)
+        begin, end = (float(find(np.append(time, self.epoch))) for find in (np.min, np.max))
+        return Panels.over(time, self.epoch, min(self.longest, self.known.smooth_for(begin, end)), self.known.time)
 
     def _from_x(self) -> FloatArray:
         """The factor (6, 6) from x to position and velocity of the centre of mass in C at the epoch, m and m/s."""
@@ -166,7 +176,7 @@ class PerturbedOrbit:
 
 
 def _exact(equation: LinearMotion, linear: Motion, left_out: Callable[[FloatArray], FloatArray]) -> Motion:
-    """The motion near `linear` with what the gravity gradient leaves out, m/s², at positions (k, 3) at Gauss points.
+    """The motion near `linear` with what it leaves out, m/s², a function of the positions (k, 3) at the Gauss points.
 
     Raises:
         ComputationError: the iteration diverges: the chaser is too far away, or for too long.

@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 
+from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, thrust_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, Smooth
+from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
-from baryscope.estimator.options import HIGHEST_DEGREE
+from baryscope.estimator.options import HIGHEST_DEGREE, PathOptions
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 
@@ -19,12 +22,31 @@ class Trajectory:
     kind: str
     degree: int | None = None
 
-    def path(self, orbit: Orbit | None, begin: float, end: float) -> Path:
+    def path(
+        self, orbit: Orbit | None, begin: float, end: float, acceleration: KnownAcceleration | None = None
+    ) -> Path:
         """The path over begin … end in s; a polynomial without a given degree is a smooth path."""
         if self.kind == "relative-orbit" and orbit is not None:
-            model = RelativeOrbit if orbit.j2 is None and orbit.ephemeris is None else PerturbedOrbit
-            return model(orbit, (begin + end) / 2)
-        return Smooth(SMOOTH_DEGREE, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
+            if orbit.j2 is None and orbit.ephemeris is None and acceleration is None:
+                return RelativeOrbit(orbit, (begin + end) / 2)
+            return PerturbedOrbit(orbit, (begin + end) / 2, acceleration)
+        path = Smooth(SMOOTH_DEGREE, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
+        return path if acceleration is None else Thrusted(path, acceleration, orbit, begin, end)
+
+
+def chosen_path(options: PathOptions, orbit: Orbit | None, begin: float, end: float) -> Path:
+    """The path over begin … end in s, with the forces and the process noise of the options.
+
+    Raises:
+        InputError: an unknown trajectory, a degree out of range, or what is asked for needs an orbit or its epoch.
+    """
+    trajectory, known = trajectory_of(options.trajectory, orbit), options.acceleration
+    path = trajectory.path(orbit, begin, end, known)
+    if known is not None and known.scale > 0:
+        path = Forced(path, thrust_of(known, orbit, begin, end), begin, end)
+    if options.constant_acceleration != "none":
+        path = Forced(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
+    return disturbed(path, options.process_noise, begin, end, 0.0 if known is None else known.noise)
 
 
 def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:

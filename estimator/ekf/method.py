@@ -25,7 +25,7 @@ from baryscope.estimator.ekf.passes import PRIOR_EXTENTS, Passes, Problem, passe
 from baryscope.estimator.ekf.spurious import spurious_growth
 from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
-from baryscope.estimator.options import PathOptions
+from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
@@ -55,6 +55,7 @@ def estimate_by_filter(
         ComputationError: the tracks do not determine the unknowns, or there are too many.
     """
     begin = clock.perf_counter()
+    refuse_forces(options, "ekf")
     trajectory = trajectory_of(options.trajectory, orbit)
     if options.torque == "gravity-gradient" and orbit is None:
         raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")

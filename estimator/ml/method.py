@@ -22,6 +22,7 @@ from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 from baryscope.estimator.details import TumbleDetails
+from baryscope.estimator.dynamics.forces import factors_of
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -134,7 +135,8 @@ def estimate_by_likelihood(
     origin = best.sampled.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())
     y, offsets = _covariances(best, [body.features for body in pivot.bodies], distance)
-    covariance = best.sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
+    of_x = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
+    covariance = best.sampled.covariance(of_x)
     clusters = tuple(
         cluster_of(body, best.found.points[body.features], offset, tracks.labels)
         for body, offset in zip(pivot.bodies, offsets, strict=True)
@@ -162,6 +164,7 @@ def estimate_by_likelihood(
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=_details(best.rotation, y, gravity_gradient),
         wall_time=clock.perf_counter() - begin,
+        forces=factors_of(pivot.path, best.x, of_x),
     )
 
 

@@ -64,10 +64,11 @@ def _normal_equations(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Matrix (3 k + p, 3 k + p) and right-hand side for the k bodies' offsets and then x, and the weighted Σ c_k²."""
     p, d = path.jacobian.shape[2], 3 * len(registered.bodies)
-    matrix, rhs, total = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0
+    matrix, rhs, total, known = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0, path.offset
     for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
         parallel_axis = slice(3 * index, 3 * index + 3)
-        rows = np.concatenate([body.attitude, path.jacobian[body.frames], origin[:, :, None]], axis=2)
+        left = origin - known[body.frames]
+        rows = np.concatenate([body.attitude, path.jacobian[body.frames], left[:, :, None]], axis=2)
         scaled = (rows * np.sqrt(weight)[:, None, None]).reshape(-1, 4 + p)
         outer = scaled.T @ scaled
         matrix[parallel_axis, parallel_axis] = outer[:3, :3]

@@ -23,9 +23,9 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import PivotDetails, TiedClusters
+from baryscope.estimator.dynamics.forces import factors_of
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import disturbed
-from baryscope.estimator.dynamics.trajectory import trajectory_of
+from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
@@ -93,6 +93,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         options=options,
         details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points)),
         wall_time=clock.perf_counter() - begin,
+        forces=factors_of(found.path, x, of_x),
     )
 
 
@@ -138,7 +139,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
-    path = disturbed(trajectory.path(orbit, *span), options.process_noise, *span)
+    path = chosen_path(options, orbit, *span)
     bodies, x = linear_start(registered, observations, path, tracks.time)
     start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers)
     found = refined(start, options)

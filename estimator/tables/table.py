@@ -38,7 +38,7 @@ def read_table(content: bytes, source: str, form: Form) -> Table:
     Raises:
         InputError: one line that names file, line and column, what was found and what was expected.
     """
-    columns = _fast(content, source, form) if len(content) >= LONG else None
+    columns = _fast(content, source, form) if len(content) >= LONG and form.label else None
     if columns is None:
         columns = read_strict(decoded(content, source, form.what), source, form)
     return Table(source, columns, content, form)

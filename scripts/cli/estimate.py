@@ -19,6 +19,7 @@ from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
+from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.simulate import csv_path
 from baryscope.study.progress import stage
 
@@ -97,6 +98,7 @@ def estimate_file(
     orbit: Path | None = None,
     epoch: str | None = None,
     path: PathChoices | None = None,
+    forces: ForceChoices | None = None,
     screws: ScrewChoices | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
@@ -128,17 +130,21 @@ def estimate_file(
     show = show or Show()
     target = csv_path(output or tracks.with_suffix(".estimate.csv"))
     for_path, for_screws = asdict(path or PathChoices()), asdict(screws or ScrewChoices())
-    method, options = _choice(method, for_path, for_screws)
+    forces = forces or ForceChoices()
+    method, options = _choice(method, for_path | forces.chosen(), for_screws)
     if for_screws["axes"] == "lvlh" and orbit is None:
         raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
     if for_path["trajectory"] == "relative-orbit" and orbit is None:
         raise InputError("--trajectory relative-orbit: needs the target's orbit, expected --orbit ORBIT.toml")
-    refuse_overwriting([target, target.with_suffix(".json")], [tracks, *([] if orbit is None else [orbit])])
+    read = [tracks, *(file for file in (orbit, forces.acceleration) if file is not None)]
+    refuse_overwriting([target, target.with_suffix(".json")], read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = FeatureTracks.read_csv(csv_path(tracks))
             refuse_implausible(data, str(tracks))
-            known_orbit = None if orbit is None else load_orbit(orbit, _epoch(data, epoch))
+            epoch = _epoch(data, epoch)
+            known_orbit = None if orbit is None else load_orbit(orbit, epoch)
+            options = forces.read_into(options, epoch)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, progress=share)
     write_estimate(result, target)
@@ -180,6 +186,7 @@ def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, 
                 f"--{name}: found beside --{first_for_screws}, expected one of the two: no method has both"
             )
         raise InputError(f"--{name}: found with --method {method}, expected one of {', '.join(having)}")
+    chosen.pop("acceleration", None)  # which is still a file
     return method or default, METHODS[method or default].options(**chosen)
 
 

@@ -45,3 +45,38 @@ def test_a_tle_needs_the_utc_of_the_tracks(tracks, tmp_path, capsys):
     assert "mean elements of 2000-06-27T18:50:19.734Z, but when time 0" in capsys.readouterr().err
     assert app.main(["estimate", str(dated), *command, "--epoch", "2000-06-28"]) == 2
     assert "--epoch: found 2000-06-28 beside tracks with UTC times" in capsys.readouterr().err
+
+
+def test_a_log_of_accelerations(tmp_path, capsys):
+    """A chaser that flies away with 2e-3 m/s²: told, the path is a straight line less half of it times t²."""
+    time = np.arange(0.0, 120.0)
+    turn = Rotation.from_rotvec(0.1 * time[:, None] * [0.0, 0.6, 0.8]).as_matrix()
+    com = [1.0, -20.0, 2.0] - np.outer(time**2 / 2, [2e-3, 0, 0])
+    points = box_features(5, (4, 3, 2), seed=1) @ np.swapaxes(turn, 1, 2) + com[:, None]
+    noise = 0.01 * np.random.default_rng(4).normal(size=points.shape)
+    tracks, log = tmp_path / "tracks.csv", tmp_path / "thrust.csv"
+    FeatureTracks(time, points + noise, [f"F{i}" for i in range(5)]).write_csv(tracks)
+    log.write_text("time,ax,ay,az\n0,2e-3,0,0\n", encoding="utf-8")
+    command = ["estimate", str(tracks), "--trajectory", "polynomial:1", "--process-noise", "none"]
+    assert app.main([*command, "--acceleration", str(log), "--acceleration-scale", "0.05"]) == 0
+    assert "acceleration scale" in capsys.readouterr().out
+    found = np.loadtxt(tmp_path / "tracks.estimate.csv", delimiter=",", skiprows=1)[:, 1:4]
+    np.testing.assert_allclose(found, com, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (["--acceleration-axes", "lvlh"], "--acceleration-axes: needs --acceleration, expected --acceleration A.csv"),
+        (["--acceleration", "missing.csv"], "missing.csv: No such file or directory, expected accelerations in CSV"),
+        (["--constant-acceleration", "lvlh"], "which needs the target's orbit"),
+        (["--method", "score", "--constant-acceleration", "lvlh"], "found with score, expected pivot or ml"),
+        (["--method", "ekf", "--constant-acceleration", "lvlh"], "found with ekf, expected pivot or ml"),
+        (["--method", "screw-gpa", "--constant-acceleration", "sun"], "--constant-acceleration: found with --method"),
+    ],
+)
+def test_forces_that_cannot_be(tracks, capsys, options, expected):
+    assert app.main(["estimate", str(tracks), *options]) == 2
+    error = capsys.readouterr().err
+    assert expected in error
+    assert len([line for line in error.splitlines() if line.startswith("baryscope: ")]) == 1

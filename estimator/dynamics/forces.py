@@ -1,0 +1,230 @@
+"""What known or constant accelerations do to a path: its response to them, and unknown factors on it.
+
+The centre of mass is seen from the chaser, so it accelerates against the chaser's thrust. On an orbit the response
+follows the gravity gradient; without one it is free flight.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, LinearMotion, Motion, Panels
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.options import ConstantAxes
+from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.ephemeris.sun import sun_direction, sunlit
+from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
+from baryscope.models.ephemeris.utc import utc_of
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import EARTH_RADIUS, Orbit
+
+FloatArray = NDArray[np.float64]
+
+BROAD = 1e-4  # m/s², of an unknown constant acceleration: more than drag does above 200 km, or light anywhere
+SPAN_TIMES = 65  # at which the rms displacement of a response is taken
+PENUMBRA = 5.0  # s, in which the light changes so little that a response can be integrated over it
+UNIT = "m/s²"
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """Accelerations of the centre of mass in C, each times an unknown factor, and how fast they change.
+
+    acceleration: times (k,) in s → (k, 3, c), m/s² per unit of the factor; names (c,), and unit of the factors;
+    deviations (c,): of their prior, in that unit; longest: s, over which the accelerations are smooth; breaks (m,): s,
+    at which they jump.
+    """
+
+    acceleration: Acceleration
+    names: tuple[str, ...]
+    unit: str
+    deviations: FloatArray
+    longest: float
+    breaks: FloatArray
+
+
+@dataclass(frozen=True)
+class Factor:
+    """An estimated factor of a force: its name, value, standard deviation and unit ("1" or "m/s²")."""
+
+    name: str
+    value: float
+    deviation: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Forced:
+    """A path with the response to a force: the unknowns of `base`, and those of the force.
+
+    A force's unknown is the rms displacement it causes over begin … end, in m. The response begins at rest in the
+    middle.
+    """
+
+    base: Path
+    force: Force
+    begin: float
+    end: float
+
+    @property
+    def name(self) -> str:
+        """The model's name, that of the base."""
+        return self.base.name
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.base.size + len(self.force.names)
+
+    @property
+    def prior(self) -> Prior:
+        """The prior of the base, and that of the factors."""
+        return self.base.prior.joined(Prior.known((self.force.deviations * self._displacement) ** 2))
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
+        """See `Path`."""
+        return self.base.gravity_gradient(time)
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        return self.base.at(time).extended(self._response(time).position(time) / self._displacement)
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The velocity at times (n,) in s."""
+        return self.base.rate_at(time).extended(self._response(time).velocity(time) / self._displacement)
+
+    def factors(self, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
+        """The estimated factors from x and its covariance, in which the force's unknowns follow the base's."""
+        own = slice(self.base.size, self.size)
+        values = x[own] / self._displacement
+        deviations = np.sqrt(np.diag(of_x)[own]) / self._displacement
+        rows = zip(self.force.names, values.tolist(), deviations.tolist(), strict=True)
+        return tuple(Factor(name, value, deviation, self.force.unit) for name, value, deviation in rows)
+
+    @cached_property
+    def _displacement(self) -> FloatArray:
+        """The rms displacement (c,) for a factor of 1, m; 1 where there is none."""
+        time = np.linspace(self.begin, self.end, SPAN_TIMES)
+        rms = np.sqrt(np.mean(np.sum(self._response(time).position(time) ** 2, axis=1), axis=0))
+        return np.where(rms > 0, rms, 1.0)
+
+    def _response(self, time: FloatArray) -> Motion:
+        return _response(self.base, self.force, (self.begin + self.end) / 2, time)
+
+
+@dataclass(frozen=True, eq=False)
+class Thrusted:
+    """A polynomial path on which the chaser's known acceleration acts: it departs from `base` by the response.
+
+    The response begins at rest in the middle of begin … end. orbit: for LVLH axes.
+    """
+
+    base: Path
+    known: KnownAcceleration
+    orbit: Orbit | None
+    begin: float
+    end: float
+
+    @property
+    def name(self) -> str:
+        """The model's name, that of the base."""
+        return self.base.name
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.base.size
+
+    @property
+    def prior(self) -> Prior:
+        """That of the base."""
+        return self.base.prior
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
+        """See `Path`."""
+        return self.base.gravity_gradient(time)
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        return self._moved(self.base.at(time), self._response(time).position(time))
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The velocity at times (n,) in s."""
+        return self._moved(self.base.rate_at(time), self._response(time).velocity(time))
+
+    def _moved(self, sampled: SampledPath, by: FloatArray) -> SampledPath:
+        return SampledPath(sampled.jacobian, lambda x: sampled.position(x) + by[:, :, 0])
+
+    def _response(self, time: FloatArray) -> Motion:
+        force = thrust_of(self.known, self.orbit, self.begin, self.end)
+        return _response(self.base, force, (self.begin + self.end) / 2, time)
+
+
+def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
+    """The estimated factors of all forces on a path, from its x (p,) and the covariance (p, p)."""
+    base = getattr(path, "base", None)
+    own = path.factors(x, of_x) if isinstance(path, Forced) else ()
+    return own if base is None else factors_of(base, x, of_x) + own
+
+
+def _response(base: Path, force: Force, epoch: float, time: FloatArray) -> Motion:
+    equation = LinearMotion.over(Panels.over(time, epoch, force.longest, force.breaks), base.gravity_gradient)
+    return equation.forced(force.acceleration(equation.panels.points))
+
+
+def thrust_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end: float) -> Force:
+    """The chaser's known acceleration over begin … end in s, times the unknown error of its scale."""
+    return Force(
+        lambda time: -known.inertial(time, orbit)[:, :, None],
+        ("acceleration scale",),
+        "1",
+        np.array([known.scale]),
+        min(longest_on(orbit, begin, end), known.smooth_for(begin, end)),
+        known.time,
+    )
+
+
+def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: float) -> Force:
+    """An unknown constant acceleration of the target less that of the chaser, in LVLH axes or away from the Sun.
+
+    That of light vanishes in the Earth's shadow.
+
+    Raises:
+        InputError: no orbit, or none with an epoch for the Sun.
+    """
+    if orbit is None:
+        raise InputError(f"constant_acceleration is {axes}, which needs the target's orbit; expected an orbit")
+    longest = longest_on(orbit, begin, end)
+    if axes == "lvlh":
+        names = ("radial acceleration", "along-track acceleration", "cross-track acceleration")
+        return Force(
+            lambda time: lvlh_axes(target_states(orbit, time)), names, UNIT, np.full(3, BROAD), longest, np.zeros(0)
+        )
+    if orbit.epoch is None:
+        raise InputError("constant_acceleration is sun, which needs the UTC of time 0; expected an orbit with an epoch")
+    light = _light_of(orbit)
+    fine = np.linspace(begin, end, int(np.ceil((end - begin) / PENUMBRA)) + 2)
+    share = np.linalg.norm(light(fine)[:, :, 0], axis=1)
+    changing = np.flatnonzero(np.abs(np.diff(share)) > 1e-6)
+    breaks = np.unique(np.concatenate([fine[changing], fine[changing + 1]]))
+    return Force(light, ("acceleration away from the Sun",), UNIT, np.array([BROAD]), longest, breaks)
+
+
+def _light_of(orbit: Orbit) -> Callable[[FloatArray], FloatArray]:
+    begin = utc_of(orbit.epoch, "orbit.epoch")
+
+    def light(time: FloatArray) -> FloatArray:
+        towards = sun_direction(begin, time)
+        share = sunlit(target_states(orbit, time)[:, :3], towards, orbit.equatorial_radius or EARTH_RADIUS)
+        return -(share[:, None] * towards)[:, :, None]
+
+    return light
+
+
+def longest_on(orbit: Orbit | None, begin: float, end: float) -> float:
+    """The longest panel of an integration in s on an orbit, or in free flight over begin … end."""
+    return max(end - begin, 1.0) if orbit is None else ARC / orbit.periapsis_rate

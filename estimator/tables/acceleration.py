@@ -1,0 +1,44 @@
+"""The CSV form of a log of accelerations, `time,ax,ay,az`."""
+
+import numpy as np
+
+from baryscope.estimator.limits import LATEST
+from baryscope.estimator.tables.form import FloatArray, Form
+from baryscope.estimator.tables.table import read_table
+from baryscope.models.ephemeris.utc import seconds_between, utc_of
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath, read_bytes
+
+COLUMNS = ("time", "ax", "ay", "az")
+FORM = Form("accelerations in CSV", COLUMNS, clock="time")
+
+
+def read_acceleration(path: AnyPath, epoch: str | None = None) -> tuple[FloatArray, FloatArray]:
+    """Times (k,) in s and accelerations (k, 3) in m/s² of a file `time,ax,ay,az`, in ascending order of time.
+
+    epoch: UTC of time 0, if it is known; a file with UTC times needs it.
+
+    Raises:
+        InputError: one line that names file, line and column, what was found and what was expected.
+    """
+    table = read_table(read_bytes(path, FORM.what), str(path), FORM)
+    columns = table.columns
+    for name in COLUMNS:
+        values = columns.numbers[name]
+        limit, unit = (LATEST, "s") if name == "time" else (1e3, "m/s²")
+        wrong = ~(np.abs(values) <= limit)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            found = "empty" if np.isnan(values[row]) else str(values[row])
+            raise InputError(f"{table.place(row)}, column {name}: {found}, expected a number within ±{limit:g} {unit}")
+    time = columns.numbers["time"]
+    if columns.epoch is not None:
+        if epoch is None:
+            raise InputError(f"{path}: UTC times, expected seconds, as in the tracks; or UTC times there, or --epoch")
+        time = time + seconds_between(utc_of(epoch, "epoch"), columns.epoch)
+    late = np.flatnonzero(np.diff(time) <= 0)
+    if late.size:
+        raise InputError(
+            f"{table.place(int(late[0]) + 1)}, column time: not after the row before, expected ascending times"
+        )
+    return time, np.stack([columns.numbers[name] for name in COLUMNS[1:]], axis=1)

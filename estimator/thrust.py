@@ -1,0 +1,120 @@
+"""The chaser's known acceleration, as the log of its thrusters or of an accelerometer tells."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.estimator.limits import LATEST
+from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+AccelerationAxes = Literal["inertial", "lvlh", "camera"]
+
+STRONGEST = 1e3  # m/s²
+TURN = 0.2  # rad, that axes turn at most in a panel of an integration
+ATTITUDES = 2001  # times at which the camera's rate is looked at
+MOST_CHANGES = 100_000  # of the acceleration: the response to more takes minutes and gigabytes
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class KnownAcceleration:
+    """What accelerates the chaser besides gravity: time (k,) in s, ascending; value (k, 3) in m/s².
+
+    Each value is held until the next; before the first it is zero, and the last one is held on.
+
+    axes: inertial (those of the tracks), lvlh (of the target), or camera; attitude: for camera, the function from
+    times (n,) in s to the rotations (n, 3, 3) from the camera's axes to inertial ones. scale: standard deviation of the
+    relative error of the scale, the same for all values. noise: density of the white noise of the log, m²/s³.
+
+    Raises:
+        InputError: a shape, an order or a value is not as above, or camera axes without an attitude.
+    """
+
+    time: FloatArray
+    value: FloatArray
+    axes: AccelerationAxes
+    scale: float
+    noise: float
+    attitude: Callable[[FloatArray], FloatArray] | None
+
+    def __init__(
+        self,
+        time: ArrayLike,
+        value: ArrayLike,
+        axes: AccelerationAxes = "inertial",
+        *,
+        scale: float = 0.0,
+        noise: float = 0.0,
+        attitude: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> None:
+        moments, values = np.asarray(time, dtype=np.float64), np.asarray(value, dtype=np.float64)
+        if moments.ndim != 1 or not len(moments) or values.shape != (len(moments), 3):
+            raise InputError(
+                f"acceleration: time has the shape {moments.shape} and value {values.shape}, expected (k,) and (k, 3)"
+            )
+        if not (np.abs(moments) <= LATEST).all() or not (np.diff(moments) > 0).all():
+            raise InputError("acceleration: times that do not ascend, expected each later than the one before")
+        if not (np.abs(values) <= STRONGEST).all():
+            row = int(np.argmax(~(np.abs(values) <= STRONGEST).all(axis=1)))
+            raise InputError(
+                f"acceleration: {values[row].tolist()} at {moments[row]} s, expected within ±{STRONGEST:g} m/s²"
+            )
+        if axes not in ("inertial", "lvlh", "camera"):
+            raise InputError(f"acceleration: axes are {axes!r}, expected inertial, lvlh or camera")
+        if axes == "camera" and attitude is None:
+            raise InputError("acceleration: axes are camera, which needs the camera's attitude")
+        for name, number, limit in (("scale", scale, 1.0), ("noise", noise, STRONGEST)):
+            if not 0 <= number <= limit:
+                raise InputError(f"acceleration: {name} is {number}, expected 0 to {limit:g}")
+        changed = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
+        if np.count_nonzero(changed) > MOST_CHANGES:
+            raise InputError(
+                f"acceleration: changes {np.count_nonzero(changed)} times, expected at most {MOST_CHANGES} times; "
+                "average it over longer intervals"
+            )
+        fields = {"time": moments[changed], "value": values[changed], "axes": axes, "scale": float(scale)}
+        for name, content in (fields | {"noise": float(noise), "attitude": attitude}).items():
+            object.__setattr__(self, name, content)
+
+    def __str__(self) -> str:
+        return (
+            f"{len(self.time)} values in {self.axes} axes from {self.time[0]:g} to {self.time[-1]:g} s, "
+            f"scale ±{self.scale:g}, noise {self.noise:g} m²/s³"
+        )
+
+    def __deepcopy__(self, memo: object) -> "KnownAcceleration":
+        return self  # it does not change
+
+    def smooth_for(self, begin: float, end: float) -> float:
+        """The time in s over which the camera's axes turn by at most TURN, of which begin … end is looked at."""
+        if self.attitude is None or end <= begin:
+            return float("inf")
+        time = np.linspace(begin, end, ATTITUDES)
+        R = self.attitude(time)
+        cosine = (np.einsum("nij,nij->n", R[:-1], R[1:]) - 1) / 2
+        most = float(np.arccos(np.clip(cosine, -1, 1)).max())
+        return TURN / max(most, 1e-12) * float(time[1] - time[0])
+
+    def inertial(self, time: FloatArray, orbit: Orbit | None) -> FloatArray:
+        """The acceleration (n, 3) of the chaser in C, m/s², at times (n,) in s.
+
+        Raises:
+            InputError: LVLH axes without an orbit.
+        """
+        row = np.searchsorted(self.time, time, "right") - 1
+        held = np.where(row[:, None] >= 0, self.value[np.maximum(row, 0)], 0.0)
+        if self.axes == "inertial":
+            return held
+        if self.axes == "lvlh":
+            if orbit is None:
+                raise InputError("acceleration: axes are lvlh, which need the target's orbit; expected an orbit")
+            R = lvlh_axes(target_states(orbit, time))
+        else:
+            assert self.attitude is not None  # noqa: S101  as __init__ has it
+            R = self.attitude(time)
+        return np.asarray((R @ held[:, :, None])[:, :, 0])

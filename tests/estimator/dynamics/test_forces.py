@@ -1,0 +1,150 @@
+"""Paths under known and constant accelerations, against two orbits integrated with them by scipy."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from baryscope.estimator.dynamics.forces import Forced, constant_of, factors_of
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.estimator.dynamics.trajectory import chosen_path
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.ephemeris.sun import sun_direction
+from baryscope.models.ephemeris.utc import utc_of
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
+from oracles import inertial_states, oblate_gravity
+from synthetic import Orbit
+
+START = (np.array([-4.0, -18.0, 3.0]), np.array([0.004, -0.007, 0.01]))
+OBLATE = replace(
+    Orbit(semi_major_axis=7.3e6, eccentricity=0.01).model(), j2=EARTH_J2, equatorial_radius=EARTH_RADIUS,
+    epoch="2026-03-01T12:00:00Z",
+)  # fmt: skip
+TIME = np.linspace(1, 2399, 25)
+
+
+def flown(on_chaser, jumps, on_target=lambda t, r, v: np.zeros(3)):
+    """The CoM seen from the chaser at TIME, with accelerations (t, target's r and v) → (3,) that jump."""
+    target, chaser = inertial_states(OBLATE, *START)
+    state, found = np.concatenate([*target, *chaser]), []
+
+    def slope(t, s, now):
+        return np.concatenate(
+            [
+                s[3:6], oblate_gravity(s[:3]) + on_target(t, s[:3], s[3:6]),
+                s[9:], oblate_gravity(s[6:9]) + on_chaser(t, now, s[:3], s[3:6]),
+            ]
+        )  # fmt: skip
+
+    edges = [0.0, *jumps, 2400.0]
+    for begin, end in pairwise(edges):
+        wanted = TIME[(begin <= TIME) & (end > TIME)]
+        middle = (begin + end) / 2
+        solution = solve_ivp(
+            slope, (begin, end), state, "DOP853", np.append(wanted, end), args=(middle,), rtol=1e-13, atol=1e-6
+        )
+        found.append(solution.y[:, :-1])
+        state = solution.y[:, -1]
+    both = np.hstack(found)
+    return (both[:3] - both[6:9]).T
+
+
+def lvlh(r, v):
+    up, normal = r / np.linalg.norm(r), np.cross(r, v) / np.linalg.norm(np.cross(r, v))
+    return np.stack([up, np.cross(normal, up), normal], axis=1)
+
+
+@pytest.mark.parametrize("axes", ["inertial", "lvlh"])
+def test_known_thrust_on_an_orbit(axes):
+    """Up to 300 m off: exact there, too."""
+    rows, values = np.array([100.0, 700.0, 1300.0]), 1e-3 * np.array([[0.3, -0.2, 0.1], [-0.1, 0.4, 0], [0, 0, 0]])
+    known = KnownAcceleration(rows, values, axes)
+
+    def thrust(t, now, r, v):
+        row = np.searchsorted(rows, now, "right") - 1
+        held = values[row] if row >= 0 else np.zeros(3)
+        return lvlh(r, v) @ held if axes == "lvlh" else held
+
+    expected = flown(thrust, rows)
+    x = np.concatenate([START[0], START[1] / OBLATE.mean_motion])
+    path = PerturbedOrbit(OBLATE, 0.0, known)
+    np.testing.assert_allclose(path.at(TIME).position(x), expected, atol=1e-6)
+    assert np.abs(expected - PerturbedOrbit(OBLATE, 0.0).at(TIME).position(x)).max() > 100
+    ends = path.at(TIME + 0.01).position(x) - path.at(TIME - 0.01).position(x)
+    np.testing.assert_allclose(path.rate_at(TIME).position(x)[1:-1], ends[1:-1] / 0.02, atol=3e-6)
+
+
+@pytest.mark.parametrize("axes", ["lvlh", "sun"])
+def test_a_constant_acceleration(axes):
+    """Fitted to the integrated path, a linear least squares finds it; the response is linear, so to 1e-4 of it."""
+    if axes == "lvlh":
+        true = np.array([1e-6, -2e-6, 5e-7])
+
+        def push(t, r, v):
+            return lvlh(r, v) @ true
+    else:
+        true = np.array([6e-7])
+        towards = sun_direction(utc_of(OBLATE.epoch, "here"), np.zeros(1))[0]
+
+        def push(t, r, v):
+            behind = r @ towards < 0 and np.linalg.norm(r - (r @ towards) * towards) < EARTH_RADIUS
+            return np.zeros(3) if behind else -true[0] * towards
+
+    com = flown(lambda t, now, r, v: np.zeros(3), [], push)
+    path = Forced(PerturbedOrbit(OBLATE, 1200.0), constant_of(axes, OBLATE, 0.0, 2400.0), 0.0, 2400.0)
+    sampled = path.at(TIME)
+    x = np.zeros(path.size)
+    for _ in range(4):
+        left = (com - sampled.position(x)).ravel()
+        x = x + np.linalg.lstsq(sampled.jacobian.reshape(-1, path.size), left, rcond=None)[0]
+    found = [factor.value for factor in factors_of(path, x, np.eye(path.size))]
+    # The integration's shadow has a sharp edge: some seconds of 2400.
+    np.testing.assert_allclose(found, true, atol=(1e-4 if axes == "lvlh" else 5e-3) * np.abs(true).max())
+
+
+def test_free_flight_with_thrust():
+    """½ a t² from the middle of the time on, and the velocity a t."""
+    known = KnownAcceleration([-1e3], [[2e-3, 0, -1e-3]])
+    options = PathOptions(trajectory="polynomial:1", process_noise="none", acceleration=known)
+    path, time = chosen_path(options, None, 0.0, 100.0), np.array([0.0, 50.0, 90.0])
+    x = np.arange(6.0)
+    base = Polynomial(1, 0.0, 100.0)
+    expected = -np.outer((time - 50) ** 2 / 2, [2e-3, 0, -1e-3])
+    np.testing.assert_allclose(path.at(time).position(x) - base.at(time).position(x), expected, atol=1e-12)
+    np.testing.assert_allclose(path.at(time).offset, expected, atol=1e-12)
+    expected = -np.outer(time - 50, [2e-3, 0, -1e-3])
+    np.testing.assert_allclose(path.rate_at(time).position(x) - base.rate_at(time).position(x), expected, atol=1e-12)
+
+
+def test_unknowns_are_displacements_with_the_priors_of_their_factors():
+    known = KnownAcceleration([0.0, 300.0], [[1e-3, 0, 0], [0, 1e-3, 0]], scale=0.02, noise=1e-10)
+    options = PathOptions(acceleration=known, constant_acceleration="lvlh")
+    path = chosen_path(options, OBLATE, 0.0, 2400.0)
+    assert isinstance(path, Disturbed)
+    assert [one.lower for one in path.prior.hyperparameters] == [pytest.approx(np.log(1e-10))]
+    assert path.base.size == 6 + 1 + 3
+    columns = path.base.at(np.linspace(0, 2400, 65)).jacobian[:, :, 6:]
+    np.testing.assert_allclose(np.sqrt(np.mean(np.sum(columns**2, axis=1), axis=0)), 1, rtol=1e-9)
+    deviations = path.base.prior.precision(np.zeros(0))[6:] ** -0.5
+    of_x = np.diag(np.concatenate([np.ones(6), deviations**2, np.ones(path.size - 10)]))
+    factors = factors_of(path, np.zeros(path.size), of_x)
+    assert [one.unit for one in factors] == ["1", "m/s²", "m/s²", "m/s²"]
+    np.testing.assert_allclose([one.deviation for one in factors], [0.02, 1e-4, 1e-4, 1e-4])
+    given = chosen_path(replace(options, process_noise=2e-10), OBLATE, 0.0, 2400.0)
+    assert isinstance(given, Disturbed)
+    assert given.density == pytest.approx(3e-10)
+
+
+def test_what_forces_need():
+    with pytest.raises(InputError, match="constant_acceleration is sun, which needs the UTC of time 0"):
+        constant_of("sun", replace(OBLATE, epoch=None), 0.0, 1.0)
+    with pytest.raises(InputError, match="constant_acceleration is lvlh, which needs the target's orbit"):
+        chosen_path(PathOptions(constant_acceleration="lvlh"), None, 0.0, 1.0)
+    with pytest.raises(InputError, match="constant_acceleration is 'drag', expected one of none, lvlh, sun"):
+        PathOptions(constant_acceleration="drag")
