@@ -60,8 +60,8 @@ def test_a_log_of_accelerations(tmp_path, capsys):
     command = ["estimate", str(tracks), "--trajectory", "polynomial:1", "--process-noise", "none"]
     assert app.main([*command, "--acceleration", str(log), "--acceleration-scale", "0.05"]) == 0
     assert "acceleration scale" in capsys.readouterr().out
-    found = np.loadtxt(tmp_path / "tracks.estimate.csv", delimiter=",", skiprows=1)[:, 1:4]
-    np.testing.assert_allclose(found, com, atol=0.05)
+    found = np.loadtxt(tmp_path / "tracks.estimate.csv", delimiter=",", skiprows=1)[:, 1]
+    np.testing.assert_allclose(found, com[:, 0], atol=0.02)  # across the axis: a spin leaves the position along it open
 
 
 @pytest.mark.parametrize(
