@@ -7,6 +7,9 @@
 - score: tracks → screening → clusters → least squares of a fixed centre → diagnostics → result.
 """
 
+from baryscope.estimator.camera.attitude import AttitudeSeries
+from baryscope.estimator.camera.camera import Camera
+from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, Failure, attempt, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions
@@ -15,10 +18,13 @@ from baryscope.estimator.tracks import FeatureTracks
 
 __all__ = [
     "METHODS",
+    "AttitudeSeries",
+    "Camera",
     "Estimate",
     "Failure",
     "FeatureTracks",
     "PathOptions",
+    "Rig",
     "ScrewOptions",
     "Status",
     "attempt",

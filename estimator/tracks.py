@@ -10,6 +10,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.tables.table import read_table
@@ -30,7 +31,8 @@ class FeatureTracks:
 
     time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN where a feature is not seen;
     covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around; epoch:
-    UTC of time 0 in ISO 8601, or None if it is not known.
+    UTC of time 0 in ISO 8601, or None if it is not known; camera: the turning one through which they were seen, whose
+    errors they share (`Camera.inertial`), or None. Files have no camera.
 
     Times, steps, positions and covariances lie within the ranges of `limits`.
 
@@ -43,6 +45,7 @@ class FeatureTracks:
     labels: tuple[str, ...]
     covariance: FloatArray | None
     epoch: str | None
+    camera: Camera | None
 
     def __init__(
         self,
@@ -51,7 +54,9 @@ class FeatureTracks:
         labels: Sequence[str],
         covariance: ArrayLike | None = None,
         epoch: str | None = None,
+        camera: Camera | None = None,
     ) -> None:
+        object.__setattr__(self, "camera", camera)
         object.__setattr__(self, "time", _floats(time, "time"))
         object.__setattr__(self, "position", _floats(position, "position"))
         object.__setattr__(self, "labels", tuple(map(_label, labels)))

@@ -83,7 +83,7 @@ def _in_columns(
         covariance = np.where(kept[..., None, None], covariance[:, source], np.nan)
     bodies = [replace(body, features=own) for body, own in zip(pivot.bodies, columns, strict=True)]
     observations = pivot.observations.features(source)
-    return FeatureTracks(tracks.time, position, tuple(labels), covariance), replace(
+    return replace(tracks, position=position, labels=tuple(labels), covariance=covariance), replace(
         pivot,
         inliers=pivot.inliers[:, source] & kept,
         solution=replace(pivot.solution, bodies=tuple(bodies)),

@@ -1,0 +1,104 @@
+"""The rig of a camera: its lever arm, and the standard deviations of what calibration leaves uncertain."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath
+from baryscope.models.scenario.schema import FileModel, Unit, read_toml
+
+LONGEST_ARM = 1e4  # m
+WIDEST_ANGLE = 0.2  # rad: to first order, an angle's error is its sine
+WIDEST_SCALE = 0.2
+UNIT_TOLERANCE = 1e-3  # of a quaternion's length
+
+Triple = tuple[float, float, float]
+Arm = Annotated[float, Field(ge=-LONGEST_ARM, le=LONGEST_ARM)]
+Angle = Annotated[float, Field(ge=0, le=WIDEST_ANGLE)]
+Length = Annotated[float, Field(ge=0, le=LONGEST_ARM)]
+
+
+class RigTable(FileModel):
+    """[rig]: where the camera is on the chaser, and standard deviations, for which one number means all three axes."""
+
+    lever_arm: Annotated[tuple[Arm, Arm, Arm], Unit("m")] = (0.0, 0.0, 0.0)
+    lever_arm_axes: Literal["camera", "chaser"] = "camera"
+    mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    lever_arm_deviation: Annotated[tuple[Length, Length, Length], Unit("m")] = (0.0, 0.0, 0.0)
+    boresight_deviation: Annotated[tuple[Angle, Angle, Angle], Unit("rad")] = (0.0, 0.0, 0.0)
+    scale_deviation: Annotated[float, Field(ge=0, le=WIDEST_SCALE)] = 0.0
+    attitude_noise: Annotated[tuple[Angle, Angle, Angle], Unit("rad")] = (0.0, 0.0, 0.0)
+
+    @field_validator("lever_arm_deviation", "boresight_deviation", "attitude_noise", mode="before")
+    @classmethod
+    def _of_all_axes(cls, value: object) -> object:
+        """One number as that of three axes."""
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return (float(value),) * 3 if number else value  # type: ignore[arg-type]
+
+    @field_validator("mounting")
+    @classmethod
+    def _unit(cls, value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        length = float(np.linalg.norm(value))
+        if abs(length - 1) > UNIT_TOLERANCE:
+            raise ValueError(f"found a quaternion (w, x, y, z) of length {length:.6g}, expected 1")
+        w, x, y, z = (number / length for number in value)
+        return (w, x, y, z)
+
+
+class RigFile(FileModel):
+    """A rig file: one table, [rig]."""
+
+    rig: RigTable
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Where a camera is on the chaser, and what is uncertain about it.
+
+    lever_arm: the camera's position from the chaser's centre of mass in m, in axes of the camera, or of the chaser,
+    into which the quaternion `mounting` (w, x, y, z) turns those of the camera. Standard deviations of constant errors:
+    lever_arm_deviation in m, in the same axes; boresight_deviation in rad, of a rotation about the camera's axes;
+    scale_deviation, relative, as that of a stereo rig's baseline. attitude_noise in rad, about the camera's axes,
+    independent from frame to frame.
+
+    Raises:
+        InputError: a value is not a finite number or not possible.
+    """
+
+    lever_arm: Triple = (0.0, 0.0, 0.0)
+    lever_arm_axes: Literal["camera", "chaser"] = "camera"
+    mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    lever_arm_deviation: float | Triple = 0.0
+    boresight_deviation: float | Triple = 0.0
+    scale_deviation: float = 0.0
+    attitude_noise: float | Triple = 0.0
+
+    def __post_init__(self) -> None:
+        table = RigFile.parse({"rig": {name: _plain(value) for name, value in vars(self).items()}}, "rig").rig
+        for name in RigTable.model_fields:
+            object.__setattr__(self, name, getattr(table, name))
+
+
+def load_rig(path: AnyPath) -> Rig:
+    """Read a rig file: TOML with one table, [rig], whose fields are those of `Rig`.
+
+    Raises:
+        InputError: one line that says where, what was found, what was expected.
+    """
+    table = RigFile.parse(read_toml(path, "a camera's rig in TOML"), str(path)).rig
+    if table.mounting != (1.0, 0.0, 0.0, 0.0) and table.lever_arm_axes == "camera":
+        raise InputError(f'{path}: rig.mounting: found beside a lever arm in camera axes, expected axes "chaser"')
+    if table.lever_arm_axes == "chaser" and "mounting" not in table.model_fields_set:
+        raise InputError(f'{path}: rig.mounting: missing, expected a quaternion beside lever_arm_axes = "chaser"')
+    return Rig(**table.model_dump())
+
+
+def _plain(value: object) -> object:
+    """Numbers of numpy as Python's."""
+    if isinstance(value, np.ndarray | list | tuple):
+        return tuple(float(number) for number in value)
+    return float(value) if isinstance(value, int | float | np.number) and not isinstance(value, bool) else value

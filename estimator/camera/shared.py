@@ -1,0 +1,86 @@
+"""Errors that all observations of a frame share: those of the camera's attitude, its scale and its place.
+
+A camera at c with the attitude R (camera axes into C) whose boresight is off by the rotation β, whose scale is off by s
+and whose place is off by l sees a point p of C, to first order, at
+
+    p + R β × (p − c) + s (p − c) + R l.
+
+β is about the camera's axes, l in those of the lever arm. The points of a body with its centre of mass at g move by
+what g moves, turn about it by R β, and grow by s. A noise ε of the attitude does the same as R β, anew in every frame.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.camera.rig import Rig
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion
+from baryscope.estimator.geometry.so3 import cross_matrices
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SharedErrors:
+    """The errors of a rig at n times: attitude (n, 3, 3) of the camera in C, and its place (n, 3) in C, m.
+
+    The k constant errors are those of β (rad), s and l (m) whose standard deviation is not zero, in this order.
+    """
+
+    attitude: FloatArray
+    place: FloatArray
+    rig: Rig
+
+    @cached_property
+    def deviations(self) -> FloatArray:
+        """The standard deviations (k,) of the constant errors."""
+        return np.asarray(self._all[self._uncertain])
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the attitude has noise."""
+        return bool(np.any(self.rig.attitude_noise))
+
+    def shifts(self, origin: FloatArray) -> FloatArray:
+        """The derivatives (n, 3, k) of what is seen of points at origin (n, 3) in C, m, by the constant errors."""
+        arm = origin - self.place
+        by_turn = -cross_matrices(arm) @ self.attitude
+        by_place = self.attitude @ self._lever_axes
+        found = np.concatenate([by_turn, arm[:, :, None], by_place], axis=2)
+        return np.asarray(found[:, :, self._uncertain])
+
+    def turns(self) -> FloatArray:
+        """The derivatives (n, 3, k) of what is seen of a body's attitude, rotation vectors in C, by them."""
+        found = np.zeros((len(self.attitude), 3, 7))
+        found[:, :, :3] = self.attitude
+        return np.asarray(found[:, :, self._uncertain])
+
+    def turn_covariance(self) -> FloatArray:
+        """The covariance (n, 3, 3) of the attitude's noise, a rotation vector in C, rad²."""
+        variance = np.square(self.rig.attitude_noise)
+        return np.asarray((self.attitude * variance) @ np.swapaxes(self.attitude, 1, 2))
+
+    def shift_covariance(self, origin: FloatArray) -> FloatArray:
+        """What the attitude's noise makes of points at origin (n, 3) in C: the covariance (n, 3, 3), m²."""
+        arms = cross_matrices(origin - self.place)
+        return np.asarray(arms @ self.turn_covariance() @ np.swapaxes(arms, 1, 2))
+
+    def consider_covariance(self, origin: FloatArray) -> FloatArray:
+        """The covariance (n, 3, 3) in C, m², that the constant errors give to points at origin (n, 3) in C."""
+        columns = self.shifts(origin) * self.deviations
+        return np.asarray(columns @ np.swapaxes(columns, 1, 2))
+
+    @cached_property
+    def _all(self) -> FloatArray:
+        return np.hstack([self.rig.boresight_deviation, self.rig.scale_deviation, self.rig.lever_arm_deviation])
+
+    @cached_property
+    def _uncertain(self) -> NDArray[np.bool_]:
+        return self._all > 0
+
+    @property
+    def _lever_axes(self) -> FloatArray:
+        """The rotation (3, 3) from the axes of the lever arm to the camera's."""
+        return np.asarray(matrix_from_quaternion(np.array([self.rig.mounting]))[0].T)

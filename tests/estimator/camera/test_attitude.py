@@ -1,0 +1,96 @@
+"""The camera's attitude from a file; the expected rotations are scipy's."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from baryscope.estimator.camera.attitude import AttitudeSeries
+from baryscope.models.errors import InputError
+
+TIME = np.arange(0.0, 61.0, 2.0)
+TURN = Rotation.from_rotvec(
+    np.column_stack([0.02 * TIME, 0.3 * np.sin(0.05 * TIME), -0.01 * TIME]) + np.array([2.5, 1.0, 0])
+)
+QUATERNION = np.roll(TURN.as_quat(), 1, axis=1)  # scalar first
+
+
+def rows(time=TIME, quaternion=QUATERNION, header="time,qw,qx,qy,qz"):
+    lines = [",".join(f"{value:.17g}" for value in (t, *q)) for t, q in zip(time, quaternion, strict=True)]
+    return "\n".join([header, *lines]) + "\n"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "attitude.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_interpolates_as_slerp_whatever_the_signs(tmp_path):
+    signs = np.random.default_rng(1).choice([-1.0, 1.0], len(TIME))
+    found = AttitudeSeries.read_csv(written(tmp_path, rows(quaternion=QUATERNION * signs[:, None])))
+    between = np.sort(np.concatenate([TIME, np.random.default_rng(2).uniform(0, 60, 200)]))
+    np.testing.assert_allclose(found.at(between), Slerp(TIME, TURN)(between).as_matrix(), atol=1e-14)
+
+
+def test_the_header_names_the_columns(tmp_path):
+    text = rows(quaternion=np.roll(QUATERNION, -1, axis=1), header="time,qx,qy,qz,qw")
+    found = AttitudeSeries.read_csv(written(tmp_path, text))
+    np.testing.assert_allclose(found.at(TIME), TURN.as_matrix(), atol=1e-14)
+
+
+def test_one_row_is_a_camera_that_does_not_turn(tmp_path):
+    found = AttitudeSeries([0.0], QUATERNION[:1])
+    np.testing.assert_allclose(found.at(np.zeros(1)), TURN[:1].as_matrix(), atol=1e-14)
+
+
+def test_utc_times_are_those_of_the_tracks(tmp_path):
+    stamps = [f"2020-02-29T23:59:{second:02d}Z" for second in range(0, 60, 2)]
+    lines = [f"{t},{','.join(map(repr, q))}" for t, q in zip(stamps, QUATERNION[:30].tolist(), strict=True)]
+    found = AttitudeSeries.read_csv(written(tmp_path, "\n".join(["time,qw,qx,qy,qz", *lines])))
+    of_tracks = found.at(np.array([0.0, 3.0]), "2020-02-29T23:59:10Z")
+    np.testing.assert_allclose(of_tracks, Slerp(TIME, TURN)([10.0, 13.0]).as_matrix(), atol=1e-14)
+    with pytest.raises(InputError, match="UTC times of the attitude, but seconds of the tracks"):
+        found.at(np.zeros(1))
+    with pytest.raises(InputError, match="UTC times of the tracks, but seconds of the attitude"):
+        AttitudeSeries(TIME, QUATERNION).at(np.zeros(1), "2020-02-29T23:59:10Z")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("time,qw", "time,w"), "unknown column 'w' in the header, expected time,qw,qx,qy,qz"),
+        (lambda text: text.replace("\n4,", "\n1,"), r"line 4: time 1.0 after 2.0, expected strictly increasing times"),
+        (lambda _: rows(quaternion=2 * QUATERNION), r"line 2: quaternion of length 2, expected 1"),
+        (lambda text: text.rsplit(",", 1)[0] + ",\n", r"line 32: an empty cell, expected numbers of qw"),
+        (lambda text: text.replace("\n6,", "\n2e10,"), r"line 5: time 20000000000.0, expected a number within ±1e\+10"),
+    ],
+)
+def test_a_wrong_file_gets_one_line(tmp_path, change, message):
+    path = written(tmp_path, change(rows()))
+    with pytest.raises(InputError, match=message) as caught:
+        AttitudeSeries.read_csv(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_times_outside_and_in_gaps_are_refused():
+    whole = AttitudeSeries(TIME, QUATERNION)
+    with pytest.raises(InputError, match=r"none for the time 60.5 s, expected rows that span it, found 0 to 60 s"):
+        whole.at(np.array([1.0, 60.5]))
+    kept = (TIME <= 10) | (TIME >= 32)
+    gap = AttitudeSeries(TIME[kept], QUATERNION[kept])
+    gap.at(np.array([9.0, 10.0, 32.0]))
+    with pytest.raises(InputError, match=r"no row from 10 to 32 s, where there are tracks, expected .* at most 20 s"):
+        gap.at(np.array([11.0]))
+
+
+def test_too_wide_a_turn_is_not_interpolated():
+    wide = AttitudeSeries([0.0, 1.0], [[1, 0, 0, 0], [np.cos(0.1), np.sin(0.1), 0, 0]])
+    wide.at(np.array([0.0, 1.0]))
+    with pytest.raises(InputError, match=r"turns by 11.5° from 0 to 1 s, expected at most 10°"):
+        wide.at(np.array([0.5]))
+
+
+def test_shapes_are_checked():
+    with pytest.raises(InputError, match=r"time has the shape \(31,\) and quaternion \(31, 3\)"):
+        AttitudeSeries(TIME, QUATERNION[:, :3])
