@@ -10,9 +10,9 @@ from pathlib import Path  # noqa: E402
 from typing import Any  # noqa: E402
 
 from baryscope.study.population.running import append, lines_of, run  # noqa: E402
-from baryscope.study.world.judging import PEER, TOLD, judged  # noqa: E402
+from baryscope.study.world.judging import PEER, TOLD, can_be_told, judged  # noqa: E402
 from baryscope.study.world.report import table  # noqa: E402
-from baryscope.study.world.worlds import WORLDS, World  # noqa: E402
+from baryscope.study.world.worlds import WORLDS  # noqa: E402
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -54,11 +54,6 @@ def _run(options: argparse.Namespace) -> None:
         append(options.output, line or killed | {"failure": "killed", "wall": options.limit})
         print(f"\r{done} of {total}, draw {task[2]} of {task[0]:<24}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-
-
-def can_be_told(world: World) -> bool:
-    """Whether a force of the world can be told to an estimator."""
-    return world.j2
 
 
 def _key(line: dict[str, Any]) -> tuple[Any, ...]:

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator import Failure, PathOptions, attempt
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
-from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 from baryscope.study.population.information import rms, unknowns_bound
 from baryscope.study.population.judging import nees, of_estimate
-from baryscope.study.world.scenes import Scene, scene
+from baryscope.study.world.scenes import Scene, rows_of, scene
 from baryscope.study.world.smoother import smoothed
-from baryscope.study.world.worlds import WORLDS
+from baryscope.study.world.worlds import WORLDS, World
 
 FloatArray = NDArray[np.float64]
 
@@ -72,6 +73,25 @@ def judged(name: str, seed: int, draw: int, method: str) -> dict[str, Any]:
     return line | {"bound": bounds["free" if free else "tumble"]}
 
 
+def can_be_told(world: World) -> bool:
+    """Whether a force of the world can be told to an estimator."""
+    return world.j2 or bool(world.drag) or bool(world.light) or world.logged != "no"
+
+
+def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
+    """The orbit with J2, the logged thrust, and that there is a constant acceleration, where the world has them."""
+    orbit, world = made.orbit, made.world
+    if orbit is not None and world.j2:
+        orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
+    if made.burns is not None:
+        scale = 0.0 if world.logged == "exactly" else 0.01
+        log = KnownAcceleration(*rows_of(made.burns, world.span), axes="lvlh", scale=scale)
+        options = replace(options, acceleration=log)
+    if world.drag or world.light:
+        options = replace(options, constant_acceleration="lvlh")
+    return orbit, options
+
+
 def _of_smoother(made: Scene) -> dict[str, Any]:
     found = smoothed(made.time, made.tracks.position, made.orbit, made.burns)
     error = found.position - made.path
@@ -89,8 +109,8 @@ def _of_smoother(made: Scene) -> dict[str, Any]:
 def _of_method(made: Scene, method: str) -> dict[str, Any]:
     name = method.removesuffix(TOLD)
     orbit, options = made.orbit, PathOptions(trajectory="fixed" if made.orbit is None else None)
-    if method.endswith(TOLD) and orbit is not None and made.world.j2:
-        orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
+    if method.endswith(TOLD):
+        orbit, options = told(made, options)
     found = attempt(made.tracks, method=name, orbit=orbit, options=options)
     if isinstance(found, Failure):
         return {"failure": found.reason, "message": found.message}

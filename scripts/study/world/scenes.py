@@ -1,5 +1,6 @@
 """A draw of a world: its truth, the tracks, and what the estimators are told."""
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -165,3 +166,10 @@ def _log(world: World, burns: tuple[Burn, ...], rng: np.random.Generator) -> tup
     if world.logged == "exactly":
         return burns
     return tuple(replace(b, acceleration=b.acceleration * (1 + 0.01 * rng.standard_normal(3))) for b in burns)
+
+
+def rows_of(burns: tuple[Burn, ...], span: float) -> tuple[FloatArray, FloatArray]:
+    """Times (k,) in s and accelerations (k, 3) in LVLH, m/s², each of which holds until the next; burns may overlap."""
+    edges = sorted({0.0, span, *itertools.chain.from_iterable((b.begin, b.end) for b in burns)})
+    held = [sum((b.acceleration for b in burns if b.begin <= t < b.end), np.zeros(3)) for t in edges]
+    return np.array(edges), np.array(held)

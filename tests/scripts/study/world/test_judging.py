@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from baryscope.estimator import PathOptions
 from baryscope.study.population.judging import nees
 from baryscope.study.world.__main__ import main
-from baryscope.study.world.judging import judged, prepared
+from baryscope.study.world.forces import Burn
+from baryscope.study.world.judging import can_be_told, judged, prepared, told
 from baryscope.study.world.report import band, table
+from baryscope.study.world.scenes import rows_of
 from baryscope.study.world.smoother import smoothed
 from baryscope.study.world.worlds import WORLDS
 
@@ -61,3 +64,19 @@ def test_a_run_is_resumed_and_reported(tmp_path, capsys):
         main(["run", "--draws", "1", "--worlds", "pivot slips", "--methods", "pivot,pivot told", "-o", output])
     assert main(["report", output]) == 0
     assert capsys.readouterr().out.count("| pivot |") == 1
+
+
+def test_a_log_holds_the_sum_of_burns_that_overlap():
+    one, other = Burn(1.0, 4.0, np.array([1.0, 0, 0])), Burn(3.0, 5.0, np.array([0, 2.0, 0]))
+    time, held = rows_of((one, other), 10.0)
+    np.testing.assert_array_equal(time, [0, 1, 3, 4, 5, 10])
+    np.testing.assert_array_equal(held[:, :2], [[0, 0], [1, 0], [1, 2], [0, 2], [0, 0], [0, 0]])
+
+
+def test_what_can_be_told_is_told():
+    names = {name for name, world in WORLDS.items() if can_be_told(world)}
+    assert "thrust not logged" not in names
+    for name in names:
+        made, _ = prepared(name, 1, 0)
+        orbit, options = told(made, PathOptions())
+        assert orbit.j2 is not None or options != PathOptions()
