@@ -3,14 +3,17 @@
 The centre of a joint between two moving bodies is at rest in both: R_k u + c_k = S_k v + e_k in all frames. Here one of
 the two is the ground: the poses of the target's bodies come from registration, and v is the same point for all of them,
     c_k + R_k u = v,
-by unweighted least squares. The model is right for a centre of mass at rest only: a baseline. The ground is the
-target's LVLH frame if an orbit is given, in which a chaser on V-bar is at rest, else frame C.
+by unweighted least squares. The model is right for a centre of mass at rest only: a baseline, which says so where the
+residuals show that the centre moves. The ground is the target's LVLH frame if an orbit is given, in which a chaser on
+V-bar is at rest, else frame C.
 """
 
 import time as clock
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.stats import f as f_distribution
 
 from baryscope.estimator.adjustment.diagnostics import (
     cluster_of,
@@ -19,24 +22,32 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
+from baryscope.estimator.adjustment.normal_equations import turn_information
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.details import ScoreDetails
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Estimate, Motion, Noise
-from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.estimator.result import Estimate, LackOfFit, Motion, Noise
+from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import Orbit
+
+DEGREE = 4  # of the polynomial that is looked for in the residuals
+SIGNIFICANCE = 1e-4  # probability of finding one by chance
+ROUNDING = 1e-7  # of the distance: residuals that are rounding
 
 
 def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
     """The centre of mass as the fixed centre of rotation: in LVLH if an orbit is given and no trajectory, else in C.
 
     The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
-    `ScoreDetails.centre_residual`. It is wrong if the centre moves. A sigma in the options is not used.
+    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes. It is wrong if the centre
+    moves, which the findings tell. A sigma in the options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`.
@@ -52,6 +63,10 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     inliers = screen(position, tracks.seen)
     registered = find_bodies(position, inliers)
     centre, offsets, inverse, variance = solve_score(registered)
+    path = "fixed in LVLH" if in_orbit else "fixed"
+    finding = _lack_of_fit(registered, tracks.time, centre, offsets, path)
+    distance = float(np.linalg.norm(centre))
+    inverse = _without_spurious_information(registered, inliers, inverse, variance / max(distance, 1e-300) ** 2)
     bodies = [
         replace(body, points=body.points + offset) for body, offset in zip(registered.bodies, offsets, strict=True)
     ]
@@ -86,9 +101,9 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         covered=covered_by(clusters, n),
         converged=True,
         rounds=1,
-        findings=(),
+        findings=() if finding is None else (finding,),
         method="score",
-        path="fixed in LVLH" if in_orbit else "fixed",
+        path=path,
         options=options,
         details=ScoreDetails(float(np.sqrt(variance))),
         wall_time=clock.perf_counter() - begin,
@@ -122,3 +137,49 @@ def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatAr
     )
     values = 3 * sum(len(body.frames) for body in bodies)
     return centre, offsets, inverse, squares / max(values - len(found), 1)
+
+
+def _without_spurious_information(
+    registered: Registered, inliers: BoolArray, inverse: FloatArray, least: float
+) -> FloatArray:
+    """The pseudo-inverse of the normal equations, (3 j + 3, 3 j + 3), without spurious information of noisy attitudes.
+
+    An error φ of an attitude with the covariance C adds φ × d to the frame, in the mean the information tr C − C on d,
+    see `adjustment.spurious`. least: information that remains in a direction.
+    """
+    k = len(inverse) - 3
+    spurious = np.zeros((k, k))
+    for index, body in enumerate(registered.bodies):
+        own = slice(3 * index, 3 * index + 3)
+        weight = inliers[np.ix_(body.frames, body.features)].astype(np.float64)
+        of_turn = registered.noise**2 * symmetric_inverses(turn_information(weight, cross_matrices(body.points))).sum(0)
+        information = np.trace(of_turn) * np.eye(3) - of_turn
+        spurious[own, own] = three_sigma_factor(len(body.frames)) * information
+    of_offsets, of_centre = spurious_information_columns(inverse[:k, :k], inverse[:k, k:], spurious, least)
+    columns = np.concatenate([of_offsets, of_centre])
+    return np.asarray(inverse + columns @ columns.T)
+
+
+def _lack_of_fit(
+    registered: Registered, time: FloatArray, centre: FloatArray, offsets: FloatArray, path: str
+) -> LackOfFit | None:
+    """A finding if a polynomial of time explains more of the residuals c_k + R_k u − v than noise does."""
+    frames = np.concatenate([body.frames for body in registered.bodies])
+    residual = np.concatenate(
+        [
+            origin - centre - body.attitude @ offset
+            for body, origin, offset in zip(registered.bodies, registered.origins, offsets, strict=True)
+        ]
+    )
+    half = max((time[-1] - time[0]) / 2, 1e-300)
+    powers = chebyshev.chebvander((time[frames] - time[0]) / half - 1, DEGREE)
+    basis = np.linalg.qr(powers - powers.mean(axis=0))[0][:, 1:]
+    explained = basis @ (basis.T @ residual)
+    values = residual.size - 3 * (DEGREE + 1) - 3 * len(offsets)
+    if values < 1:
+        return None
+    variance = max(float(np.sum((residual - explained) ** 2)) / values, (ROUNDING * float(np.abs(centre).max())) ** 2)
+    gain, dof = float(np.sum(explained**2)) / variance, 3 * DEGREE
+    if f_distribution.sf(gain / dof, dof, values) > SIGNIFICANCE:
+        return None
+    return LackOfFit(path, float(np.sqrt(np.mean(np.sum(explained**2, axis=1)))), gain, dof)

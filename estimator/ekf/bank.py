@@ -134,7 +134,8 @@ class Bank:
         new = [member for member in dict.fromkeys(members) if member not in self.scores]
         if new:
             self.scores.update(zip(new, self.evaluate(new).tolist(), strict=True))
-        return max(members, key=self._probability)
+        return max(members, key=self.log_posterior)
 
-    def _probability(self, member: Member) -> float:
+    def log_posterior(self, member: Member) -> float:
+        """Logarithm of a member's likelihood and prior, but for a constant."""
         return self.scores[member] + self.path.log_prior(member.path) + self.turn.log_prior(member.turn)

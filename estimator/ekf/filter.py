@@ -50,6 +50,7 @@ class Forward:
     precision: FloatArray
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a system that has lost the motion
 def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
     """Run the filter; keep: what the smoother needs."""
     n, d, c, k = len(system.observed), *system.first.shape, len(noise.density)
@@ -106,6 +107,7 @@ def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
     return Forward(cost, log_determinant, predicted, innovations, precision)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def smoothed(system: Linearised, forward: Forward) -> tuple[FloatArray, FloatArray]:
     """The state (n, k, d, c), affine in θ, and its covariance (n, k, d, d) for known θ, from all observations."""
     n, k, d, width = forward.predicted.shape

@@ -11,7 +11,7 @@ probable ones.
 """
 
 import time as clock
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
-from baryscope.estimator.tracks import FeatureTracks, FloatArray
+from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
@@ -75,11 +75,26 @@ def estimate_by_filter(
         orders = ORDERS if trajectory.degree is None else (trajectory.degree,)
         if trajectory.degree is None and not isinstance(options.process_noise, str):
             orders = (1,)  # a given density is one of the acceleration
-    found = [
-        passes(Problem(tracks, orbit, options, measured, weight, start, order, on_orbit, rounds)) for order in orders
-    ]
-    best = max(range(len(found)), key=lambda index: found[index].evidence)
-    return _result(tracks, options, start, orders[best], on_orbit, found[best], begin)
+    found = _converged(
+        [Problem(tracks, orbit, options, measured, weight, start, order, on_orbit, rounds) for order in orders]
+    )
+    return _result(tracks, options, start, on_orbit, found, begin)
+
+
+def _converged(problems: list[Problem]) -> list[Passes]:
+    """The results for the orders of the path that converge, ordered by their evidence, else the first one.
+
+    Raises:
+        ComputationError: all diverge.
+    """
+    found: list[Passes] = []
+    for index, problem in enumerate(problems):
+        try:
+            found.append(passes(problem))
+        except ComputationError:
+            if index == len(problems) - 1 and not found:
+                raise
+    return sorted((one for one in found if one.converged), key=lambda one: -one.evidence) or found[:1]
 
 
 def _refuse_effort(nodes: int, features: int) -> None:
@@ -97,32 +112,55 @@ def _refuse_effort(nodes: int, features: int) -> None:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """The path at the frames for one order, or the mean of several: position (n, 3), velocity, and covariances; offset
+    (3,) of the features' centroid from the centre of mass, in axes attached to the points, with its covariance.
+    """
+
+    position: FloatArray
+    covariance: FloatArray
+    velocity: FloatArray
+    velocity_covariance: FloatArray
+    offset: FloatArray
+    offset_covariance: FloatArray
+
+
+def _mean_of(answers: list[_Answer], evidence: FloatArray) -> _Answer:
+    """The mean and covariance of a mixture."""
+    weight = np.exp(evidence - evidence.max())
+    weight /= weight.sum()
+
+    def mean(name: str, covariance: str) -> tuple[FloatArray, FloatArray]:
+        values = np.array([getattr(answer, name) for answer in answers])
+        centre = np.tensordot(weight, values, 1)
+        off = values - centre
+        own = np.array([getattr(answer, covariance) for answer in answers])
+        return centre, np.tensordot(weight, own + off[..., :, None] * off[..., None, :], 1)
+
+    return _Answer(
+        *mean("position", "covariance"), *mean("velocity", "velocity_covariance"), *mean("offset", "offset_covariance")
+    )
+
+
 def _result(
-    tracks: FeatureTracks,
-    options: PathOptions,
-    start: Start,
-    order: int,
-    on_orbit: bool,
-    found: Passes,
-    begin: float,
+    tracks: FeatureTracks, options: PathOptions, start: Start, on_orbit: bool, orders: list[Passes], begin: float
 ) -> Estimate:
-    last, at, frames = found.last, found.reference, start.nodes.frames
-    p = 3 * (order + 1)
-    cluster, growth = _cluster(tracks, start, found)
-    growth = growth[frames]
-    of_state = found.solution.of_state[frames] + growth @ np.swapaxes(growth, 1, 2)
-    H = at.path.observed[frames]
-    covariance = H @ of_state[:, :p, :p] @ np.swapaxes(H, 1, 2)
+    """The result of the most probable order, with the mean path of all of them."""
+    found, frames = orders[0], start.nodes.frames
+    last, at, features = found.last, found.reference, _features(found)
+    answer = _mean_of([_answer(one, start) for one in orders], np.array([one.evidence for one in orders]))
+    cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
-    gravity_gradient = start.rotation.orbit is not None
+    order, gravity_gradient = at.deviation.shape[1] // 3 - 1, start.rotation.orbit is not None
     on_polynomial = f"polynomial:{order}" if order else "fixed"
     return Estimate(
         time=tracks.time,
         labels=tracks.labels,
-        position=at.origin[frames],
-        covariance=covariance,
-        motion=_motion(found, start, of_state),
-        observability=observability_of([cluster], covariance),
+        position=answer.position,
+        covariance=answer.covariance,
+        motion=_motion(found, start, answer),
+        observability=observability_of([cluster], answer.covariance),
         clusters=(cluster,),
         noise=Noise(options.sigma, float(np.sqrt(last.residual_variance)), tracks.covariance is not None),
         residuals=np.where(tracks.seen[..., None], tracks.position - at.seen_at(start.nodes), np.nan),
@@ -144,8 +182,8 @@ def _result(
             gravity_gradient=gravity_gradient,
             nis=last.residual_variance / last.variance,
             log_likelihood=found.evidence,
-            final_covariance=covariance[-1],
-            angular_rate=at.rate[-1],
+            final_covariance=answer.covariance[-1],
+            angular_rate=at.rate[frames[-1]],
             inertia=at.inertia,
         ),
         wall_time=clock.perf_counter() - begin,
@@ -161,18 +199,42 @@ def _bounds(densities: list[float], probability: FloatArray) -> tuple[float, flo
     return lower, upper
 
 
-def _motion(found: Passes, start: Start, of_state: FloatArray) -> Motion:
-    """Velocity of the centre of mass, and attitude and rate of axes that are attached to the points."""
-    at, frames = found.reference, start.nodes.frames
+def _features(found: Passes) -> IntArray:
+    """The features that are observed."""
+    return np.asarray(np.nonzero((found.last.observations.weight > NEGLIGIBLE).any(axis=0))[0])
+
+
+def _answer(found: Passes, start: Start) -> _Answer:
+    """The path for one order, with covariances without spurious information."""
+    at, frames, solution, features = found.reference, start.nodes.frames, found.solution, _features(found)
     p = at.deviation.shape[1]
-    H = at.path.observed_rate[frames]
-    points = slice(points_from(p) - 1, None)
+    attached = np.zeros((3, 3 * len(at.points)))
+    attached.reshape(3, -1, 3)[:, features] = offset_by_points(at.points[features]).reshape(3, -1, 3)
+    of_offset, growth = spurious_growth(found, attached, 1 / (PRIOR_EXTENTS * start.radius) ** 2)
+    points, growth = slice(points_from(p) - 1, None), growth[frames, :p]
+    of_path = solution.of_state[frames, :p, :p] + growth @ np.swapaxes(growth, 1, 2)
+    H, H_rate = at.path.observed[frames], at.path.observed_rate[frames]
+    return _Answer(
+        at.origin[frames],
+        H @ of_path @ np.swapaxes(H, 1, 2),
+        at.path.nominal_rate[frames] + (H_rate @ at.deviation[frames, :, None])[:, :, 0],
+        H_rate @ of_path @ np.swapaxes(H_rate, 1, 2),
+        at.points[features].mean(axis=0),
+        attached @ solution.of_theta[points, points] @ attached.T + of_offset @ of_offset.T,
+    )
+
+
+def _motion(found: Passes, start: Start, answer: _Answer) -> Motion:
+    """Velocity of the centre of mass, and attitude and rate of axes that are attached to the points."""
+    at, frames, solution = found.reference, start.nodes.frames, found.solution
+    p = at.deviation.shape[1]
+    points, of_state = slice(points_from(p) - 1, None), solution.of_state[frames]
     turn = turn_by_points(at.points)
-    crossed = found.solution.crossed[frames, p : p + 3, points] @ turn.T
-    of_turn = turn @ found.solution.of_theta[points, points] @ turn.T
+    crossed = solution.crossed[frames, p : p + 3, points] @ turn.T
+    of_turn = turn @ solution.of_theta[points, points] @ turn.T
     return Motion(
-        velocity=at.path.nominal_rate[frames] + (H @ at.deviation[frames, :, None])[:, :, 0],
-        velocity_covariance=H @ of_state[:, :p, :p] @ np.swapaxes(H, 1, 2),
+        velocity=answer.velocity,
+        velocity_covariance=answer.velocity_covariance,
         attitude=at.attitude[frames],
         attitude_covariance=of_state[:, p : p + 3, p : p + 3] + crossed + np.swapaxes(crossed, 1, 2) + of_turn,
         angular_rate=at.rate[frames],
@@ -180,18 +242,12 @@ def _motion(found: Passes, start: Start, of_state: FloatArray) -> Motion:
     )
 
 
-def _cluster(tracks: FeatureTracks, start: Start, found: Passes) -> tuple[Cluster, FloatArray]:
-    """All features as one cluster, and columns (n, d, 3) that the states' covariances grow by, see `spurious`."""
-    at, last = found.reference, found.last
-    features = np.nonzero((last.observations.weight > NEGLIGIBLE).any(axis=0))[0]
-    attached = np.zeros((3, 3 * len(at.points)))
-    attached.reshape(3, -1, 3)[:, features] = offset_by_points(at.points[features]).reshape(3, -1, 3)
-    least = 1 / (PRIOR_EXTENTS * start.radius) ** 2
-    of_offset, growth = spurious_growth(found, attached, least)
-    points = slice(points_from(at.deviation.shape[1]) - 1, None)
-    covariance = attached @ found.solution.of_theta[points, points] @ attached.T + of_offset @ of_offset.T
-    used = last.observations.weight > NEGLIGIBLE
-    frames = np.nonzero(used.sum(axis=1) >= 3)[0]
+def _cluster(
+    tracks: FeatureTracks, points: FloatArray, features: IntArray, weight: FloatArray, answer: _Answer
+) -> Cluster:
+    """All features as one cluster, with the mean offset."""
+    frames = np.nonzero((weight > NEGLIGIBLE).sum(axis=1) >= 3)[0]
     intervals = cut_intervals(tracks.seen, np.zeros(len(tracks.time) - 1, dtype=bool))
-    body = Body(features, frames, at.points[features], np.empty((0, 3, 3)), intervals)
-    return cluster_of(body, at.points[features], covariance, tracks.labels), growth
+    moved = points - points.mean(axis=0) + answer.offset
+    body = Body(features, frames, moved, np.empty((0, 3, 3)), intervals)
+    return cluster_of(body, moved, answer.offset_covariance, tracks.labels)

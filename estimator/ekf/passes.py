@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
-from baryscope.estimator.ekf.bank import GENEROUS, Axis, Bank, Member, path_level, turn_level
+from baryscope.estimator.ekf.bank import DECADES, GENEROUS, Axis, Bank, Member, path_level, turn_level
 from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised, Reference, linearised, moved, points_from
 from baryscope.estimator.ekf.motion import (
@@ -23,7 +25,7 @@ from baryscope.estimator.ekf.motion import (
     turning_noise,
     white_noise,
 )
-from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, log_likelihoods, mixed, solve
+from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.ekf.start import Start
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.progress import Rounds
@@ -32,10 +34,13 @@ from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 
 MAX_PASSES = 12
-TOLERANCE = 0.05  # of the linearisation, in standard deviations of the position
+ROUGH_TURN = 0.03  # rad, median of a pass
+FREE_TURN = 0.3  # rad from node to node, by noise that leaves the attitudes free
+MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
+TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
 PRIOR_INERTIA_DEVIATION = 1.0  # of the inertia's logarithm from that of a sphere
-PRIOR_EXTENTS = 10.0  # standard deviation of the centre of mass in radii of the features, and of the path in its extent
+PRIOR_EXTENTS = 3.0  # standard deviation of the centre of mass in radii of the features, and of the path in its extent
 ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rounding
 
 
@@ -120,6 +125,13 @@ class Problem:
             Axis(turn_level(metres, start.radius, self.span), self.options.torque_noise),
         )
 
+    def first_torque(self, axis: Axis) -> float:
+        """The density of the torque for the first pass: none if a free tumble explains the attitudes, else plenty."""
+        if self.start.explained or not axis.free:
+            return axis.given
+        step = float(np.median(np.diff(self.start.nodes.time)))
+        return max(axis.at(GENEROUS), 3 * FREE_TURN**2 / step**3)
+
     def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
         """The prior about a reference; shift (p,): of its first state since the first pass."""
         p, m = 3 * (self.order + 1), self.weight.shape[1]
@@ -171,7 +183,7 @@ class Pass:
 class Passes:
     """The last pass, and the solution in SI units, the mean over members with probability (k,).
 
-    reference: of the solution; evidence: log-likelihood and log-prior of the last pass's member.
+    reference: of the solution; evidence: logarithm of the likelihood of all members, with the prior's.
     """
 
     last: Pass
@@ -222,23 +234,25 @@ def _pass(
     prior = problem.prior(reference, reference.deviation[0] + nominal - problem.first_nominal, variance)
     dof = problem.dof(observations)
     axes, bank = problem.axes(variance), None
-    member = Member(axes[0].at(GENEROUS), axes[1].at(0.0 if problem.start.explained else GENEROUS))
+    member = Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
     if last is not None and last.bank and last.linear:
         bank, member = last.bank, last.member
     elif last is not None:
 
         def scores(members: Sequence[Member]) -> FloatArray:
-            return log_likelihoods(system, problem.noise(members, variance), prior, dof, problem.sigma)
+            return log_likelihoods(system, problem.noise(members, variance), prior, dof + nominal.size, problem.sigma)
 
         bank = Bank(*axes, scores)
         member = bank.best(last.member if last.bank else None)
     solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
     residual_variance = max(parameters.squares / dof, problem.floor)
     used = problem.sigma or residual_variance
-    after = moved(reference, solution.state, solution.theta)
+    after = moved(reference, _bounded(problem, reference, solution), solution.theta)
     seen = observations.position - after.seen_at(problem.start.nodes)
     squares = observations.weight * _squares(seen, observations)
-    weight = reweighted(squares, observations.weight, dof, problem.floor)
+    turn = np.linalg.norm(solution.state[system.seen, nominal.size : nominal.size + 3], axis=1)
+    rough = bank is None or float(np.median(turn)) > ROUGH_TURN  # the residuals do not tell outliers yet
+    weight = observations.weight if rough else reweighted(squares, observations.weight, dof, problem.floor)
     changed = float(np.vdot(squares, weight / np.where(observations.weight > 0, observations.weight, 1.0) - 1))
     problem.rounds.did(0.5)
     return Pass(
@@ -256,8 +270,25 @@ def _pass(
         after,
         weight,
         linear=_is_linear(problem, reference, solution, used) or _has_stayed(problem, after, solution, used, last),
-        steady=abs(changed) <= WEIGHT_CHANGE_TOLERANCE * float(squares.sum()),
+        steady=not rough and abs(changed) <= WEIGHT_CHANGE_TOLERANCE * float(squares.sum()),
     )
+
+
+def _bounded(problem: Problem, reference: Reference, solution: Solution) -> FloatArray:
+    """The state (n, d) with turns and rates that the linearisation may be moved by: others are shortened.
+
+    Raises:
+        ComputationError: they are not finite.
+    """
+    state, p = solution.state.copy(), reference.deviation.shape[1]
+    turn, rate = state[:, p : p + 3], reference.rate + state[:, p + 3 :]
+    if not (np.isfinite(state).all() and np.isfinite(solution.theta).all()):
+        raise diverged()
+    most = MAX_RATE_RATIO * float(np.linalg.norm(problem.start.rate, axis=1).max())
+    turn *= np.minimum(1.0, MAX_TURN / np.maximum(np.linalg.norm(turn, axis=1), 1e-300))[:, None]
+    rate *= np.minimum(1.0, most / np.maximum(np.linalg.norm(rate, axis=1), 1e-300))[:, None]
+    state[:, p + 3 :] = rate - reference.rate
+    return state
 
 
 def _squares(residual: FloatArray, observations: Observations) -> FloatArray:
@@ -314,15 +345,34 @@ def _mean(problem: Problem, reference: Reference, last: Pass, count: int) -> Pas
     variance = np.array([sigma or max(parameters.squares / last.dof, least) for _, parameters in found])
     solution = mixed([one for one, _ in found], probability, variance)
     p = reference.deviation.shape[1]
-    scale = np.log(np.maximum(last.prior.information[INERTIA : INERTIA + p], 1e-300)).sum()
-    score = last.bank.scores[last.member] if last.bank is not None else -np.inf
+    evidence = 0.5 * float(np.log(last.prior.information[INERTIA : INERTIA + p]).sum()) - float(
+        np.log(probability.max())
+    )
+    evidence += -np.inf if last.bank is None else last.bank.log_posterior(last.member)
+    evidence += _gain_of_scales(problem, reference.deviation[0] + solution.state[0, :p], solution.of_state[0, :p, :p])
     return Passes(
         last,
         moved(reference, solution.state, solution.theta),
         solution,
         tuple(members),
         probability,
-        score + 0.5 * float(scale),
+        evidence,
         count,
         last.bank is not None and last.linear and last.steady,
     )
+
+
+def _gain_of_scales(problem: Problem, u: FloatArray, covariance: FloatArray) -> float:
+    """The gain of log-evidence when derivatives from the second on have a prior of unknown scale, from the given one's.
+
+    The scale's logarithm is uniform, over DECADES of its square. u (p,) at the first time with its covariance (p, p).
+    """
+    gain, first = 0.0, (PRIOR_EXTENTS * max(problem.start.extent, problem.start.radius)) ** 2
+    for block in range(2, problem.order + 1):
+        own = slice(3 * block, 3 * block + 3)
+        density = [
+            multivariate_normal.logpdf(u[own], cov=covariance[own, own] + first * 10.0**-decade * np.eye(3))
+            for decade in range(DECADES)
+        ]
+        gain += float(logsumexp(density)) - float(np.log(DECADES)) - float(density[0])
+    return gain

@@ -8,7 +8,9 @@ from baryscope.estimator.ekf.filter import Forward, ProcessNoise, filtered, smoo
 from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.tracks import FloatArray
+from baryscope.models.errors import ComputationError, Reason
 
+LARGEST = 1e100  # number in a cost that is still one
 MEMORY = 3e8  # bytes for the smoother of some members at a time
 
 
@@ -33,9 +35,15 @@ class Parameters:
 
 
 def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
-    """The parameters that minimise the quadratic cost of a member."""
+    """The parameters that minimise the quadratic cost of a member.
+
+    Raises:
+        ComputationError: the cost has overflown, or is lost in rounding.
+    """
     cost = forward.cost[member]
     matrix = cost[1:, 1:] + np.diag(prior.information)
+    if not (np.isfinite(cost).all() and np.abs(cost).max() < LARGEST and np.diag(matrix).min() > 0):
+        raise diverged()
     covariance = symmetric_pseudo_inverse(matrix)
     theta = covariance @ (prior.information * prior.mean - cost[1:, 0])
     off = theta - prior.mean
@@ -49,13 +57,29 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
 def log_likelihoods(
     system: Linearised, noise: ProcessNoise, prior: Prior, dof: float, variance: float | None
 ) -> FloatArray:
-    """The restricted log-likelihoods (k,) of the members, for a known or an unknown variance of an observation."""
+    """The restricted log-likelihoods (k,) of the members, for a known or an unknown variance of an observation.
+
+    dof: values less parameters without a prior, of which a proper one counts as an observation. −∞ where the cost has
+    overflown.
+    """
     forward = filtered(system, noise, keep=False)
-    found = [parameters_of(forward, member, prior) for member in range(len(noise.density))]
-    squares = np.array([max(one.squares, 1e-300) for one in found])
-    misfit = dof * np.log(squares) if variance is None else squares / variance
-    likelihood = -0.5 * (np.array([one.log_determinant for one in found]) + misfit)
-    return np.asarray(np.where(np.isfinite(likelihood), likelihood, -np.inf))
+    likelihood = np.full(len(noise.density), -np.inf)
+    for member in range(len(likelihood)):
+        try:
+            found = parameters_of(forward, member, prior)
+        except ComputationError:
+            continue
+        squares = max(found.squares, 1e-300)
+        misfit = dof * np.log(squares) if variance is None else squares / variance
+        likelihood[member] = -0.5 * (found.log_determinant + misfit)
+    return likelihood
+
+
+def diverged() -> ComputationError:
+    """The error to raise where the linearised system has lost the motion."""
+    return ComputationError(
+        "the filter diverges with any process noise: the features do not move as one body", Reason.DIVERGED
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,16 +96,27 @@ def _followed(
     at = nodes.frames[frames[order]]
     turn = log_rotation(np.swapaxes(found.attitude[at], 1, 2) @ registered[order])
     spread = np.stack([np.interp(nodes.time, nodes.time[at], values) for values in turn.T], axis=1)
-    return found.attitude @ exp_rotation(spread), found.rate
+    attitude = found.attitude @ exp_rotation(spread)
+    return attitude, _rates(attitude, nodes.time)
+
+
+def _rates(attitude: FloatArray, time: FloatArray) -> FloatArray:
+    """The rate (n, 3) in B, rad/s, between neighbours of each node."""
+    step = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:])
+    total = np.concatenate([np.zeros((1, 3)), np.cumsum(step, axis=0)])
+    before, after = np.maximum(np.arange(len(time)) - 1, 0), np.minimum(np.arange(len(time)) + 1, len(time) - 1)
+    return np.asarray((total[after] - total[before]) / (time[after] - time[before])[:, None])
 
 
 def _points(
     tumble: Tumble, registered: Registered, attitude: FloatArray, centroid: FloatArray, count: int
 ) -> FloatArray:
-    """The points (count, 3) in B, m, for a path at rest in the mean centroid; means where bodies share features."""
-    total, points = np.zeros(count), np.zeros((count, 3))
-    for body, origin, R_B_S in zip(registered.bodies, registered.origins, tumble.bodies, strict=True):
+    """The points (count, 3) in B, m, for a path at rest in the mean centroid; those of the body seen most often."""
+    points = np.zeros((count, 3))
+    parts = sorted(
+        zip(registered.bodies, registered.origins, tumble.bodies, strict=True), key=lambda part: len(part[1])
+    )
+    for body, origin, R_B_S in parts:
         offset = np.einsum("kij,ki->j", attitude[body.frames], origin - centroid) / len(body.frames)
-        points[body.features] += len(body.frames) * (body.points @ R_B_S.T + offset)
-        total[body.features] += len(body.frames)
-    return points / np.maximum(total, 1.0)[:, None]
+        points[body.features] = body.points @ R_B_S.T + offset
+    return points

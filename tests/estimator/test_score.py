@@ -9,8 +9,10 @@ from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
+from baryscope.estimator.result import LackOfFit, Status
 from baryscope.estimator.score import solve_score
 from baryscope.models.errors import ComputationError, InputError
+from synthetic import ENVISAT, attitude, box_features, make_case
 
 CENTRE = np.array([4.0, -19.0, 3.0])
 
@@ -74,6 +76,25 @@ def test_the_error_for_a_moving_centre_exceeds_the_covariance(case_of, on_v_bar)
     found = estimate(case.tracks, method="score")
     error = np.linalg.norm(found.position - case.com, axis=1)
     assert error.max() > 10 * found.predicted_rmse
+    assert found.status is Status.MODEL_DOES_NOT_FIT
+    (finding,) = found.findings
+    assert isinstance(finding, LackOfFit)
+    assert 0.3 * error.max() < finding.magnitude < error.max()
+
+
+def test_a_pure_spin_is_not_observable(time):
+    """The noise of the attitudes pretends to information along the axis."""
+    axis = np.linalg.eigh(ENVISAT)[1][:, 2]
+    some = time[:600:2]
+    R_I_B, points = (
+        attitude(ENVISAT, np.deg2rad(3.5) * axis, some),
+        box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0)),
+    )
+    for noise in (0.02, 0.1):
+        tracks = make_case(some, R_I_B, np.tile(CENTRE, (len(some), 1)), points, noise=noise).tracks
+        found = estimate(tracks, method="score")
+        assert found.status is Status.NOT_OBSERVABLE
+        assert normalised(found) < 16.3  # of χ² with three degrees of freedom, 1e-3
 
 
 def test_errors_name_what_is_wrong(case_of, at_rest, orbit):
