@@ -74,8 +74,8 @@ def judged(name: str, seed: int, draw: int, method: str) -> dict[str, Any]:
 
 
 def can_be_told(world: World) -> bool:
-    """Whether a force of the world can be told to an estimator."""
-    return world.j2 or bool(world.drag) or bool(world.light) or world.logged != "no"
+    """Whether a force of the world, or its camera, can be told to an estimator."""
+    return world.j2 or bool(world.drag) or bool(world.light) or world.logged != "no" or bool(world.boresight)
 
 
 def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
@@ -108,10 +108,12 @@ def _of_smoother(made: Scene) -> dict[str, Any]:
 
 def _of_method(made: Scene, method: str) -> dict[str, Any]:
     name = method.removesuffix(TOLD)
-    orbit, options = made.orbit, PathOptions(trajectory="fixed" if made.orbit is None else None)
+    tracks, orbit = made.tracks, made.orbit
+    options = PathOptions(trajectory="fixed" if orbit is None else None)
     if method.endswith(TOLD):
+        tracks = replace(tracks, camera=made.camera)
         orbit, options = told(made, options)
-    found = attempt(made.tracks, method=name, orbit=orbit, options=options)
+    found = attempt(tracks, method=name, orbit=orbit, options=options)
     if isinstance(found, Failure):
         return {"failure": found.reason, "message": found.message}
     return of_estimate(found, made.path)

@@ -9,6 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks
+from baryscope.estimator.camera.attitude import AttitudeSeries
+from baryscope.estimator.camera.camera import Camera
+from baryscope.estimator.camera.rig import Rig
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.cases import rotation_with_sensitivity
 from baryscope.study.population.motion import orbit_state, relative_motion, tumble
@@ -42,7 +45,8 @@ DISTANCE = 20.0  # m on V-bar
 class Scene:
     """time (n,) s; path (n, 3) of the centre of mass in C, m; jacobian (n, 3, 6) by (ρ, ρ̇) at the first time;
     attitude (n, 3, 3); turn (n, 3, 8), see `Case`; points (m, 3); orbit: that is told, None for a pivot; tracks;
-    burns: as they are logged, None if they are not; disturbance: of the observed path, for the bound.
+    burns: as they are logged, None if they are not; disturbance: of the observed path, for the bound;
+    camera: that the tracks have been turned by, with what is uncertain about it.
     """
 
     world: World
@@ -56,6 +60,7 @@ class Scene:
     tracks: FeatureTracks
     burns: tuple[Burn, ...] | None
     disturbance: Disturbance
+    camera: Camera | None
 
 
 def scene(world: World, seed: int, draw: int) -> Scene:
@@ -78,11 +83,11 @@ def scene(world: World, seed: int, draw: int) -> Scene:
         path, points = np.tile([0.2, -0.1, 1.5], (len(time), 1)), TOOL * POINTS
         jacobian = np.tile(np.eye(3), (len(time), 1, 1))
     places = (path + _slips(world, time, of_orbit))[:, None] + points @ np.swapaxes(attitude, 1, 2)
-    seen = _seen(world, places, of_noise, of_camera)
+    seen, camera = _seen(world, time, places, of_noise, of_camera)
     tracks = FeatureTracks(time, seen, [f"F{k}" for k in range(len(points))])
     told = None if world.slip else _wrong(orbit, of_orbit) if world.wrong_orbit else orbit
     log, disturbance = _log(world, burns, of_orbit), disturbance_of(world, orbit, time, path)
-    return Scene(world, time, path, jacobian, attitude, turn, points, told, tracks, log, disturbance)
+    return Scene(world, time, path, jacobian, attitude, turn, points, told, tracks, log, disturbance, camera)
 
 
 def _path(
@@ -145,19 +150,26 @@ def _slips(world: World, time: FloatArray, rng: np.random.Generator) -> FloatArr
 
 
 def _seen(
-    world: World, places: FloatArray, of_noise: np.random.Generator, of_camera: np.random.Generator
-) -> FloatArray:
+    world: World,
+    time: FloatArray,
+    places: FloatArray,
+    of_noise: np.random.Generator,
+    of_camera: np.random.Generator,
+) -> tuple[FloatArray, Camera | None]:
     """The features with noise, turned by the errors of the camera's attitude, all in C.
 
     The camera points at the features' centroid; its axes are V. What it sees in V is turned by the attitude it reports.
     """
     seen = places + world.noise * of_noise.standard_normal(places.shape)
     if not world.attitude_noise and not world.boresight:
-        return np.asarray(seen)
+        return np.asarray(seen), None
     R_C_V = camera_axes(places.mean(axis=1))
     boresight = world.boresight * of_camera.standard_normal(3)
     error = Rotation.from_rotvec(world.attitude_noise * of_camera.standard_normal((len(seen), 3)) + boresight)
-    return np.asarray(seen @ R_C_V @ np.swapaxes(R_C_V @ error.as_matrix(), 1, 2))
+    reported = R_C_V @ error.as_matrix()
+    series = AttitudeSeries(time, Rotation.from_matrix(reported).as_quat()[:, [3, 0, 1, 2]])
+    camera = Camera(series, Rig(boresight_deviation=world.boresight, attitude_noise=world.attitude_noise))
+    return np.asarray(seen @ R_C_V @ np.swapaxes(reported, 1, 2)), camera
 
 
 def _log(world: World, burns: tuple[Burn, ...], rng: np.random.Generator) -> tuple[Burn, ...] | None:
