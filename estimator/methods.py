@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
@@ -97,6 +98,7 @@ def attempt(
     method: str = "pivot",
     orbit: Orbit | None = None,
     options: Options | None = None,
+    camera: Camera | None = None,
     progress: Progress = silent,
 ) -> Estimate | Failure:
     """As `estimate`, but returns a Failure instead of raising a ComputationError.
@@ -105,7 +107,7 @@ def attempt(
         InputError: an unknown method, an invalid combination of options, or tracks that are not of one body in metres.
     """
     try:
-        return estimate(tracks, method=method, orbit=orbit, options=options, progress=progress)
+        return estimate(tracks, method=method, orbit=orbit, options=options, camera=camera, progress=progress)
     except ComputationError as error:
         return Failure(method, error.reason, str(error))
 
@@ -116,11 +118,13 @@ def estimate(
     method: str = "pivot",
     orbit: Orbit | None = None,
     options: Options | None = None,
+    camera: Camera | None = None,
     progress: Progress = silent,
 ) -> Estimate:
     """The path of the centre of mass in C at every time of the tracks, by the method of that name in METHODS.
 
-    options: ScrewOptions for the screw methods, PathOptions for the others. progress: told the share that is done, by
+    options: ScrewOptions for the screw methods, PathOptions for the others. camera: of tracks in camera axes, which it
+    turns into C. progress: told the share that is done, by
     `ml` and `ekf`, which may take long; their rounds are not known beforehand, so it is a rough one.
 
     Raises:
@@ -130,4 +134,6 @@ def estimate(
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
     refuse_implausible(tracks, "tracks")
+    if camera is not None:
+        tracks = camera.inertial(tracks)
     return METHODS[method](tracks, orbit=orbit, options=options, progress=progress)

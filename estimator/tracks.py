@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.camera.camera import Camera
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.tables.table import read_table
@@ -185,6 +186,11 @@ class FeatureTracks:
     def _name(self, wrong: BoolArray) -> str:
         frame, feature = np.argwhere(wrong)[0]
         return f"feature {self.labels[feature]!r} at {self.time[frame]} s"
+
+
+def errors_of(tracks: FeatureTracks) -> SharedErrors | None:
+    """The errors of the tracks' camera at their times; None without a camera."""
+    return None if tracks.camera is None else tracks.camera.errors(tracks.time, tracks.epoch)
 
 
 def _label(label: object) -> str:

@@ -39,6 +39,11 @@ class SharedErrors:
         return np.asarray(self._all[self._uncertain])
 
     @property
+    def scale(self) -> int | None:
+        """Which of the constant errors is that of the scale, None if none is."""
+        return int(self._uncertain[:3].sum()) if self._uncertain[3] else None
+
+    @property
     def noisy(self) -> bool:
         """Whether the attitude has noise."""
         return bool(np.any(self.rig.attitude_noise))
@@ -61,6 +66,11 @@ class SharedErrors:
         """The covariance (n, 3, 3) of the attitude's noise, a rotation vector in C, rad²."""
         variance = np.square(self.rig.attitude_noise)
         return np.asarray((self.attitude * variance) @ np.swapaxes(self.attitude, 1, 2))
+
+    def attitude_covariance(self, of_errors: FloatArray) -> FloatArray:
+        """The covariance (n, 3, 3) of attitudes, rotation vectors in C, for that (k, k) of the errors, and noise."""
+        turns = self.turns()
+        return np.asarray(turns @ of_errors @ np.swapaxes(turns, 1, 2) + self.turn_covariance())
 
     def shift_covariance(self, origin: FloatArray) -> FloatArray:
         """What the attitude's noise makes of points at origin (n, 3) in C: the covariance (n, 3, 3), m²."""

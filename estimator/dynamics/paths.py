@@ -52,10 +52,21 @@ class Path(Protocol):
 
 @dataclass(frozen=True)
 class SampledPath:
-    """A path at n times: the function position, x (p,) → (n, 3) in m in C, and its jacobian (n, 3, p) by x."""
+    """A path at n times: the function position, x (p,) → (n, 3) in m in C, and its jacobian (n, 3, p) by x.
+
+    If it is what a camera with errors sees (`seen`): seen_of, the path itself, and turn (n, 3, p), the derivative by x
+    of the attitudes that it sees, as rotation vectors in C.
+    """
 
     jacobian: FloatArray
     position: Callable[[FloatArray], FloatArray]
+    seen_of: "SampledPath | None" = None
+    turn: FloatArray | None = None
+
+    @property
+    def itself(self) -> "SampledPath":
+        """The path itself, whatever a camera sees."""
+        return self if self.seen_of is None else self.seen_of
 
     def covariance(self, of_x: FloatArray) -> FloatArray:
         """The covariance (n, 3, 3) of the positions, m², for the covariance (p, p) of x."""

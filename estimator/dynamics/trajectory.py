@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, thrust_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, Smooth
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
+from baryscope.estimator.dynamics.seen import SeenPath
 from baryscope.estimator.options import HIGHEST_DEGREE, PathOptions
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
@@ -34,14 +36,18 @@ class Trajectory:
         return path if acceleration is None else Thrusted(path, acceleration, orbit, begin, end)
 
 
-def chosen_path(options: PathOptions, orbit: Orbit | None, begin: float, end: float) -> Path:
-    """The path over begin … end in s, with the forces and the process noise of the options.
+def chosen_path(
+    options: PathOptions, orbit: Orbit | None, begin: float, end: float, errors: SharedErrors | None = None
+) -> Path:
+    """The path over begin … end in s, with the forces and the process noise of the options, and a camera's errors.
 
     Raises:
         InputError: an unknown trajectory, a degree out of range, or what is asked for needs an orbit or its epoch.
     """
     trajectory, known = trajectory_of(options.trajectory, orbit), options.acceleration
     path = trajectory.path(orbit, begin, end, known)
+    if errors is not None and len(errors.deviations):
+        path = SeenPath(path, errors.deviations)
     if known is not None and known.scale > 0:
         path = Forced(path, thrust_of(known, orbit, begin, end), begin, end)
     if options.constant_acceleration != "none":

@@ -22,9 +22,11 @@ from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.forces import factors_of
 from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
@@ -42,7 +44,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import DifferentPoints, Estimate, ExcessResiduals, Finding, Motion, Noise
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
@@ -62,11 +64,14 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         ComputationError: the tracks do not determine the unknowns.
     """
     begin = clock.perf_counter()
+    errors = errors_of(tracks)
     found = solve_pivot(tracks, orbit, options)
     x = found.solution.x
-    origin = found.sampled.position(x)
-    of_x, offsets = without_spurious_information(found, origin)
-    covariance = found.sampled.covariance(of_x)
+    seen, path = found.sampled.position(x), found.sampled.itself
+    of_x, offsets = without_spurious_information(found, seen)
+    if errors is not None and errors.scale is not None:
+        offsets = _of_true_size(found, errors_in(found.path).start + errors.scale, of_x, offsets)
+    covariance = path.covariance(of_x)
     clusters = tuple(
         cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
     )
@@ -75,13 +80,13 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     return Estimate(
         time=tracks.time,
         labels=tracks.labels,
-        position=origin,
+        position=path.position(x),
         covariance=covariance,
-        motion=_motion(found, of_x, tracks.time),
+        motion=_motion(found, of_x, tracks.time, errors),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
         noise=Noise(options.sigma, float(np.sqrt(found.residual_variance)), tracks.covariance is not None),
-        residuals=residuals_of(tracks.position, found.bodies, origin),
+        residuals=residuals_of(tracks.position, found.bodies, seen),
         used=weight > 0,
         rejected=rejected_by(weight),
         covered=covered_by(clusters, len(tracks.time)),
@@ -97,11 +102,20 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     )
 
 
+def _of_true_size(found: Pivot, scale: int, of_x: FloatArray, offsets: FloatArray) -> FloatArray:
+    """The covariances (k, 3, 3) of the bodies' offsets, from those as the camera sees them; scale: its index in x."""
+    crossed = found.variance * found.solution.offset_path[:, scale].reshape(-1, 3)
+    parts = zip(found.bodies, offsets, crossed, strict=True)
+    return np.array(
+        [of_true_size(body.points.mean(axis=0), own, c, float(of_x[scale, scale])) for body, own, c in parts]
+    )
+
+
 def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
     return TiedClusters(points.bodies, tuple(labels[index] for index in points.features))
 
 
-def _motion(found: Pivot, of_x: FloatArray, time: FloatArray) -> Motion:
+def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErrors | None) -> Motion:
     """Velocity of the centre of mass, and the attitude of the body with an attitude in the most frames."""
     rate = found.path.rate_at(time)
     body = max(found.bodies, key=lambda one: len(one.frames))
@@ -110,6 +124,10 @@ def _motion(found: Pivot, of_x: FloatArray, time: FloatArray) -> Motion:
     attitude_covariance[body.frames] = found.variance * symmetric_inverses(
         attitude_information(own, body.attitude, body.points)
     )
+    if errors is not None:
+        attitude, index = attitude_series(body, len(time)), errors_in(found.path)
+        turned = errors.attitude_covariance(of_x[index, index])
+        attitude_covariance += np.swapaxes(attitude, 1, 2) @ turned @ attitude
     return Motion(
         velocity=rate.position(found.solution.x),
         velocity_covariance=rate.covariance(of_x),
@@ -139,9 +157,10 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
-    path = chosen_path(options, orbit, *span)
+    errors = errors_of(tracks)
+    path = chosen_path(options, orbit, *span, errors)
     bodies, x = linear_start(registered, observations, path, tracks.time)
-    start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers)
+    start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors)
     found = refined(start, options)
     return replace(found, findings=_findings(found, registered.noise, measured, tracks))
 

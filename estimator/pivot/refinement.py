@@ -9,9 +9,11 @@ from baryscope.estimator.adjustment.evidence import Linear, Posterior, held, max
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
+from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
@@ -43,6 +45,7 @@ class Start:
 
     path, and sampled at the tracks' times (n,) in s; bodies with points from the centre of mass, and the path's x;
     measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
+    errors: of the camera at the times.
     """
 
     path: Path
@@ -53,18 +56,20 @@ class Start:
     measured: Observations
     observations: Observations
     inliers: BoolArray
+    errors: SharedErrors | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Pivot:
     """The solution of `pivot`, from which `ml` starts.
 
-    path, and sampled at the tracks' times; inliers (n, m): which observations passed the screening; solution: bodies
-    with points from the centre of mass, and the path's x; observations (n, m) with their final weights; variance of an
-    observation of weight 1, as given or from the residuals: in m², or as a factor on the given covariances;
-    residual_variance: that from the residuals; posterior of x and of the hyperparameters of its prior, whose precision
-    (p,) is in 1/m²; path_unknowns: the number of unknowns of x that the observations determine. tie_points between
-    bodies that share features, and those refused as the labels belong to different points; findings against the models.
+    path, and sampled at the tracks' times, as the camera sees it; inliers (n, m): which observations passed the
+    screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with their
+    final weights; variance of an observation of weight 1, as given or from the residuals: in m², or as a factor on the
+    given covariances; residual_variance: that from the residuals; posterior of x and of the hyperparameters of its
+    prior, whose precision (p,) is in 1/m²; path_unknowns: the number of unknowns of x that the observations determine.
+    tie_points between bodies that share features, and those refused as the labels belong to different points; findings
+    against the models.
     """
 
     path: Path
@@ -134,8 +139,9 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     Raises:
         ComputationError: too few values for the unknowns.
     """
-    path, sampled, measured, observations = start.path, start.sampled, start.measured, start.observations
+    path, measured, observations = start.path, start.measured, start.observations
     bodies, x = start.bodies, start.x
+    sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < MAX_ROUNDS:
@@ -149,6 +155,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         theta, precision = _hyperparameters(problem, path.prior, max(variance, floor), theta)
         solution = problem.step(precision)
         bodies, x = solution.bodies, solution.x
+        sampled = as_seen(path, sampled.itself, start.errors, x)
         dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
         variance = cost / dof
         weight = reweighted(solution.squares, observations.weight, dof, floor)
@@ -161,8 +168,9 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         ) <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof)
         observations = observations.weighted(weight)
         if converged and (richer := _richer(path, solution, theta, least, sampled)) is not None:
-            path, sampled, converged = richer, richer.at(start.time), False
+            path, converged = richer, False
             x, theta = np.pad(x, (0, path.size - len(x))), None
+            sampled = as_seen(path, path.at(start.time), start.errors, x)
     scale = options.sigma**2 if options.sigma is not None else variance
     linear = _scaled(problem, max(scale, floor))
     assert theta is not None  # noqa: S101  there was a round

@@ -1,0 +1,86 @@
+"""A path as a camera with constant errors sees it: consider parameters (Schmidt 1966).
+
+The errors are further unknowns with a prior. What is seen depends on them, the path does not: `SeenPath.at` has zero
+columns for them, which makes every position, velocity and covariance that of the path itself. `as_seen` has the
+columns of what is seen, which the adjustment fits to the tracks. So an error that the motion tells is estimated, and
+one that it does not tell stands in the covariance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPath:
+    """The unknowns of `base`, then k constant errors of standard deviations (k,), which do not move the path."""
+
+    base: Path
+    deviations: FloatArray
+
+    @property
+    def name(self) -> str:
+        """The model's name, that of the base."""
+        return self.base.name
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.base.size + len(self.deviations)
+
+    @property
+    def prior(self) -> Prior:
+        """The prior of the base, and that of the errors."""
+        return self.base.prior.joined(Prior.known(self.deviations**2))
+
+    @property
+    def errors(self) -> slice:
+        """Where the errors are among the unknowns."""
+        return slice(self.base.size, self.size)
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
+        """See `Path`."""
+        return self.base.gravity_gradient(time)
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        return self.base.at(time).extended(np.zeros((len(time), 3, len(self.deviations))))
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The velocity at times (n,) in s."""
+        return self.base.rate_at(time).extended(np.zeros((len(time), 3, len(self.deviations))))
+
+
+def errors_in(path: Path) -> slice:
+    """Where the constant errors of a camera are among a path's unknowns; empty if it has none."""
+    inner: object = path
+    while inner is not None and not isinstance(inner, SeenPath):
+        inner = getattr(inner, "base", None)
+    return slice(0, 0) if inner is None else inner.errors
+
+
+def as_seen(path: Path, own: SampledPath, errors: SharedErrors | None, x: FloatArray) -> SampledPath:
+    """A path, sampled as `own`, as a camera with errors at the same times sees it, linear in them about x (p,)."""
+    index = errors_in(path)
+    if errors is None or index.start == index.stop:
+        return own
+    columns = errors.shifts(own.position(x))
+    jacobian, turn = own.jacobian.copy(), np.zeros_like(own.jacobian)
+    jacobian[:, :, index], turn[:, :, index] = columns, errors.turns()
+    return SampledPath(jacobian, lambda changed: own.position(changed) + columns @ changed[index], own, turn)
+
+
+def of_true_size(offset: FloatArray, covariance: FloatArray, with_scale: FloatArray, variance: float) -> FloatArray:
+    """The covariance (3, 3) of an offset d (3,) within a body, m, that a camera of a wrong scale s sees as (1 + s) d.
+
+    covariance (3, 3): of the offset as seen; with_scale (3,): its covariance with s; variance: of s.
+    """
+    crossed = np.outer(with_scale, offset)
+    return np.asarray(covariance - crossed - crossed.T + variance * np.outer(offset, offset))
