@@ -5,19 +5,27 @@ The schema is derived from `EstimateDocument` by pydantic; a test compares docs/
 
 import csv
 import json
-import math
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, TextIO
+from typing import Any, Literal, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from baryscope.estimator import details as kinds
+from baryscope.estimator.document_details import (
+    DetailsPart,
+    Matrix,
+    Part,
+    Vector,
+    details_part,
+    matrix,
+    number,
+    vector,
+)
 from baryscope.estimator.prose import sentence, verdict
 from baryscope.estimator.result import (
     Cluster,
+    Departure,
     DifferentPoints,
     Estimate,
     ExcessResiduals,
@@ -25,6 +33,7 @@ from baryscope.estimator.result import (
     LackOfFit,
     Observability,
     PrincipalAxes,
+    ProcessNoise,
     Status,
 )
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
@@ -34,23 +43,17 @@ from baryscope.models.files import AnyPath, write_together
 
 SCHEMA_VERSION: Literal[1] = 1
 
-Vector = tuple[float, float, float]
-Matrix = tuple[Vector, Vector, Vector]
 Interval = tuple[float, float]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class AxesPart(_Part):
+class AxesPart(Part):
     """Principal axes of a covariance."""
 
     deviations: Vector = Field(description="standard deviations, ascending, m")
     directions: Matrix = Field(description="a unit vector a row, one for each deviation")
 
 
-class ObservabilityPart(_Part):
+class ObservabilityPart(Part):
     """Observability of the centre of mass."""
 
     verdict: str = Field(description="in words; not to be parsed")
@@ -62,7 +65,7 @@ class ObservabilityPart(_Part):
     inertial: AxesPart = Field(description="of the path in C, mean over all times")
 
 
-class NoisePart(_Part):
+class NoisePart(Part):
     """Standard deviation of an observation's coordinate."""
 
     a_priori: float | None = Field(description="as given with --sigma")
@@ -70,7 +73,7 @@ class NoisePart(_Part):
     unit: Literal["m", "1"] = Field(description="1: a factor on the standard deviations given with the tracks")
 
 
-class ClusterPart(_Part):
+class ClusterPart(Part):
     """A rigid cluster of features."""
 
     start: float = Field(description="first time with an attitude, s")
@@ -82,7 +85,7 @@ class ClusterPart(_Part):
     centre_of_mass_covariance: Matrix | None = Field(description="m², in axes attached to the points")
 
 
-class RejectedPart(_Part):
+class RejectedPart(Part):
     """Rejected observations."""
 
     share: float = Field(description="of the used observations")
@@ -90,7 +93,7 @@ class RejectedPart(_Part):
     intervals: dict[str, tuple[Interval, ...]] = Field(description="for each feature, from first to last time, s")
 
 
-class ForcePart(_Part):
+class ForcePart(Part):
     """An estimated factor of a force."""
 
     name: str = Field(description="acceleration scale (its relative error), or a component of a constant acceleration")
@@ -99,13 +102,24 @@ class ForcePart(_Part):
     unit: Literal["1", "m/s²"]
 
 
-class FindingPart(_Part):
+class ProcessNoisePart(Part):
+    """White acceleration on the path beside its model."""
+
+    source: Literal["estimated", "given", "none"]
+    density: float = Field(description="0 for none, in `unit`")
+    unit: Literal["m²/s³", "m²"] = Field(description="m²: variance of white noise of a fixed path's position")
+    bounds: Interval | None = Field(description="of an estimated density, that hold 90 %")
+    significance: float | None = Field(description="2 ln of the likelihood over that without noise")
+    displacement: float | None = Field(description="rms displacement of the path that it explains, m")
+
+
+class FindingPart(Part):
     """Evidence against a model."""
 
-    kind: Literal["lack-of-fit", "excess-residuals", "different-points"]
+    kind: Literal["lack-of-fit", "excess-residuals", "different-points", "departure"]
     text: str = Field(description="in words; not to be parsed")
-    path: str | None = Field(None, description="lack-of-fit: the path's model")
-    magnitude: float | None = Field(None, description="lack-of-fit: rms departure of the path, m")
+    path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
+    magnitude: float | None = Field(None, description="lack-of-fit, departure: rms departure of the path, m")
     chi_square: float | None = Field(
         None, description="lack-of-fit: decrease of the normalised squares by a cubic in time"
     )
@@ -114,80 +128,11 @@ class FindingPart(_Part):
     ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
     labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
+    density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")
+    significance: float | None = Field(None, description="departure: 2 ln of the likelihood over that without noise")
 
 
-class PivotPart(_Part):
-    """Of pivot."""
-
-    kind: Literal["pivot"] = "pivot"
-    tie_points: tuple[dict[str, tuple[int, int] | tuple[str, ...]], ...] = Field(
-        description="indices of two clusters, and labels of their tie points"
-    )
-
-
-class TumblePart(_Part):
-    """Of ml: the rotational state."""
-
-    kind: Literal["tumble"] = "tumble"
-    epoch: float = Field(description="s")
-    attitude: Matrix = Field(description="rotation from body axes to C, at the epoch")
-    angular_rate: Vector = Field(description="body axes, at the epoch, rad/s")
-    angular_rate_deviation: Vector = Field(description="rad/s")
-    inertia_over_trace: Matrix = Field(description="body axes")
-    inertia_deviation: float = Field(description="Frobenius norm")
-    principal_moments_over_trace: Vector
-    principal_axes: Matrix = Field(description="body axes, a unit vector a row")
-    gravity_gradient: bool
-
-
-class FilterPart(_Part):
-    """Of ekf."""
-
-    kind: Literal["filter"] = "filter"
-    order: int = Field(description="of the noisy derivative of the path")
-    process_noise: float = Field(description="density of the next derivative, of order 1 in m²/s³; of order 0 in m²")
-    process_noise_bounds: tuple[float, float] = Field(description="that hold 90 %")
-    torque_noise: float = Field(description="density of the angular acceleration, rad²/s³")
-    torque_noise_bounds: tuple[float, float] = Field(description="that hold 90 %")
-    gravity_gradient: bool
-    mean_normalised_innovation_squared: float | None = Field(description="1 is expected")
-    log_likelihood: float | None
-    final_position_covariance: Matrix = Field(description="of the filter at the last time, C, m²")
-    angular_rate: Vector = Field(description="body axes, at the last time, rad/s")
-    inertia_over_trace: Matrix
-
-
-class ScorePart(_Part):
-    """Of score."""
-
-    kind: Literal["score"] = "score"
-    centre_residual: float = Field(description="rms of c + R u − v per coordinate, m; large if the centre moves")
-
-
-class ScrewPart(_Part):
-    """Of the screw methods."""
-
-    kind: Literal["screw"] = "screw"
-    chosen_from_data: tuple[str, ...]
-    sampling_interval: float = Field(description="s")
-    screw_angle: float = Field(description="median, rad")
-    axis_angle: float = Field(description="median between successive axes, rad")
-    segment_rms: float = Field(description="of the shortest segments between successive axes, m")
-    segment_median: float = Field(description="m")
-    fit_rms: float = Field(description="of the path's polynomial, per coordinate, m")
-    axis_spread: Vector = Field(description="eigenvalues, ascending, of the mean of 1 − a aᵀ")
-    axis_directions: Matrix = Field(description="their eigenvectors, a row each")
-    screws: dict[str, int]
-    intersections: dict[str, int]
-    com_scatter: tuple[tuple[float | None, float | None, float | None], ...] = Field(
-        description="standard deviation of the centre of mass in each cluster's axes, m"
-    )
-
-
-DetailsPart = Annotated[PivotPart | TumblePart | FilterPart | ScorePart | ScrewPart, Field(discriminator="kind")]
-
-
-class EstimateDocument(_Part):
+class EstimateDocument(Part):
     """The JSON file that `baryscope estimate` writes beside the path of the centre of mass."""
 
     schema_version: Literal[1] = SCHEMA_VERSION
@@ -201,6 +146,7 @@ class EstimateDocument(_Part):
     coverage: float = Field(description="share of the times at which the tracks determine an attitude")
     predicted_rmse: float | None = Field(description="of the path, from its covariance, m")
     noise: NoisePart
+    process_noise: ProcessNoisePart | None = Field(description="null if the method has no model of it")
     observability: ObservabilityPart | None
     clusters: tuple[ClusterPart, ...]
     residual_rms: dict[str, float | None] = Field(description="of each feature, per coordinate, m")
@@ -222,23 +168,24 @@ def document_of(result: Estimate) -> EstimateDocument:
         converged=result.converged,
         rounds=result.rounds,
         coverage=result.coverage,
-        predicted_rmse=_number(result.predicted_rmse),
+        predicted_rmse=number(result.predicted_rmse),
         noise=NoisePart(
             a_priori=result.noise.a_priori,
             a_posteriori=result.noise.a_posteriori,
             unit="1" if result.noise.relative else "m",
         ),
+        process_noise=None if result.process_noise is None else _process_noise(result.process_noise),
         observability=None if result.observability is None else _observability(result.observability),
         clusters=tuple(_cluster(cluster, result) for cluster in result.clusters),
         residual_rms={
-            label: _number(value) for label, value in zip(result.labels, result.feature_rms.tolist(), strict=True)
+            label: number(value) for label, value in zip(result.labels, result.feature_rms.tolist(), strict=True)
         },
         rejected=RejectedPart(
             share=result.rejected_share, features=result.rejected_features, intervals=rejected_intervals(result)
         ),
         forces=tuple(ForcePart.model_validate(asdict(force)) for force in result.forces),
         findings=tuple(_finding(finding) for finding in result.findings),
-        details=_details(result.details),
+        details=details_part(result.details),
         wall_time=result.wall_time,
     )
 
@@ -279,24 +226,11 @@ def write_estimate(result: Estimate, path: AnyPath) -> None:
 
 def _option(value: Any) -> Any:
     """An option as JSON has it, a known acceleration in words."""
-    return str(value) if isinstance(value, KnownAcceleration) else _number(value)
-
-
-def _number(value: Any) -> Any:
-    """The value, None if it is a number that is not finite, which JSON does not have."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _vector(values: NDArray[np.float64]) -> Any:
-    return tuple(float(value) for value in values)
-
-
-def _matrix(values: NDArray[np.float64]) -> Any:
-    return tuple(_vector(row) for row in values)
+    return str(value) if isinstance(value, KnownAcceleration) else number(value)
 
 
 def _axes(axes: PrincipalAxes) -> AxesPart:
-    return AxesPart(deviations=_vector(axes.deviations), directions=_matrix(axes.directions))
+    return AxesPart(deviations=vector(axes.deviations), directions=matrix(axes.directions))
 
 
 def _observability(found: Observability) -> ObservabilityPart:
@@ -306,7 +240,7 @@ def _observability(found: Observability) -> ObservabilityPart:
         cluster=found.cluster,
         threshold=found.threshold,
         observable=(first, second, third),
-        condition_number=_number(found.condition_number),
+        condition_number=number(found.condition_number),
         body=_axes(found.body),
         inertial=_axes(found.inertial),
     )
@@ -320,12 +254,12 @@ def _cluster(cluster: Cluster, result: Estimate) -> ClusterPart:
         frames=len(cluster.frames),
         intervals=tuple((float(time[one.start]), float(time[one.stop - 1])) for one in cluster.intervals),
         features={
-            label: _vector(point)
+            label: vector(point)
             for label, point in zip(cluster.labels, cluster.points, strict=True)
             if np.isfinite(point).all()
         },
-        centre_of_mass=_vector(cluster.centre_of_mass) if np.isfinite(cluster.centre_of_mass).all() else None,
-        centre_of_mass_covariance=None if cluster.covariance is None else _matrix(cluster.covariance),
+        centre_of_mass=vector(cluster.centre_of_mass) if np.isfinite(cluster.centre_of_mass).all() else None,
+        centre_of_mass_covariance=None if cluster.covariance is None else matrix(cluster.covariance),
     )
 
 
@@ -340,56 +274,22 @@ def rejected_intervals(result: Estimate) -> dict[str, tuple[Interval, ...]]:
     return found
 
 
+def _process_noise(noise: ProcessNoise) -> ProcessNoisePart:
+    return ProcessNoisePart(
+        source=noise.source,
+        density=noise.density,
+        unit="m²" if noise.of_position else "m²/s³",
+        bounds=noise.interval,
+        significance=number(noise.significance),
+        displacement=number(noise.displacement),
+    )
+
+
 def _finding(finding: Finding) -> FindingPart:
-    names = {LackOfFit: "lack-of-fit", ExcessResiduals: "excess-residuals", DifferentPoints: "different-points"}
+    names = {
+        LackOfFit: "lack-of-fit",
+        ExcessResiduals: "excess-residuals",
+        DifferentPoints: "different-points",
+        Departure: "departure",
+    }
     return FindingPart.model_validate({"kind": names[type(finding)], "text": sentence(finding)} | asdict(finding))
-
-
-def _details(found: kinds.Details) -> Any:
-    match found:
-        case kinds.PivotDetails():
-            return PivotPart(tie_points=tuple({"clusters": t.clusters, "labels": t.labels} for t in found.tie_points))
-        case kinds.TumbleDetails():
-            values, axes = np.linalg.eigh(found.inertia)
-            return TumblePart(
-                epoch=found.epoch,
-                attitude=_matrix(found.attitude),
-                angular_rate=_vector(found.angular_rate),
-                angular_rate_deviation=_vector(found.angular_rate_deviation),
-                inertia_over_trace=_matrix(found.inertia),
-                inertia_deviation=found.inertia_deviation,
-                principal_moments_over_trace=_vector(values),
-                principal_axes=_matrix(axes.T),
-                gravity_gradient=found.gravity_gradient,
-            )
-        case kinds.FilterDetails():
-            return FilterPart(
-                order=found.order,
-                process_noise=found.process_noise,
-                process_noise_bounds=found.process_noise_bounds,
-                torque_noise=found.torque_noise,
-                torque_noise_bounds=found.torque_noise_bounds,
-                gravity_gradient=found.gravity_gradient,
-                mean_normalised_innovation_squared=_number(found.nis),
-                log_likelihood=_number(found.log_likelihood),
-                final_position_covariance=_matrix(found.final_covariance),
-                angular_rate=_vector(found.angular_rate),
-                inertia_over_trace=_matrix(found.inertia),
-            )
-        case kinds.ScoreDetails():
-            return ScorePart(centre_residual=found.centre_residual)
-        case kinds.ScrewDetails():
-            return ScrewPart(
-                chosen_from_data=found.chosen,
-                sampling_interval=found.sampling_interval,
-                screw_angle=found.screw_angle,
-                axis_angle=found.axis_angle,
-                segment_rms=found.segment_rms,
-                segment_median=found.segment_median,
-                fit_rms=found.fit_rms,
-                axis_spread=_vector(found.axis_spread),
-                axis_directions=_matrix(found.axis_directions),
-                screws=found.screws,
-                intersections=found.intersections,
-                com_scatter=tuple(tuple(_number(v) for v in one.tolist()) for one in found.com_scatter),
-            )

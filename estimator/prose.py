@@ -8,12 +8,14 @@ from baryscope.estimator.dynamics.forces import Factor
 from baryscope.estimator.options import ScrewOptions
 from baryscope.estimator.result import (
     FREE_TUMBLE,
+    Departure,
     DifferentPoints,
     Estimate,
     ExcessResiduals,
     Finding,
     LackOfFit,
     Observability,
+    ProcessNoise,
     Status,
 )
 
@@ -44,6 +46,11 @@ def sentence(finding: Finding) -> str:
             return f"no free tumble fits: residuals are {finding.ratio:.2g} times those with free attitudes"
         case ExcessResiduals():
             return f"{finding.model} does not fit: residuals are {finding.ratio:.2g} times those of the bodies alone"
+        case Departure():
+            return (
+                f"the path departs from {finding.path} by {finding.magnitude:.2g} m rms, as white acceleration of "
+                f"{finding.density:.2g} m²/s³ would make it; the covariance allows for it"
+            )
         case DifferentPoints():
             first, second = finding.clusters
             names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"
@@ -66,6 +73,8 @@ def summary(result: Estimate) -> list[str]:
     if result.observability is not None and result.predicted_rmse is not None:
         lines.append(f"centre of mass {verdict(result.observability)}; path ±{result.predicted_rmse:.2g} m RMSE")
     lines += [f"{one.name} {_measured(one)}" for one in result.forces]
+    if result.process_noise is not None and result.process_noise.source != "none":
+        lines.append(_process_noise(result.process_noise))
     if result.status is Status.NOT_CONVERGED:
         lines.append("did not converge: the result is a rough approximation only")
     return lines + [f"note: {sentence(finding)}" for finding in result.findings]
@@ -74,6 +83,20 @@ def summary(result: Estimate) -> list[str]:
 def _measured(force: Factor) -> str:
     unit = "" if force.unit == "1" else f" {force.unit}"
     return f"{force.value:.3g} ± {force.deviation:.2g}{unit}"
+
+
+def _process_noise(noise: ProcessNoise) -> str:
+    """The density with its unit, and whether it differs from zero."""
+    unit = "m²" if noise.of_position else "m²/s³"
+    explained = "" if noise.displacement is None else f", {noise.displacement:.2g} m rms of the path"
+    if noise.source == "given":
+        return f"process noise {noise.density:.2g} {unit} as given{explained}"
+    if noise.interval is None:
+        return f"process noise {noise.density:.2g} {unit}{explained}"
+    if noise.negligible:
+        return f"process noise not seen: below {noise.interval[1]:.2g} {unit}"
+    low, high = noise.interval
+    return f"process noise {noise.density:.2g} {unit} ({low:.2g} to {high:.2g}){explained}"
 
 
 def _screw_summary(result: Estimate, details: ScrewDetails) -> list[str]:

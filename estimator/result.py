@@ -7,15 +7,18 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from importlib.metadata import version
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
 
 from baryscope.estimator.details import Details
 from baryscope.estimator.dynamics.forces import Factor
 from baryscope.estimator.options import Options
+from baryscope.estimator.prediction import Point, Prediction, Predictor, times_of
 from baryscope.estimator.registration.intervals import Interval
+from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -24,6 +27,7 @@ IntArray = NDArray[np.intp]
 FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a path
 VERSION = version("baryscope")
 UNOBSERVABLE = 0.25  # standard deviation over the features' radius, above which a direction is not observable
+NEGLIGIBLE = 0.05  # probability by chance, above which process noise does not differ from zero
 PERSISTENT = 0.5  # share of a feature's observations that are rejected, above which the feature is rejected
 
 
@@ -147,7 +151,51 @@ class DifferentPoints:
     clusters: tuple[int, int]
 
 
-Finding = LackOfFit | ExcessResiduals | DifferentPoints
+@dataclass(frozen=True)
+class Departure:
+    """The path departs from its model by `magnitude` m rms, which white acceleration of a density in m²/s³ explains.
+
+    The result allows for it. significance: 2 ln of the likelihood over that without the noise.
+    """
+
+    path: str
+    magnitude: float
+    density: float
+    significance: float
+
+
+Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure
+
+
+@dataclass(frozen=True)
+class ProcessNoise:
+    """White acceleration on the path beside its model, the same on every axis.
+
+    source: whether the density is estimated from the tracks, given, or there is no noise; density in m²/s³, or,
+    if of_position, variance of white noise of a fixed path's position, m²; 0 for none. If it is estimated: interval,
+    the bounds that hold 90 %; significance: 2 ln of the likelihood over that without noise, None if the method does not
+    tell. displacement: rms displacement of the path that it explains, m, None if unknown.
+    """
+
+    source: Literal["estimated", "given", "none"]
+    density: float
+    interval: tuple[float, float] | None = None
+    significance: float | None = None
+    displacement: float | None = None
+    of_position: bool = False
+
+    @property
+    def negligible(self) -> bool:
+        """Whether an estimated density does not differ from zero (by chance in more than 5 %)."""
+        return self.density == 0 or (self.significance is not None and self.by_chance > NEGLIGIBLE)
+
+    @property
+    def by_chance(self) -> float:
+        """The probability of such a significance without any noise.
+
+        The density is at the boundary of its range then: half of χ² with one degree of freedom (Self and Liang 1987).
+        """
+        return 1.0 if self.significance is None else 0.5 * float(chi2.sf(self.significance, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +239,8 @@ class Estimate:
         details: results specific to the method.
         wall_time: s.
         forces: the estimated factors of forces: an accelerometer's scale, constant accelerations.
+        process_noise: None if the method has no model of it.
+        predictor: of positions and velocities at other times, see `predict`; None if the method has none.
     """
 
     time: FloatArray
@@ -213,8 +263,29 @@ class Estimate:
     options: Options
     details: Details
     wall_time: float
+    process_noise: ProcessNoise | None = None
+    predictor: Predictor | None = None
     version: str = VERSION
     forces: tuple[Factor, ...] = ()
+
+    def predict(self, times: ArrayLike, point: Point = None) -> Prediction:
+        """Position and velocity in C, with their joint covariance, at any times from the first frame on.
+
+        Inside gaps and after the last frame, too: from there process and torque noise add to the covariance.
+
+        Args:
+            times: (n,) in s, in any order.
+            point: the label of a feature, or coordinates (3,) in m in the axes of the cluster of most frames, from the
+                centroid of its features, as those of `Cluster.points`; None: the centre of mass. A point needs `ml` or
+                `ekf`; its covariance is that of attitude, rate, path and point together.
+
+        Raises:
+            InputError: times before the first frame, no such point, or a method without predictions of it.
+            ComputationError: the rotation cannot be followed so far.
+        """
+        if self.predictor is None:
+            raise InputError(f"the method {self.method} has no covariance to predict with, expected pivot, ml or ekf")
+        return self.predictor.at(times_of(times, float(self.time[0])), point)
 
     @property
     def status(self) -> Status:

@@ -45,12 +45,13 @@ class Posterior:
     """Hyperparameters θ (h,) at the maximum, with bounds (h, 2) of a standard deviation, and the posterior of x.
 
     mean (p,) for these; covariance (p, p) about it, with the uncertainty of θ; significance (h,): 2 ln p less that at
-    the lower bound of the range, where the hyperparameter has no effect.
+    the lower bound of the range, where the hyperparameter has no effect; expectation (h,): the mean of exp θ.
     """
 
     theta: FloatArray
     interval: FloatArray
     significance: FloatArray
+    expectation: FloatArray
     mean: FloatArray
     covariance: FloatArray
 
@@ -79,7 +80,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     """The posterior of x, integrated over the uncertainty of each hyperparameter about θ (h,)."""
     mean, covariance = conditional(linear, prior, theta)
     bounds, total = ranges(linear, prior), covariance.copy()
-    interval, significance = np.empty((len(theta), 2)), np.empty(len(theta))
+    interval, significance, expectation = np.empty((len(theta), 2)), np.empty(len(theta)), np.empty(len(theta))
     least = _objective(linear, prior, theta)[0]
     for index, (low, high) in enumerate(bounds):
         values, increases = [theta[index]], [0.0]
@@ -105,10 +106,11 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         centre = np.average(values, weights=density)
         deviation = np.sqrt(np.average((np.array(values) - centre) ** 2, weights=density))
         interval[index] = centre - deviation, centre + deviation
+        expectation[index] = np.average(np.exp(values), weights=density)
         lowest = theta.copy()
         lowest[index] = low
         significance[index] = _objective(linear, prior, lowest)[0] - least
-    return Posterior(theta, interval, significance, mean, (total + total.T) / 2)
+    return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
 
 
 def _positive(matrix: FloatArray) -> FloatArray:

@@ -30,7 +30,7 @@ from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Cluster, Estimate, Motion, Noise
+from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
@@ -187,6 +187,27 @@ def _result(
             inertia=at.inertia,
         ),
         wall_time=clock.perf_counter() - begin,
+        process_noise=_process_noise(found, options, order),
+    )
+
+
+def _process_noise(found: Passes, options: PathOptions, order: int) -> ProcessNoise | None:
+    """The process noise of the path; None of a derivative above the acceleration, which has another unit."""
+    best, on_position = found.last.member, order == 0
+    if options.process_noise == "none":
+        return ProcessNoise("none", 0.0, of_position=on_position)
+    if order > 1:
+        return None
+    if not isinstance(options.process_noise, str):
+        return ProcessNoise("given", options.process_noise, of_position=on_position)
+    scores = {} if found.last.bank is None else found.last.bank.scores
+    least = scores.get(replace(best, path=0.0))
+    return ProcessNoise(
+        "estimated",
+        best.path,
+        _bounds([member.path for member in found.members], found.probability),
+        None if least is None else 2 * max(scores[best] - least, 0.0),
+        of_position=on_position,
     )
 
 

@@ -16,8 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, observability_of, rejected_by
+from baryscope.estimator.adjustment.diagnostics import (
+    cluster_of,
+    covered_by,
+    main_cluster,
+    observability_of,
+    rejected_by,
+)
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
@@ -33,6 +40,7 @@ from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import MAX_VARIANCE_RATIO, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
+from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks
@@ -143,6 +151,8 @@ def estimate_by_likelihood(
     )
     weight = best.observations.weight
     gravity_gradient = best.rotation.orbit is not None
+    span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), pivot.path.prior, pivot.posterior
+    path = predicted_path(pivot.path, best.x, y[RATE_AND_INERTIA:, RATE_AND_INERTIA:], span, prior, own)
     return Estimate(
         time=tracks.time,
         labels=tracks.labels,
@@ -165,6 +175,17 @@ def estimate_by_likelihood(
         details=_details(best.rotation, y, gravity_gradient),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(pivot.path, best.x, of_x),
+        process_noise=process_noise_of(pivot.path, best.sampled, best.x, prior, own),
+        predictor=PredictedBody(
+            path,
+            best.rotation,
+            y,
+            tracks.labels,
+            best.found.points,
+            best.variance * best.found.points_covariance,
+            best.found.by_unknowns,
+            clusters[main_cluster(clusters)].features,
+        ),
     )
 
 

@@ -20,6 +20,7 @@ from baryscope.estimator.adjustment.diagnostics import (
 )
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.camera.shared import SharedErrors
@@ -75,6 +76,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     clusters = tuple(
         cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
     )
+    span = (float(tracks.time[0]), float(tracks.time[-1]))
     weight = found.observations.weight
     weight = np.where(tracks.seen & ~found.inliers, np.maximum(weight, NEGLIGIBLE), weight)
     return Estimate(
@@ -99,6 +101,8 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points)),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(found.path, x, of_x),
+        process_noise=process_noise_of(found.path, found.sampled, x, found.path.prior, found.posterior),
+        predictor=predicted_path(found.path, x, of_x, span, found.path.prior, found.posterior),
     )
 
 

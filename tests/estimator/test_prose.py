@@ -3,7 +3,7 @@ import pytest
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.prose import sentence, summary, verdict
-from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, Noise
+from baryscope.estimator.result import Departure, DifferentPoints, ExcessResiduals, LackOfFit, Noise, ProcessNoise
 from results import a_cluster, an_estimate
 
 
@@ -40,6 +40,11 @@ def test_verdict_names_a_skew_axis():
         (LackOfFit("fixed", 0.123, 91.4, 3), "the path departs from fixed by 0.12 m or so (χ² 91, expected 3)"),
         (ExcessResiduals("free tumble", 2.04), "no free tumble fits: residuals are 2 times those with free attitudes"),
         (ExcessResiduals("fixed", 3.3), "fixed does not fit: residuals are 3.3 times those of the bodies alone"),
+        (
+            Departure("relative-orbit", 0.0152, 3e-9, 90.0),
+            "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
+            "the covariance allows for it",
+        ),
         (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, no tie point"),
         (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, no tie points"),
     ],
@@ -66,3 +71,23 @@ def test_summary_of_a_screw_method_has_the_options_chosen_from_data(case_of, at_
     first, second = summary(estimate(case_of(at_rest, noise=0.02).tracks, method="screw-gpa"))
     assert first.endswith("(chosen from the data: lag, cutoff, degree)")
     assert second.startswith("rms of the registration 0.02 m, ")
+
+
+@pytest.mark.parametrize(
+    "noise, expected",
+    [
+        (ProcessNoise("given", 1e-8, None, None, 0.02), "process noise 1e-08 m²/s³ as given, 0.02 m rms of the path"),
+        (
+            ProcessNoise("estimated", 2e-9, (1e-9, 4e-9), 30.0, 0.0123),
+            "process noise 2e-09 m²/s³ (1e-09 to 4e-09), 0.012 m rms of the path",
+        ),
+        (ProcessNoise("estimated", 2e-15, (1e-16, 3e-13), 0.1, 1e-7), "process noise not seen: below 3e-13 m²/s³"),
+        (ProcessNoise("estimated", 2e-5, (1e-5, 3e-5), of_position=True), "process noise 2e-05 m² (1e-05 to 3e-05)"),
+    ],
+)
+def test_process_noise_in_a_line(noise, expected):
+    assert expected in summary(an_estimate(process_noise=noise))
+
+
+def test_no_line_without_process_noise():
+    assert not any("process noise" in line for line in summary(an_estimate(process_noise=ProcessNoise("none", 0.0))))

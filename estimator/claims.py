@@ -1,0 +1,90 @@
+"""What a result may claim: a path that departs from its model is named, and what does not fit is widened.
+
+Where a model does not fit, the residuals are not those of noise, and the covariance, which takes them for it, is too
+small. It is widened by what the misfit shows: by the variance of the residuals over the given one, and by the misfit
+itself, as a shift of every coordinate that lasts. Its speed is that of a wave as long as the tracks.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.diagnostics import observability_of
+from baryscope.estimator.prediction import Widening
+from baryscope.estimator.result import (
+    Cluster,
+    Departure,
+    Estimate,
+    ExcessResiduals,
+    LackOfFit,
+    Motion,
+    Status,
+)
+
+FloatArray = NDArray[np.float64]
+
+SMOOTH = "polynomial"  # the path that has no model to depart from
+SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
+
+
+def claimed(result: Estimate) -> Estimate:
+    """The result with its departure named, and as wide as its misfits show."""
+    named = replace(result, findings=result.findings + _departure(result))
+    return _widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
+
+
+def _departure(result: Estimate) -> tuple[Departure, ...]:
+    """A remark if the process noise on a path with a model is no chance."""
+    noise = result.process_noise
+    if noise is None or noise.displacement is None or noise.significance is None or result.path == SMOOTH:
+        return ()
+    if noise.by_chance >= SIGNIFICANCE:
+        return ()
+    return (Departure(result.path, noise.displacement, noise.density, noise.significance),)
+
+
+def _widening(result: Estimate) -> Widening:
+    noise, variance = result.noise, 0.0
+    factor = 1.0 if noise.a_priori is None else max((noise.a_posteriori / noise.a_priori) ** 2, 1.0)
+    seen = np.isfinite(result.residuals[..., 0]) & ~result.rejected
+    mean_square = float(np.mean(result.residuals[seen] ** 2)) if seen.any() else 0.0
+    for finding in result.findings:
+        match finding:
+            case ExcessResiduals():
+                variance += mean_square * max(1 - finding.ratio**-2, 0.0)
+            case LackOfFit():
+                variance += finding.magnitude**2 / 3
+    span = float(result.time[-1] - result.time[0])
+    return Widening(factor, variance, variance * (2 * np.pi / span) ** 2 if span > 0 else 0.0)
+
+
+def _widened(result: Estimate, by: Widening) -> Estimate:
+    if result.covariance is None or result.observability is None:
+        return result
+    covariance = by.of_position(result.covariance)
+    clusters = tuple(_widened_cluster(cluster, by) for cluster in result.clusters)
+    return replace(
+        result,
+        covariance=covariance,
+        clusters=clusters,
+        observability=observability_of(clusters, covariance),
+        motion=_widened_motion(result.motion, by),
+        predictor=None if result.predictor is None else result.predictor.widened(by),
+    )
+
+
+def _widened_cluster(cluster: Cluster, by: Widening) -> Cluster:
+    known = cluster.covariance
+    return cluster if known is None else replace(cluster, covariance=by.of_position(known))
+
+
+def _widened_motion(motion: Motion, by: Widening) -> Motion:
+    """Attitude and rate by the factor only: what the misfit does to them, its size does not tell."""
+    velocity, attitude, rate = motion.velocity_covariance, motion.attitude_covariance, motion.angular_rate_covariance
+    return replace(
+        motion,
+        velocity_covariance=None if velocity is None else by.of_velocity(velocity),
+        attitude_covariance=None if attitude is None else by.factor * attitude,
+        angular_rate_covariance=None if rate is None else by.factor * rate,
+    )

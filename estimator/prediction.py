@@ -1,0 +1,268 @@
+"""Position and velocity of the centre of mass, or of a point of the body, at any time: in gaps and ahead.
+
+A predictor holds the posterior of all unknowns together: those of the rotation and of the path, u, and the points,
+whose deviation for a change δu is −N δu beside an own one. A point b of the body is at g(t) + R(t) b. Its velocity is
+ġ + R (ω × b). After the last observation, process and torque noise add what they cause from there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+
+from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, wave_numbers
+from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.limits import LATEST
+from baryscope.models.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+Point = str | Sequence[float] | FloatArray | None
+
+CHUNK = 1000  # times at once
+BEYOND = 8  # modes of process noise that count, over those that are estimated
+FARTHEST = 1e4  # m from the centroid of the features
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Position and velocity of a point at n times, in C.
+
+    time (n,) in s; position (n, 3) in m; velocity (n, 3) in m/s; covariance (n, 6, 6) of both, in m and s.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class Widening:
+    """What a misfit adds to covariances: a factor on them, and variances of each coordinate of position and velocity.
+
+    variance in m², of the velocity in (m/s)², which grows to a distance after the last observation.
+    """
+
+    factor: float = 1.0
+    variance: float = 0.0
+    velocity: float = 0.0
+
+    def of_position(self, covariance: FloatArray) -> FloatArray:
+        """A covariance (..., 3, 3) of positions in m², widened."""
+        return np.asarray(self.factor * covariance + self.variance * np.eye(3))
+
+    def of_velocity(self, covariance: FloatArray) -> FloatArray:
+        """A covariance (..., 3, 3) of velocities in (m/s)², widened."""
+        return np.asarray(self.factor * covariance + self.velocity * np.eye(3))
+
+    def of_both(self, covariance: FloatArray, ahead: FloatArray) -> FloatArray:
+        """A covariance (n, 6, 6) of position and velocity, widened, at times ahead (n,) of the last frame, s."""
+        later = np.maximum(ahead, 0.0)
+        found = self.factor * covariance
+        axes = np.arange(3)
+        found[:, axes, axes] += (self.variance + self.velocity * later**2)[:, None]
+        found[:, axes, axes + 3] += (self.velocity * later)[:, None]
+        found[:, axes + 3, axes] += (self.velocity * later)[:, None]
+        found[:, axes + 3, axes + 3] += self.velocity
+        return found
+
+
+class Predictor(Protocol):
+    """What a method leaves for predictions."""
+
+    def at(self, time: FloatArray, point: Point) -> Prediction:
+        """The prediction of the centre of mass (None), or of a point, at times (n,) in s; see `Estimate.predict`."""
+        ...
+
+    def widened(self, by: "Widening") -> "Predictor":
+        """The same with wider covariances."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPath:
+    """The posterior of a path over the tracks from begin to end, in s.
+
+    x (p,) and its covariance (p, p); density of the process noise, m²/s³, the mean over its posterior; wider:
+    what a misfit adds; without: what to say of a point if there is no rotation.
+    """
+
+    path: Path
+    x: FloatArray
+    covariance: FloatArray
+    begin: float
+    end: float
+    density: float = 0.0
+    wider: Widening = Widening()
+    without: str = "pivot has attitudes in its frames only, not between and after them, expected the method ml or ekf"
+
+    def widened(self, by: Widening) -> "PredictedPath":
+        """See `Predictor`."""
+        return replace(self, wider=by)
+
+    def at(self, time: FloatArray, point: Point) -> Prediction:
+        """See `Predictor`.
+
+        Raises:
+            InputError: a point is asked for, without a rotation.
+        """
+        if point is not None:
+            raise InputError(f"point: {self.without}")
+        place, speed, by_x = self.sampled(time)
+        covariance = by_x @ self.covariance @ np.swapaxes(by_x, 1, 2) + self.added(time)
+        return Prediction(time, place, speed, self.wider.of_both(covariance, time - self.end))
+
+    def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position and velocity (n, 3) in C, and the Jacobian (n, 6, p) of both by x."""
+        place, rate = self.path.at(time), self.path.rate_at(time)
+        both = np.concatenate([place.jacobian, rate.jacobian], axis=1)
+        return place.position(self.x), rate.position(self.x), both
+
+    def added(self, time: FloatArray) -> FloatArray:
+        """The covariance (n, 6, 6) of what the tracks do not tell: noise after the last one, and of higher modes."""
+        grown = path_growth(self.path, self.density, self.end, time)
+        noise = noise_in(self.path)
+        if noise is not None and self.density > 0:
+            grown = grown + _of_higher_modes(noise, self.density, time)
+        return grown
+
+
+def noise_in(path: Path) -> Disturbed | None:
+    """The part of a path that has process noise, if one has."""
+    inner: object = path
+    while inner is not None and not isinstance(inner, Disturbed):
+        inner = getattr(inner, "base", None)
+    return inner
+
+
+def _of_higher_modes(path: Disturbed, density: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) by modes of process noise that are too many to be estimated: their prior's."""
+    span, every = path.end - path.begin, (1 + BEYOND) * path.count
+    position, slope = free_modes((time - path.begin) / span, every)
+    variance = (density * span**3 / wave_numbers(every) ** 4)[path.count :]
+    both = np.stack([position[:, path.count :], slope[:, path.count :] / span], axis=1)
+    return np.asarray(np.kron(both * variance @ np.swapaxes(both, 1, 2), np.eye(3)))
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedBody:
+    """The joint posterior of a path and a turning body.
+
+    covariance (q, q) of the unknowns u = (those of the rotation, the path's x); labels of the features, points (m, 3)
+    in B, m: a change δu changes them by −by_unknowns δu, (3 m, q), beside an own deviation of points_covariance
+    (3 m, 3 m) or (m, 3, 3). attached: the features, by index, whose axes and centroid body coordinates refer to;
+    torque_density: of the torque noise, rad²/s³.
+    """
+
+    path: PredictedPath
+    rotation: Rotation
+    covariance: FloatArray
+    labels: tuple[str, ...]
+    points: FloatArray
+    points_covariance: FloatArray
+    by_unknowns: FloatArray
+    attached: IntArray
+    torque_density: float = 0.0
+
+    def widened(self, by: Widening) -> "PredictedBody":
+        """See `Predictor`."""
+        return replace(self, path=self.path.widened(by))
+
+    def at(self, time: FloatArray, point: Point) -> Prediction:
+        """See `Predictor`.
+
+        Raises:
+            InputError: no such feature.
+            ComputationError: the rotation cannot be followed so far.
+        """
+        if point is None:
+            return self.path.at(time, None)
+        b, by_points = self._point(point)
+        by_unknowns, own = by_points @ self.by_unknowns, by_points @ self._own_covariance() @ by_points.T
+        parts = [self._chunk(time[first : first + CHUNK], b, by_unknowns, own) for first in range(0, len(time), CHUNK)]
+        covariance = np.concatenate([part[2] for part in parts]) + self._grown(time, b)
+        place, speed = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+        return Prediction(time, place, speed, self.path.wider.of_both(covariance, time - self.path.end))
+
+    def _chunk(
+        self, time: FloatArray, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, velocity (n, 3) and covariance (n, 6, 6) of a point b (3,) that changes by −by_unknowns δu."""
+        place, speed, by_x = self.path.sampled(time)
+        motion = self.rotation.at(time)
+        R, size = motion.attitude, self.rotation.size
+        by_state = self._by_state(R, motion.rate, b)
+        by_b = np.concatenate([R, R @ cross_matrices(motion.rate)], axis=1)
+        total = -by_b @ by_unknowns
+        total[:, :, :size] += by_state @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
+        total[:, :, size:] += by_x
+        covariance = total @ self.covariance @ np.swapaxes(total, 1, 2) + by_b @ own @ np.swapaxes(by_b, 1, 2)
+        return place + R @ b, speed + np.einsum("nij,nj->ni", R, np.cross(motion.rate, b)), covariance
+
+    def _grown(self, time: FloatArray, b: FloatArray) -> FloatArray:
+        """The covariance (n, 6, 6) by noise of path and torque that the tracks do not tell."""
+        grown = self.path.added(time)
+        ahead = time > self.path.end
+        if self.torque_density > 0 and ahead.any():
+            motion = self.rotation.at(time[ahead])
+            by_state = self._by_state(motion.attitude, motion.rate, b)
+            turned = rotation_growth(self.rotation, self.torque_density, self.path.end, time[ahead])
+            grown[ahead] += by_state @ turned @ np.swapaxes(by_state, 1, 2)
+        return grown
+
+    @staticmethod
+    def _by_state(R: FloatArray, rate: FloatArray, b: FloatArray) -> FloatArray:
+        """The Jacobian (n, 6, 6) of position and velocity of b (3,) by attitude (a rotation vector in B) and rate."""
+        arm = np.broadcast_to(cross_matrices(b[None]), R.shape)
+        by_turn = np.concatenate([-R @ arm, -R @ cross_matrices(np.cross(rate, b))], axis=1)
+        return np.concatenate([by_turn, np.concatenate([np.zeros_like(R), -R @ arm], axis=1)], axis=2)
+
+    def _point(self, point: str | Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The point (3,) in B from the centre of mass, m, and its Jacobian (3, 3 m) by the features."""
+        m = len(self.points)
+        if isinstance(point, str):
+            if point not in self.labels:
+                raise InputError(f"point is {point!r}, expected a feature's label or three coordinates in m")
+            index = self.labels.index(point)
+            if not np.any(self._own_covariance()[3 * index, 3 * index]):
+                raise InputError(f"point is {point!r}, which is not seen, expected a feature of the result")
+            return self.points[index], np.eye(3 * m)[3 * index : 3 * index + 3]
+        coordinates = np.asarray(point, dtype=np.float64)
+        if coordinates.shape != (3,) or not (np.abs(coordinates) <= FARTHEST).all():
+            raise InputError(
+                f"point is {point!r}, expected a feature's label or three coordinates within {FARTHEST:g} m"
+            )
+        own = self.points[self.attached]
+        turned = -cross_matrices(coordinates[None])[0] @ turn_by_points(own)
+        by_own = np.tile(np.eye(3), len(own)) / len(own) + turned
+        by_points = np.zeros((3, m, 3))
+        by_points[:, self.attached] = by_own.reshape(3, -1, 3)
+        return own.mean(axis=0) + coordinates, by_points.reshape(3, 3 * m)
+
+    def _own_covariance(self) -> FloatArray:
+        """The covariance (3 m, 3 m) of the points for known u."""
+        if self.points_covariance.ndim == 2:
+            return self.points_covariance
+        return np.asarray(block_diag(*self.points_covariance))
+
+
+def times_of(time: ArrayLike, begin: float) -> FloatArray:
+    """Times (n,) in s for a prediction.
+
+    Raises:
+        InputError: they are not finite numbers from the first observation on.
+    """
+    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    if times.ndim != 1 or not len(times) or not (np.abs(times) <= LATEST).all():
+        raise InputError(f"times: expected finite numbers within ±{LATEST:g} s")
+    if times.min() < begin:
+        raise InputError(f"times: found {times.min():g} s, expected at or after the first frame, {begin:g} s")
+    return times

@@ -1,0 +1,70 @@
+"""What a result claims: departures are named, and covariances of models that do not fit hold the error."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import PathOptions, estimate
+from baryscope.estimator.claims import claimed
+from baryscope.estimator.result import Departure, ExcessResiduals, LackOfFit, Motion, Noise, ProcessNoise, Status
+from free_paths import FEATURES, NOISE, on_parabola, turning
+from results import an_estimate
+from synthetic import make_case
+
+SEEN = ProcessNoise("estimated", 2e-9, (1e-9, 4e-9), 28.0, 0.01)  # by chance in 6e-8
+
+
+def test_a_departure_of_a_path_with_a_model_is_named():
+    found = claimed(an_estimate(path="relative-orbit", process_noise=SEEN))
+    assert found.findings == (Departure("relative-orbit", 0.01, 2e-9, 28.0),)
+    assert found.status is Status.GOOD
+    for path, significance in (("polynomial", 28.0), ("relative-orbit", 26.0)):
+        noise = ProcessNoise("estimated", 2e-9, (1e-9, 4e-9), significance, 0.01)
+        assert claimed(an_estimate(path=path, process_noise=noise)).findings == ()
+
+
+def test_chance_is_half_of_chi_square():
+    """At the boundary of the range; χ²₁ exceeds 6.635 in 1 %."""
+    assert ProcessNoise("estimated", 1.0, None, 6.635, 0.1).by_chance == pytest.approx(0.005, rel=1e-3)
+
+
+def test_what_fits_claims_what_it_did():
+    plain = an_estimate()
+    assert claimed(plain).covariance is plain.covariance
+
+
+def test_misfits_widen_by_what_they_show():
+    """Residuals are 1 cm in every coordinate; 1 − 1/2² of their square is misfit. Ten frames span 9 s."""
+    motion = Motion(velocity_covariance=np.tile(1e-6 * np.eye(3), (10, 1, 1)))
+    plain = an_estimate(findings=(ExcessResiduals("fixed", 2.0),), noise=Noise(0.01, 0.03), motion=motion)
+    found = claimed(plain)
+    np.testing.assert_allclose(found.covariance, 9 * plain.covariance + 0.75e-4 * np.eye(3))
+    np.testing.assert_allclose(found.clusters[0].covariance, 9 * plain.clusters[0].covariance + 0.75e-4 * np.eye(3))
+    speed = 0.75e-4 * (2 * np.pi / 9) ** 2
+    np.testing.assert_allclose(found.motion.velocity_covariance[0], (9e-6 + speed) * np.eye(3))
+    np.testing.assert_allclose(found.observability.body.deviations[-1] ** 2, 9 * 9e-4 + 0.75e-4)
+    bent = claimed(an_estimate(findings=(LackOfFit("fixed", 0.3, 90.0, 3),)))
+    np.testing.assert_allclose(bent.covariance, plain.covariance + 0.03 * np.eye(3))
+
+
+@pytest.mark.parametrize("trajectory", ["fixed", "polynomial:1"])
+def test_a_path_that_is_told_wrongly_claims_no_less_than_its_error(trajectory):
+    """A parabola taken for a point, or a line: the covariance alone is too small by a factor of 20 and more."""
+    time, R = turning(200)
+    case = make_case(time, R, on_parabola(time), FEATURES, noise=NOISE)
+    found = estimate(case.tracks, options=PathOptions(trajectory=trajectory, process_noise="none"))
+    assert found.status is Status.MODEL_DOES_NOT_FIT
+    error = found.position - case.com
+    squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance), error)
+    assert 0.3 < squares.mean() < 6.0
+    assert found.predict([200.0]).covariance[0, 0, 0] > found.covariance[-1, 0, 0]
+
+
+def test_with_process_noise_the_same_path_is_named_and_calibrated():
+    time, R = turning(200)
+    case = make_case(time, R, on_parabola(time), FEATURES, noise=NOISE)
+    found = estimate(case.tracks, options=PathOptions(trajectory="polynomial:1"))
+    assert found.status is Status.GOOD
+    assert [type(finding) for finding in found.findings] == [Departure]
+    assert found.findings[0].path == "polynomial:1"
+    error = found.position[100] - case.com[100]
+    assert error @ np.linalg.solve(found.covariance[100], error) < 20
