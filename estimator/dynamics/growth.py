@@ -69,7 +69,7 @@ def _grown(
     span = float(time[ahead].max()) - end
     steps = int(np.clip(np.ceil(frequency * span / PHASE), 1, MOST_STEPS))
     h = span / steps
-    starts = end + h * np.arange(steps)
+    starts = np.asarray(end + h * np.arange(steps), dtype=np.float64)
     whole, noise = _step(rates(starts + h / 2), np.full(steps, h))
     at_start = np.zeros((steps, 6, 6))
     for k in range(steps - 1):
