@@ -23,7 +23,11 @@ from baryscope.estimator.adjustment.normal_equations import (
 )
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN, NEGLIGIBLE, reweighted
-from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import (
+    spurious_information,
+    spurious_information_columns,
+    three_sigma_factor,
+)
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 
 __all__ = [
@@ -47,6 +51,7 @@ __all__ = [
     "rejected_by",
     "residuals_of",
     "reweighted",
+    "spurious_information",
     "spurious_information_columns",
     "three_sigma_factor",
     "turn_information",

@@ -3,7 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.normal_equations import pieces
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import symmetric_inverses
+from baryscope.estimator.registration.body import Body
+
 FloatArray = NDArray[np.float64]
+
+FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 
 
 def three_sigma_factor(values: int) -> float:
@@ -14,17 +22,38 @@ def three_sigma_factor(values: int) -> float:
 def spurious_information_columns(
     offset: FloatArray, crossed: FloatArray, spurious: FloatArray, least: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The increase of a joint covariance when spurious information is subtracted from its inverse (Woodbury).
+    """The increase of a joint covariance by spurious information.
+
+    The noise of the attitudes does not make the cost steeper, on average, so that the information I of Gauss and Newton
+    is too large by the spurious S; and it adds S to the variance of the cost's gradient. The variance is that of an
+    estimating equation, (I − S)⁻¹ I (I − S)⁻¹, in each principal direction of I.
 
     offset (k, k): covariance of the offsets; crossed (k, p): their covariance with the other unknowns; spurious (k, k):
-    the information on the offsets to subtract; least: lower bound of the information that remains in a direction.
+    the information on the offsets to subtract; least: the least information in a direction.
     Returns columns A of the offsets (k, k) and B of the other unknowns (p, k): the covariances grow by A Aᵀ and B Bᵀ,
     the cross-covariance by A Bᵀ.
     """
     information = np.linalg.pinv(offset, hermitian=True)
     values, axes = np.linalg.eigh(information)
     seen = values > 0
-    remaining = np.maximum(values - np.einsum("ik,ij,jk->k", axes, spurious, axes), least)
-    increase = np.where(seen, 1 / np.maximum(remaining, 1e-300) - 1 / np.where(seen, values, 1.0), 0.0)
+    informed = np.where(seen, values, 1.0)
+    remaining = np.maximum(values - np.einsum("ik,ij,jk->k", axes, spurious, axes), np.sqrt(informed * least))
+    increase = np.where(seen, informed / np.where(seen, remaining, 1.0) ** 2 - 1 / informed, 0.0)
     columns = axes * np.sqrt(np.maximum(increase, 0.0))
     return columns, crossed.T @ information @ columns
+
+
+def spurious_information(body: Body, observations: Observations, origin: FloatArray, variance: float) -> FloatArray:
+    """The spurious information (3, 3) in S on a body's offset from the noise of its attitudes, in the weights' units.
+
+    An attitude error φ changes the offset d in C by φ × d. With C the covariance of φ and Q the frame's information on
+    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C).
+    origin (n, 3): the path in C, m; variance: of an observation of weight 1.
+    """
+    every = max(1, len(body.frames) // FRAMES)
+    frames, attitude = body.frames[::every], body.attitude[::every]
+    found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
+    inverse = symmetric_inverses(found.turn)
+    known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
+    axes = cross_matrices(np.eye(3))
+    return np.asarray(variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True))

@@ -14,6 +14,7 @@ from baryscope.estimator.geometry.alignment import (
 from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import (
+    factor_of,
     is_covariance,
     null_space_of,
     symmetric_inverses,
@@ -25,6 +26,7 @@ __all__ = [
     "align",
     "cross_matrices",
     "exp_rotation",
+    "factor_of",
     "is_covariance",
     "log_rotation",
     "matrix_from_quaternion",

@@ -26,6 +26,14 @@ def null_space_of(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatA
     return np.asarray(scale[:, None] * vectors[:, values <= RANK_TOLERANCE])
 
 
+def factor_of(covariance: FloatArray) -> FloatArray:
+    """A factor F (p, r) of a positive semidefinite matrix (p, p) = F Fᵀ, without directions lost in rounding."""
+    _, values, vectors = _scaled(covariance, None)
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    kept = values > RANK_TOLERANCE
+    return np.asarray(size[:, None] * vectors[:, kept] * np.sqrt(values[kept]))
+
+
 def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The scale 1/√sizes (p,), and the eigenvalues, ascending, and eigenvectors of the matrix scaled by it."""
     diagonal = np.diag(matrix) if sizes is None else sizes

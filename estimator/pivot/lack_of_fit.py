@@ -5,15 +5,15 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
-from baryscope.estimator.adjustment.normal_equations import pieces
-from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import (
+    spurious_information,
+    spurious_information_columns,
+    three_sigma_factor,
+)
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
-from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
-from baryscope.estimator.pivot.refinement import SUBSAMPLE_FRAMES, Pivot, subsampled
-from baryscope.estimator.registration.body import Body
+from baryscope.estimator.pivot.refinement import Pivot, subsampled
 from baryscope.estimator.result import LackOfFit
 
 FloatArray = NDArray[np.float64]
@@ -76,7 +76,7 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
     # Jointly for all bodies: spurious information of one body on the path would propagate to the others.
     spurious = block_diag(
         *(
-            three_sigma_factor(len(body.frames)) * _spurious_information(body, found.observations, origin, variance)
+            three_sigma_factor(len(body.frames)) * spurious_information(body, found.observations, origin, variance)
             for body in found.bodies
         )
     )
@@ -96,18 +96,3 @@ def _diagonal_blocks(matrix: FloatArray) -> FloatArray:
     """The diagonal blocks (k, 3, 3) of a matrix (3 k, 3 k)."""
     k = len(matrix) // 3
     return np.asarray(matrix.reshape(k, 3, k, 3)[np.arange(k), :, np.arange(k)])
-
-
-def _spurious_information(body: Body, observations: Observations, origin: FloatArray, variance: float) -> FloatArray:
-    """The spurious information (3, 3) in S on a body's offset from the noise of its attitudes, in the weights' units.
-
-    An attitude error φ changes the offset d in C by φ × d. With C the covariance of φ and Q the frame's information on
-    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C).
-    """
-    every = max(1, len(body.frames) // SUBSAMPLE_FRAMES)
-    frames, attitude = body.frames[::every], body.attitude[::every]
-    found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
-    inverse = symmetric_inverses(found.turn)
-    known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
-    axes = cross_matrices(np.eye(3))
-    return np.asarray(variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True))

@@ -3,7 +3,9 @@
 The products b_j · b_k of a body's points from the centre of mass do not depend on its axes. They are the distances of
 the features from it and from one another. Two bodies with common features have equal products, so these are
 constrained to be equal, with the covariance of the separate bodies. A label that belongs to a different point in the
-second body fails the test of this hypothesis and is no tie point.
+second body fails the test of this hypothesis and is no tie point. A body whose offset is known by the noise of its
+attitudes is not tied: its covariance is too small. Covariances are kept as factors, so that they stay positive
+semidefinite whatever the condition of the bodies.
 """
 
 from collections.abc import Iterator
@@ -11,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.stats import chi2
 
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.spurious import spurious_information, three_sigma_factor
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import Solution
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +27,8 @@ IntArray = NDArray[np.intp]
 SIGNIFICANCE = 1e-4  # probability that the same features are taken for different points
 LINEARITY = 5.0  # least standard deviation of a product over the second-order term that its linear model neglects
 MAX_TIE_POINTS = 8  # points compared between two bodies: more features are averaged in groups
+MAX_SPURIOUS = 1 / 3  # share of spurious information on an offset, above which its body is not tied
+RANK = 1e-6  # relative to the greatest: a combination of normalised misclosures that depends on the others
 ROUNDING = 1e-12  # relative to the greatest variance: the variance of products that depend on others
 
 
@@ -44,41 +49,86 @@ class TiePoints:
 
 @dataclass(frozen=True, eq=False)
 class _Misclosures:
-    """Products of the first bodies less those of the second: values (c,) in m², and their covariance (c, c).
-
-    with_points: their covariance with the points of each tied body, conditional on x, (3 m, c); by_path (c, p): a
-    change δx changes them by −by_path δx. All covariances are for weights that are inverse variances.
+    """Products of the first bodies less those of the second: values (c,) in m², and a factor F (c, k) of their
+    covariance F Fᵀ, for weights that are inverse variances. The k columns are those of `_Factors`.
     """
 
     values: FloatArray
-    covariance: FloatArray
-    with_points: dict[int, FloatArray]
-    by_path: FloatArray
+    factor: FloatArray
+
+    @property
+    def covariance(self) -> FloatArray:
+        """The covariance (c, c) of the values."""
+        return np.asarray(self.factor @ self.factor.T)
 
 
-def tie_bodies(solution: Solution, variance: float) -> tuple[Solution, tuple[TiePoints, ...], tuple[TiePoints, ...]]:
+@dataclass(frozen=True, eq=False)
+class _Factors:
+    """Factors of the joint covariance of all bodies' points and x, with common columns of independent unit variances.
+
+    points: (3 m, k) for each body; x (p, k).
+    """
+
+    points: tuple[FloatArray, ...]
+    x: FloatArray
+
+    @classmethod
+    def of(cls, solution: Solution) -> "_Factors":
+        alone = [factor_of(covariance) for covariance in solution.points_covariance]
+        of_x = factor_of(solution.covariance)
+        ends = np.cumsum([0, *(factor.shape[1] for factor in alone)])
+        points = []
+        for index, (factor, by_path) in enumerate(zip(alone, solution.points_path, strict=True)):
+            whole = np.zeros((len(factor), ends[-1] + of_x.shape[1]))
+            whole[:, ends[index] : ends[index + 1]] = factor
+            whole[:, ends[-1] :] = -by_path @ of_x
+            points.append(whole)
+        return cls(tuple(points), np.concatenate([np.zeros((len(of_x), ends[-1])), of_x], axis=1))
+
+
+def tie_bodies(
+    solution: Solution, variance: float, observations: Observations, origin: FloatArray
+) -> tuple[Solution, tuple[TiePoints, ...], tuple[TiePoints, ...]]:
     """The solution with tie points between bodies that share features, the tie points, and those refused.
 
-    variance: of an observation of weight 1.
+    variance: of an observation of weight 1; observations (n, m) of the solution; origin (n, 3): its path in C, m.
     """
-    tied, refused = [], []
-    for bodies, features in _sharing(solution):
-        jointly = _comparable(solution, variance, bodies, features)
+    sharing = list(_sharing(solution))
+    if not sharing or solution.null_space.shape[1]:
+        return solution, (), ()
+    known = [
+        _spurious_share(solution, index, observations, origin, variance) <= MAX_SPURIOUS
+        for index in range(len(solution.bodies))
+    ]
+    tied, refused, factors = [], [], _Factors.of(solution)
+    compare = _Comparison(solution, factors, variance)
+    for bodies, features in sharing:
+        jointly = compare.comparable(bodies, features) if known[bodies[0]] and known[bodies[1]] else None
         if jointly is None:
             continue
-        if _fits(solution, variance, jointly):
+        if compare.fits(jointly):
             tied.append(jointly)
             continue
-        singly = (_comparable(solution, variance, bodies, features[k : k + 1]) for k in range(len(features)))
-        changed = [tie for tie in singly if tie is not None and not _fits(solution, variance, tie)]
+        singly = (compare.comparable(bodies, features[k : k + 1]) for k in range(len(features)))
+        changed = [tie for tie in singly if tie is not None and not compare.fits(tie)]
         same = np.setdiff1d(features, [tie.features[0] for tie in changed])
-        rest = _comparable(solution, variance, bodies, same) if changed and len(same) else None
-        if rest is not None and _fits(solution, variance, rest):
+        rest = compare.comparable(bodies, same) if changed and len(same) else None
+        if rest is not None and compare.fits(rest):
             tied.append(rest)
             refused += changed
         else:
             refused.append(jointly)
-    return (_constrained(solution, tied) if tied else solution), tuple(tied), tuple(refused)
+    return (compare.constrained(tied) if tied else solution), tuple(tied), tuple(refused)
+
+
+def _spurious_share(
+    solution: Solution, index: int, observations: Observations, origin: FloatArray, variance: float
+) -> float:
+    """The greatest share of spurious information in the information on a body's offset."""
+    body, own = solution.bodies[index], slice(3 * index, 3 * index + 3)
+    factor = factor_of(solution.offset_covariance[own, own])
+    spurious = three_sigma_factor(len(body.frames)) * spurious_information(body, observations, origin, variance)
+    return float(np.linalg.eigvalsh(factor.T @ spurious @ factor)[-1])
 
 
 def _sharing(solution: Solution) -> Iterator[tuple[tuple[int, int], IntArray]]:
@@ -92,17 +142,85 @@ def _sharing(solution: Solution) -> Iterator[tuple[tuple[int, int], IntArray]]:
                 yield (first, second), shared
 
 
-def _comparable(solution: Solution, variance: float, bodies: tuple[int, int], features: IntArray) -> TiePoints | None:
-    """The tie points of two bodies with the products that a linear model can compare; None if there are none."""
-    first, second = (np.nonzero(np.equal.outer(features, solution.bodies[index].features))[1] for index in bodies)
-    means = _means(solution.bodies[bodies[0]].points[first])
-    complete = TiePoints(bodies, features, (first, second), means, np.eye(len(means) ** 2))
-    values, axes = np.linalg.eigh(_misclosures(solution, [complete]).covariance)
-    spread = max(
-        _greatest_variance(solution, index, rows, means) for index, rows in zip(bodies, complete.rows, strict=True)
-    )
-    comparable = (values > ROUNDING * values[-1]) & (values > (LINEARITY * spread) ** 2 * variance)
-    return replace(complete, compared=axes[:, comparable].T) if comparable.any() else None
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """The comparison of a solution's bodies; variance: of an observation of weight 1."""
+
+    solution: Solution
+    factors: _Factors
+    variance: float
+
+    def comparable(self, bodies: tuple[int, int], features: IntArray) -> TiePoints | None:
+        """The tie points of two bodies with the products that a linear model can compare; None if there are none."""
+        first, second = (
+            np.nonzero(np.equal.outer(features, self.solution.bodies[index].features))[1] for index in bodies
+        )
+        means = _means(self.solution.bodies[bodies[0]].points[first])
+        complete = TiePoints(bodies, features, (first, second), means, np.eye(len(means) ** 2))
+        values, axes = np.linalg.eigh(self.misclosures([complete]).covariance)
+        spread = max(
+            float(np.trace(self.covariances(index, rows, means), axis1=2, axis2=3).diagonal().max())
+            for index, rows in zip(bodies, complete.rows, strict=True)
+        )
+        usable = (values > ROUNDING * values[-1]) & (values > (LINEARITY * spread) ** 2 * self.variance)
+        return replace(complete, compared=axes[:, usable].T) if usable.any() else None
+
+    def fits(self, tie: TiePoints) -> bool:
+        """Whether the misclosures of tie points are compatible with noise (χ² test)."""
+        misclosures = self.misclosures([tie])
+        square = float(misclosures.values @ symmetric_pseudo_inverse(misclosures.covariance) @ misclosures.values)
+        return bool(chi2.sf(square / max(self.variance, 1e-300), len(misclosures.values)) > SIGNIFICANCE)
+
+    def covariances(self, index: int, rows: IntArray, means: FloatArray) -> FloatArray:
+        """Covariances (g, g, 3, 3) of means of some points of a body, relative to the variance of an observation."""
+        factor = self.factors.points[index].reshape(-1, 3, self.factors.x.shape[1])[rows]
+        averaged = np.einsum("gm,mik->gik", means, factor)
+        return np.asarray(np.einsum("gik,hjk->ghij", averaged, averaged, optimize=True))
+
+    def misclosures(self, ties: list[TiePoints]) -> _Misclosures:
+        """The misclosures of tie points in the solution without them.
+
+        An estimated product is too large by the trace of the points' covariance on average, which is subtracted.
+        """
+        values, factors = [], []
+        for tie in ties:
+            value, factor = np.zeros(len(tie.compared)), np.zeros((len(tie.compared), self.factors.x.shape[1]))
+            for index, rows, sign in zip(tie.bodies, tie.rows, (1.0, -1.0), strict=True):
+                product, slope = _products(self.solution.bodies[index].points[rows], tie.means)
+                excess = self.variance * np.trace(self.covariances(index, rows, tie.means), axis1=2, axis2=3)
+                columns = (3 * rows[:, None] + np.arange(3)).ravel()
+                value += sign * tie.compared @ (product - excess.ravel())
+                factor += sign * (tie.compared @ slope) @ self.factors.points[index][columns]
+            values.append(value)
+            factors.append(factor)
+        return _Misclosures(np.concatenate(values), np.concatenate(factors))
+
+    def constrained(self, ties: list[TiePoints]) -> Solution:
+        """The solution with the misclosures constrained to zero, and its covariances.
+
+        The constraint F ξ = 0 removes the row space of F from the factors of all covariances.
+        """
+        solution, misclosures = self.solution, self.misclosures(ties)
+        scale = 1 / np.maximum(np.linalg.norm(misclosures.factor, axis=1), 1e-300)
+        left, sizes, right = np.linalg.svd(scale[:, None] * misclosures.factor, full_matrices=False)
+        kept = sizes > RANK * sizes[0]
+        right = right[kept]
+        # The least ξ that closes the misclosures.
+        closing = right.T @ ((left[:, kept].T @ (scale * misclosures.values)) / sizes[kept])
+        moved = tuple(
+            body.moved(-factor @ closing) for body, factor in zip(solution.bodies, self.factors.points, strict=True)
+        )
+        attached = zip(solution.bodies, self.factors.points, strict=True)
+        of_offsets = np.concatenate([offset_by_points(body.points) @ factor for body, factor in attached])
+        of_x, of_offsets = (factor - (factor @ right.T) @ right for factor in (self.factors.x, of_offsets))
+        return replace(
+            solution,
+            bodies=moved,
+            x=solution.x - self.factors.x @ closing,
+            covariance=of_x @ of_x.T,
+            offset_covariance=of_offsets @ of_offsets.T,
+            offset_path=of_offsets @ of_x.T,
+        )
 
 
 def _means(points: FloatArray) -> FloatArray:
@@ -118,70 +236,8 @@ def _means(points: FloatArray) -> FloatArray:
     return means
 
 
-def _fits(solution: Solution, variance: float, tie: TiePoints) -> bool:
-    """Whether the misclosures of tie points are compatible with noise (χ² test)."""
-    misclosures = _misclosures(solution, [tie])
-    square = float(misclosures.values @ symmetric_pseudo_inverse(misclosures.covariance) @ misclosures.values)
-    return bool(chi2.sf(square / max(variance, 1e-300), len(misclosures.values)) > SIGNIFICANCE)
-
-
-def _greatest_variance(solution: Solution, index: int, rows: IntArray, means: FloatArray) -> float:
-    """The greatest variance of means of some points of a body, relative to that of an observation."""
-    columns = (3 * rows[:, None] + np.arange(3)).ravel()
-    by_path = solution.points_path[index][columns]
-    covariance = solution.points_covariance[index][np.ix_(columns, columns)] + by_path @ solution.covariance @ by_path.T
-    average = np.kron(means, np.eye(3))
-    variances = np.einsum("gi,ij,gj->g", average, covariance, average, optimize=True)
-    return float(variances.reshape(-1, 3).sum(axis=1).max())
-
-
-def _misclosures(solution: Solution, ties: list[TiePoints]) -> _Misclosures:
-    """The misclosures of tie points in the solution without them."""
-    used = sorted({index for tie in ties for index in tie.bodies})
-    values = [np.zeros(len(tie.compared)) for tie in ties]
-    slopes: list[list[sparse.csr_array | None]] = [[None] * len(used) for _ in ties]
-    for row, tie in enumerate(ties):
-        for index, shared, sign in zip(tie.bodies, tie.rows, (1.0, -1.0), strict=True):
-            product, slope = _products(solution.bodies[index].points, shared, tie.means)
-            values[row] += sign * tie.compared @ product
-            slopes[row][used.index(index)] = sparse.csr_array(sign * tie.compared @ slope)
-    slope = sparse.block_array(slopes, format="csr")
-    own = sparse.block_diag([sparse.csr_array(solution.points_covariance[index]) for index in used], format="csr")
-    with_points = own @ slope.T
-    by_path = slope @ np.concatenate([solution.points_path[index] for index in used])
-    covariance = (slope @ with_points).toarray() + by_path @ solution.covariance @ by_path.T
-    ends = np.cumsum([len(solution.points_path[index]) for index in used])[:-1]
-    of_each = np.split(with_points.toarray(), ends)
-    return _Misclosures(np.concatenate(values), covariance, dict(zip(used, of_each, strict=True)), by_path)
-
-
-def _products(points: FloatArray, rows: IntArray, means: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The products b_j · b_k (g²,) of means of some of a body's points (m, 3), and their Jacobian (g², 3 m)."""
-    b = means @ points[rows]
-    slope = np.zeros((len(b), len(b), *points.shape))
-    slope[:, :, rows] = np.einsum("jl,ki->jkli", means, b) + np.einsum("kl,ji->jkli", means, b)
+def _products(points: FloatArray, means: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The products b_j · b_k (g²,) of means of points (k, 3), and their Jacobian (g², 3 k)."""
+    b = means @ points
+    slope = np.einsum("jl,ki->jkli", means, b) + np.einsum("kl,ji->jkli", means, b)
     return (b @ b.T).ravel(), slope.reshape(len(b) ** 2, -1)
-
-
-def _constrained(solution: Solution, ties: list[TiePoints]) -> Solution:
-    """The solution with the misclosures constrained to zero, and its covariances."""
-    misclosures = _misclosures(solution, ties)
-    inverse = symmetric_pseudo_inverse(misclosures.covariance)
-    # Cross-covariances with the misclosures: of x, of each body's points, of the offsets.
-    path_cross = -solution.covariance @ misclosures.by_path.T
-    bodies, offset_crosses = [], []
-    for index, (body, by_path) in enumerate(zip(solution.bodies, solution.points_path, strict=True)):
-        point_cross = -by_path @ path_cross
-        if index in misclosures.with_points:
-            point_cross += misclosures.with_points[index]
-        offset_crosses.append(offset_by_points(body.points) @ point_cross)
-        bodies.append(body.moved(-point_cross @ inverse @ misclosures.values))
-    offset_cross = np.concatenate(offset_crosses)
-    return replace(
-        solution,
-        bodies=tuple(bodies),
-        x=solution.x - path_cross @ inverse @ misclosures.values,
-        covariance=solution.covariance - path_cross @ inverse @ path_cross.T,
-        offset_covariance=solution.offset_covariance - offset_cross @ inverse @ offset_cross.T,
-        offset_path=solution.offset_path - offset_cross @ inverse @ path_cross.T,
-    )

@@ -1,20 +1,82 @@
+"""Spurious information against its definition, and against random near-spins from an own simulation."""
+
 import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
-from baryscope.estimator.adjustment.spurious import spurious_information_columns
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.spurious import (
+    spurious_information,
+    spurious_information_columns,
+    three_sigma_factor,
+)
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
+from baryscope.estimator.registration.body import Body
+from synthetic import attitude
 
 
-def test_spurious_information_is_subtracted():
-    """Against the inverse of the joint information of offset and other unknowns less the spurious information."""
+def test_variance_of_an_estimating_equation():
+    """Against (I − S)⁻¹ I (I − S)⁻¹ of the offset, and against the regression of the other unknowns on it."""
     rng = np.random.default_rng(0)
     factor = rng.normal(size=(7, 7))
     joint = factor @ factor.T
     offset, crossed, others = joint[:3, :3], joint[:3, 3:], joint[3:, 3:]
-    values, axes = np.linalg.eigh(np.linalg.inv(offset))
+    information = np.linalg.inv(offset)
+    values, axes = np.linalg.eigh(information)
     spurious = (axes * (values * [0.9, 0.5, 0.0])) @ axes.T
-    information = np.linalg.inv(joint)
-    information[:3, :3] -= spurious
-    expected = np.linalg.inv(information)
+    left = np.linalg.inv(information - spurious)
+    expected = left @ information @ left
     columns, gain = spurious_information_columns(offset, crossed, spurious, 1e-9)
-    np.testing.assert_allclose(offset + columns @ columns.T, expected[:3, :3], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(others + gain @ gain.T, expected[3:, 3:], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(crossed + columns @ gain.T, expected[:3, 3:], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(offset + columns @ columns.T, expected, rtol=1e-9, atol=1e-9)
+    regression = crossed.T @ information
+    expected_others = others + regression @ (expected - offset) @ regression.T
+    np.testing.assert_allclose(others + gain @ gain.T, expected_others, rtol=1e-9, atol=1e-9)
+    expected_crossed = crossed + (expected - offset) @ regression.T
+    np.testing.assert_allclose(crossed + columns @ gain.T, expected_crossed, rtol=1e-9, atol=1e-9)
+
+
+def test_a_direction_without_information_gets_the_least():
+    offset = np.diag([1.0, 1.0, 4.0])
+    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), np.diag([0.0, 0.0, 0.3]), 1e-4)
+    np.testing.assert_allclose(np.diag(offset + columns @ columns.T), [1.0, 1.0, 1e4])
+
+
+NEAR_SPINS = {"noisy": (0.1, 0.1), "mostly spurious": (0.1, 0.05), "20 cm at 1 m": (0.2, 0.2)}  # noise in m, wobble
+
+
+@pytest.mark.parametrize("kind", NEAR_SPINS)
+def test_near_spins_have_errors_as_claimed(kind):
+    """A wobbling spin, a third to four fifths of whose information along the axis is noise of the attitudes."""
+    noise, wobble = NEAR_SPINS[kind]
+    time = np.linspace(0.0, 270.0, 100)
+    R = attitude(np.diag([1.0, 2.0, 2.5]), np.array([0.07 * wobble, 0.0, 0.07]), time)
+    points = np.random.default_rng(3).normal(size=(4, 3))
+    points = points / np.sqrt((points**2).sum() / 4) + 0.5
+    sampled = Polynomial(1, 0.0, 270.0).at(time)
+    squares, shares = [], []
+    for seed in range(24):
+        x = np.array([4.0, -19, 3, 0, 0, 0])
+        position = sampled.position(x)[:, None] + points @ np.swapaxes(R, 1, 2)
+        position += noise * np.random.default_rng(seed).normal(size=position.shape)
+        observations = Observations(position, np.ones(position.shape[:2]))
+        bodies = (Body(np.arange(4), np.arange(100), points, R),)
+        for _ in range(60):
+            found = gauss_newton_step(bodies, observations, sampled, x)
+            bodies, x = found.bodies, found.x
+            if found.step < 1e-3 * noise**2:
+                break
+        own = spurious_information(bodies[0], observations, sampled.position(x), noise**2)
+        shares.append(np.linalg.eigvals(found.offset_covariance @ own).real.max())
+        columns, _ = spurious_information_columns(
+            found.offset_covariance, found.offset_path, three_sigma_factor(100) * own, noise**2 / 20**2
+        )
+        covariance = noise**2 * (found.offset_covariance + columns @ columns.T)
+        centred = bodies[0].points - bodies[0].points.mean(axis=0)
+        turn = Rotation.align_vectors(centred, points - points.mean(axis=0))[0]
+        error = bodies[0].points.mean(axis=0) - turn.apply(points.mean(axis=0))
+        squares.append(error @ np.linalg.solve(covariance, error))
+    assert 0.25 < np.median(shares) < 0.9
+    # The margin of three standard deviations is on the safe side, so there is no lower bound.
+    assert np.mean(squares) < chi2.ppf(0.999, 3 * 24) / 24
