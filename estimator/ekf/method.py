@@ -21,7 +21,8 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.trajectory import trajectory_of
 from baryscope.estimator.ekf.linearised import points_from
-from baryscope.estimator.ekf.passes import PRIOR_EXTENTS, Passes, Problem, passes
+from baryscope.estimator.ekf.passes import Passes, passes
+from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, Problem
 from baryscope.estimator.ekf.spurious import spurious_growth
 from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
@@ -70,14 +71,13 @@ def estimate_by_filter(
     _refuse_effort(len(start.nodes.time), tracks.seen.shape[1])
     rounds.did(0.5)
     on_orbit = trajectory.kind == "relative-orbit"
+    motion = trajectory.path(orbit, float(tracks.time[0]), float(tracks.time[-1])) if on_orbit else None
     orders: tuple[int, ...] = (1,)
     if not on_orbit:
         orders = ORDERS if trajectory.degree is None else (trajectory.degree,)
         if trajectory.degree is None and not isinstance(options.process_noise, str):
             orders = (1,)  # a given density is one of the acceleration
-    found = _converged(
-        [Problem(tracks, orbit, options, measured, weight, start, order, on_orbit, rounds) for order in orders]
-    )
+    found = _converged([Problem(tracks, options, measured, weight, start, order, motion, rounds) for order in orders])
     return _result(tracks, options, start, on_orbit, found, begin)
 
 

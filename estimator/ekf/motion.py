@@ -8,16 +8,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
-from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
-from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
+from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
-from baryscope.models.relative_orbit import relative_path, relative_transition
 
 FloatArray = NDArray[np.float64]
 
@@ -42,24 +41,24 @@ class PathProcess:
     transition: FloatArray
 
 
-def free_orbit(orbit: Orbit, time: FloatArray, rho_L: FloatArray, drift_L: FloatArray, epoch: float) -> PathProcess:
-    """Relative motion, linearised about the exact one from ρ (3,), m, and ρ̇ (3,), m/s, at the epoch.
+def relative_motion(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArray) -> PathProcess:
+    """Relative motion on an orbit, linearised about an exact one.
 
-    u is the chaser's deviation (δρ, T δρ̇) in LVLH, T the time span. Its transition is that of Yamanaka and Ankersen;
-    the linearisation error is of the order |ρ| |δρ|/r.
+    u is the deviation (δg, T δġ) in C, T the time span; its transition follows from the Jacobians of `motion`. The
+    nominal motion is at rest in LVLH axes with the origin (3,) in C, m, at the motion's epoch, moved by shift (6,) of u
+    at the first time.
     """
     span = span_of(time)
-    R_I_L = lvlh_attitude(orbit, time)
-    state = relative_path(orbit, np.concatenate([rho_L, drift_L]), time, epoch)
-    by_position = lvlh_rate(orbit, time)[:, None, None] * cross_matrices(np.eye(3)[2:])
-    by_state = -np.concatenate([R_I_L @ by_position, R_I_L], axis=2)
-    scale = np.repeat([1.0, span], 3)
-    whole = relative_transition(orbit, time, epoch) * (scale[:, None] / scale)
+    place, rate = motion.at(time), motion.rate_at(time)
+    whole = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
+    x = np.linalg.solve(whole[0], shift)
+    x[:3] += np.linalg.solve(place.jacobian[len(time) // 2, :, :3], origin)
+    observed, observed_rate = np.eye(3, 6), np.eye(3, 6, 3) / span
     return PathProcess(
-        -(R_I_L @ state[:, :3, None])[:, :, 0],
-        np.concatenate([-R_I_L, np.zeros_like(R_I_L)], axis=2),
-        (by_state @ state[:, :, None])[:, :, 0],
-        by_state / scale,
+        place.position(x),
+        np.tile(observed, (len(time), 1, 1)),
+        rate.position(x),
+        np.tile(observed_rate, (len(time), 1, 1)),
         whole[1:] @ np.linalg.inv(whole[:-1]),
     )
 

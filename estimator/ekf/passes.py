@@ -2,155 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
-from baryscope.estimator.ekf.bank import DECADES, GENEROUS, Axis, Bank, Member, path_level, turn_level
-from baryscope.estimator.ekf.filter import ProcessNoise
+from baryscope.estimator.ekf.bank import DECADES, GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised, Reference, linearised, moved, points_from
-from baryscope.estimator.ekf.motion import (
-    PathProcess,
-    derivatives,
-    free_orbit,
-    gravity_gradient_axis,
-    logarithm_of_inertia,
-    of_a_body,
-    span_of,
-    turning_noise,
-    white_noise,
-)
+from baryscope.estimator.ekf.motion import gravity_gradient_axis, of_a_body
+from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, ROUNDING, Problem
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
-from baryscope.estimator.ekf.start import Start
-from baryscope.estimator.options import PathOptions
-from baryscope.estimator.progress import Rounds
-from baryscope.estimator.tracks import FeatureTracks, FloatArray
-from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.orbit import Orbit
+from baryscope.estimator.tracks import FloatArray
 
 MAX_PASSES = 12
 ROUGH_TURN = 0.03  # rad, median of a pass
-FREE_TURN = 0.3  # rad from node to node, by noise that leaves the attitudes free
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
-PRIOR_INERTIA_DEVIATION = 1.0  # of the inertia's logarithm from that of a sphere
-PRIOR_EXTENTS = 3.0  # standard deviation of the centre of mass in radii of the features, and of the path in its extent
-ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rounding
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """What is to be solved.
-
-    measured: observations, with weight (n, m) at the start; order of the noisy derivative of the path; on_orbit:
-    whether the path is free relative motion; rounds: told of each pass.
-    """
-
-    tracks: FeatureTracks
-    orbit: Orbit | None
-    options: PathOptions
-    measured: Observations
-    weight: FloatArray
-    start: Start
-    order: int
-    on_orbit: bool
-    rounds: Rounds
-
-    @property
-    def span(self) -> float:
-        """The time span in s."""
-        return span_of(self.tracks.time)
-
-    @property
-    def sigma(self) -> float | None:
-        """The known variance of an observation of weight 1, m² or a factor on the given covariances."""
-        return None if self.options.sigma is None else self.options.sigma**2
-
-    @cached_property
-    def unit(self) -> float:
-        """The variance of a coordinate, m², of a typical observation of weight 1."""
-        covariance = self.tracks.covariance
-        return 1.0 if covariance is None else float(np.median(np.trace(covariance[self.tracks.seen].T)) / 3)
-
-    @cached_property
-    def floor(self) -> float:
-        """The least variance of an observation of weight 1: below it residuals are rounding."""
-        distance = float(np.abs(self.measured.position).max())
-        return (ROUNDING * distance) ** 2 / self.unit
-
-    @cached_property
-    def first_nominal(self) -> FloatArray:
-        """The chaser's (ρ, T ρ̇) in LVLH, m, at the first time: at rest, with the features' centroid at the target."""
-        nominal = np.zeros(3 * (self.order + 1))
-        if self.on_orbit and self.orbit is not None:
-            R_I_L = lvlh_attitude(self.orbit, self.start.nodes.time[:1])[0]
-            nominal[:3] = -R_I_L.T @ self.start.centroid
-        return nominal
-
-    @cached_property
-    def noise_units(self) -> FloatArray:
-        """The covariances (n - 1, 2, d, d) of each step for unit densities, see `ProcessNoise`."""
-        time, p = self.start.nodes.time, 3 * (self.order + 1)
-        units = np.zeros((len(time) - 1, 2, p + 6, p + 6))
-        units[:, 0, :p, :p] = white_noise(self.order, time)
-        units[:, 1, p:, p:] = turning_noise(time)
-        return units
-
-    def process(self, nominal: FloatArray) -> PathProcess:
-        """The path's process about a nominal motion on the orbit, or about the features' centroid."""
-        time = self.start.nodes.time
-        if self.on_orbit and self.orbit is not None:
-            return free_orbit(self.orbit, time, nominal[:3], nominal[3:] / span_of(time), float(time[0]))
-        return derivatives(self.order + 1, time, self.start.centroid)
-
-    def noise(self, members: Sequence[Member], variance: float) -> ProcessNoise:
-        """The process noise of members, relative to the variance of an observation."""
-        density = np.array([[member.path, member.turn] for member in members]) / variance
-        shift = np.zeros(len(members))
-        if self.order == 0:
-            shift, density[:, 0] = density[:, 0].copy(), 0.0
-        return ProcessNoise(self.noise_units, density, shift)
-
-    def axes(self, variance: float) -> tuple[Axis, Axis]:
-        """The hypotheses for path and rotation, for this variance of an observation."""
-        metres, start = variance * self.unit, self.start
-        return (
-            Axis(path_level(self.order, metres, self.span), self.options.process_noise),
-            Axis(turn_level(metres, start.radius, self.span), self.options.torque_noise),
-        )
-
-    def first_torque(self, axis: Axis) -> float:
-        """The density of the torque for the first pass: none if a free tumble explains the attitudes, else plenty."""
-        if self.start.explained or not axis.free:
-            return axis.given
-        step = float(np.median(np.diff(self.start.nodes.time)))
-        return max(axis.at(GENEROUS), 3 * FREE_TURN**2 / step**3)
-
-    def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
-        """The prior about a reference; shift (p,): of its first state since the first pass."""
-        p, m = 3 * (self.order + 1), self.weight.shape[1]
-        size = points_from(p) - 1 + 3 * m
-        mean, information = np.zeros(size), np.zeros(size)
-        mean[:INERTIA] = -logarithm_of_inertia(reference.inertia)
-        information[:INERTIA] = variance / PRIOR_INERTIA_DEVIATION**2
-        extent = np.repeat([self.start.radius, *[max(self.start.extent, self.start.radius)] * self.order], 3)
-        information[INERTIA : INERTIA + p] = variance * self.unit / (PRIOR_EXTENTS * extent) ** 2
-        mean[INERTIA : INERTIA + p] = -shift
-        unseen = ~(self.weight > 0).any(axis=0)
-        information[points_from(p) - 1 :] = np.repeat(np.where(unseen, 1.0, 0.0), 3)
-        return Prior(mean, information)
-
-    def dof(self, observations: Observations) -> float:
-        """Values less unknowns."""
-        seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
-        unknowns = points_from(3 * (self.order + 1)) - 1 + 3 * seen
-        return max(3 * float(observations.weight.sum()) - unknowns, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,21 +73,22 @@ def passes(problem: Problem) -> Passes:
     axis = np.zeros((len(time) - 1, 3))
     if start.rotation.orbit is not None:
         axis = gravity_gradient_axis(start.rotation.orbit, (time[1:] + time[:-1]) / 2)
-    nominal = problem.first_nominal
-    path = problem.process(nominal)
-    still = np.zeros((len(time), path.observed.shape[2]))
+    size = 3 * (problem.order + 1)
+    shift = np.zeros(size)
+    path = problem.process(shift)
+    still = np.zeros((len(time), size))
     inertia = of_a_body(start.rotation.inertia)
     reference = Reference(path, still, start.attitude, start.rate, inertia, start.points, axis)
     observations = problem.measured.weighted(problem.weight)
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
-    last = _pass(problem, reference, nominal, observations, variance, None)
+    last = _pass(problem, reference, shift, observations, variance, None)
     count = 1
     while count < MAX_PASSES and not (last.bank and last.linear and last.steady):
         reference = last.after
-        if problem.on_orbit:
-            nominal = nominal + reference.deviation[0]
-            reference = replace(reference, path=problem.process(nominal), deviation=still)
-        last = _pass(problem, reference, nominal, _renewed(problem, last), last.variance, last)
+        if problem.motion is not None:
+            shift = shift + reference.deviation[0]
+            reference = replace(reference, path=problem.process(shift), deviation=still)
+        last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
         count += 1
     return _mean(problem, reference, last, count)
 
@@ -224,14 +96,14 @@ def passes(problem: Problem) -> Passes:
 def _pass(
     problem: Problem,
     reference: Reference,
-    nominal: FloatArray,
+    shift: FloatArray,
     observations: Observations,
     variance: float,
     last: Pass | None,
 ) -> Pass:
     """A pass; the noise of the first is generous, that of the others from a bank around the last one's."""
     system = linearised(reference, problem.start.nodes, observations)
-    prior = problem.prior(reference, reference.deviation[0] + nominal - problem.first_nominal, variance)
+    prior = problem.prior(reference, reference.deviation[0] + shift, variance)
     dof = problem.dof(observations)
     axes, bank = problem.axes(variance), None
     member = Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
@@ -240,7 +112,7 @@ def _pass(
     elif last is not None:
 
         def scores(members: Sequence[Member]) -> FloatArray:
-            return log_likelihoods(system, problem.noise(members, variance), prior, dof + nominal.size, problem.sigma)
+            return log_likelihoods(system, problem.noise(members, variance), prior, dof + shift.size, problem.sigma)
 
         bank = Bank(*axes, scores)
         member = bank.best(last.member if last.bank else None)
@@ -250,7 +122,7 @@ def _pass(
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
     seen = observations.position - after.seen_at(problem.start.nodes)
     squares = observations.weight * _squares(seen, observations)
-    turn = np.linalg.norm(solution.state[system.seen, nominal.size : nominal.size + 3], axis=1)
+    turn = np.linalg.norm(solution.state[system.seen, shift.size : shift.size + 3], axis=1)
     rough = bank is None or float(np.median(turn)) > ROUGH_TURN  # the residuals do not tell outliers yet
     weight = observations.weight if rough else reweighted(squares, observations.weight, dof, problem.floor)
     changed = float(np.vdot(squares, weight / np.where(observations.weight > 0, observations.weight, 1.0) - 1))
