@@ -3,7 +3,8 @@
 Unknowns are the path's x, each body's points b (in its own axes S, origin at the centre of mass), and one rotation per
 frame. The rotations are eliminated frame by frame and the points body by body, which leaves a system in the path's few
 unknowns: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights of the joint adjustment.
-The orientation of S is arbitrary; this gauge freedom is fixed by the minimum-norm change of the points.
+Shifts of whole frames by noise of a known covariance, as that of a camera's attitude, are eliminated with the
+rotations. The orientation of S is arbitrary; this gauge freedom is fixed by the minimum-norm change of the points.
 """
 
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, best_att
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
@@ -81,6 +82,7 @@ class _Sums:
     points_sizes: FloatArray
     path_rhs: FloatArray
     points_rhs: FloatArray
+    noise_cost: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ class Linearised:
     matrix (p, p) and rhs (p,) of the change of x, after the elimination of the points; sizes (p,): the matrix's
     diagonal before. For each body, with attitudes at their optimum: inverse (3 m, 3 m) of its points' matrix, by_path
     (3 m, p): a change δx changes the points by −by_path δx, and points_rhs (3 m,). squares (n, m): the weighted squared
-    residuals.
+    residuals, without the frames' own shifts; noise_cost: the weighted squares of these.
     """
 
     bodies: tuple[Body, ...]
@@ -102,6 +104,7 @@ class Linearised:
     by_path: tuple[FloatArray, ...]
     points_rhs: tuple[FloatArray, ...]
     squares: FloatArray
+    noise_cost: float = 0.0
 
     def step(self, precision: FloatArray | None = None) -> Solution:
         """The solution after one step; precision (p,): inverse prior variances of x, in the units of the weights.
@@ -148,10 +151,17 @@ def gauss_newton_step(
     return linearised(bodies, observations, path, x).step()
 
 
-def linearised(bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray) -> Linearised:
+def linearised(
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    path: SampledPath,
+    x: FloatArray,
+    shift: FloatArray | None = None,
+) -> Linearised:
     """The problem linearised at x (p,) and points, after one Gauss–Newton step in the rotations at fixed x and points.
 
-    bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames.
+    bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames;
+    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1.
     """
     origin = path.position(x)
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
@@ -162,7 +172,7 @@ def linearised(bodies: tuple[Body, ...], observations: Observations, path: Sampl
             frames = as_slice(body.frames[part])
             attitude[part] = best_attitudes(own.frames(frames), body.attitude[part], origin[frames], body.points)
         turned.append(replace(body, attitude=attitude))
-        sums.append(_sum(turned[-1], own, path, origin, squares))
+        sums.append(_sum(turned[-1], own, path, _Frames(origin, shift, squares)))
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     inverses, by_paths = [], []
     for body, own_sums in zip(turned, sums, strict=True):
@@ -174,7 +184,10 @@ def linearised(bodies: tuple[Body, ...], observations: Observations, path: Sampl
         inverses.append(inverse)
         by_paths.append(by_path)
     points_rhs = tuple(own_sums.points_rhs for own_sums in sums)
-    return Linearised(tuple(turned), x, matrix, rhs, sizes, tuple(inverses), tuple(by_paths), points_rhs, squares)
+    noise_cost = sum(own_sums.noise_cost for own_sums in sums)
+    return Linearised(
+        tuple(turned), x, matrix, rhs, sizes, tuple(inverses), tuple(by_paths), points_rhs, squares, noise_cost
+    )
 
 
 def _chunks(body: Body) -> Iterator[slice]:
@@ -183,7 +196,17 @@ def _chunks(body: Body) -> Iterator[slice]:
     return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
 
-def _sum(body: Body, own: Observations, path: SampledPath, origin: FloatArray, squares: FloatArray) -> _Sums:
+@dataclass(frozen=True, eq=False)
+class _Frames:
+    """Of all frames: origin (n, 3) in C, shift (n, 3, 3) or None, and squares (n, m), which `_sum` writes."""
+
+    origin: FloatArray
+    shift: FloatArray | None
+    squares: FloatArray
+
+
+def _sum(body: Body, own: Observations, path: SampledPath, all_frames: _Frames) -> _Sums:
+    origin = all_frames.origin
     p, q = path.jacobian.shape[2], 3 * len(body.features)
     total = _Sums(
         np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
@@ -212,7 +235,27 @@ def _sum(body: Body, own: Observations, path: SampledPath, origin: FloatArray, s
         total.points -= outer[p:-1, p:-1]
         total.path_rhs -= outer[:p, -1]
         total.points_rhs -= outer[p:-1, -1]
-        squares[np.ix_(body.frames[part], body.features)] = found.squares
+        squares = found.squares
+        if all_frames.shift is not None:
+            # The rows of a frame's shift τ after the elimination of its rotation; then τ itself, by Woodbury's formula.
+            by_turn = np.swapaxes(found.turn_shift, 1, 2)
+            rows = np.concatenate([found.shift @ shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
+            rows = rows - by_turn @ solved
+            known = found.shift - by_turn @ symmetric_inverses(found.turn) @ found.turn_shift
+            noise = np.swapaxes(attitude, 1, 2) @ all_frames.shift[frames] @ attitude
+            gained = noise @ np.linalg.inv(np.eye(3) + known @ noise) @ rows
+            outer = rows.reshape(-1, p + q + 1).T @ gained.reshape(-1, p + q + 1)
+            total.path -= outer[:p, :p]
+            total.path_points -= outer[:p, p:-1]
+            total.points -= outer[p:-1, p:-1]
+            total.path_rhs -= outer[:p, -1]
+            total.points_rhs -= outer[p:-1, -1]
+            moved = gained[:, :, -1]
+            total.noise_cost += float(np.vdot(moved, rows[:, :, -1] - (known @ moved[:, :, None])[:, :, 0]))
+            turned = solved[:, :, -1] - (symmetric_inverses(found.turn) @ found.turn_shift @ moved[:, :, None])[:, :, 0]
+            there = origin[frames] + (attitude @ moved[:, :, None])[:, :, 0]
+            squares = pieces(own.frames(frames), attitude @ exp_rotation(turned), there, body.points).squares
+        all_frames.squares[np.ix_(body.frames[part], body.features)] = squares
     return total
 
 

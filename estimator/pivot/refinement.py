@@ -148,7 +148,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
-        problem = linearised(bodies, observations, sampled, x)
+        shift = _shift(start.errors, sampled.position(x), max(options.sigma**2 if options.sigma else variance, floor))
+        problem = linearised(bodies, observations, sampled, x, shift)
         cost = float(problem.squares.sum())
         if np.isnan(variance):
             variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
@@ -157,7 +158,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         bodies, x = solution.bodies, solution.x
         sampled = as_seen(path, sampled.itself, start.errors, x)
         dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
-        variance = cost / dof
+        variance = (cost + problem.noise_cost) / dof
         weight = reweighted(solution.squares, observations.weight, dof, floor)
         if rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
             weight = np.sqrt(weight * observations.weight)
@@ -166,6 +167,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         converged = solution.step <= STEP_TOLERANCE * least and abs(
             float(np.vdot(unweighted, weight)) - cost
         ) <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof)
+        converged = converged and (rounds > 1 or start.errors is None)  # the first knows no variance
         observations = observations.weighted(weight)
         if converged and (richer := _richer(path, solution, theta, least, sampled)) is not None:
             path, converged = richer, False
@@ -193,6 +195,13 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         tie_points=tied,
         refused=refused,
     )
+
+
+def _shift(errors: SharedErrors | None, origin: FloatArray, variance: float) -> FloatArray | None:
+    """The covariance (n, 3, 3) of the frames' shifts by noise of the camera's attitude, over a variance in m² or 1."""
+    if errors is None or not errors.noisy or not np.isfinite(variance):
+        return None
+    return errors.shift_covariance(origin) / variance
 
 
 def _hyperparameters(
