@@ -5,6 +5,7 @@ The schema is derived from `EstimateDocument` by pydantic; a test compares docs/
 
 import csv
 import json
+import re
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Literal, TextIO
@@ -25,12 +26,8 @@ from baryscope.estimator.document_details import (
 from baryscope.estimator.prose import sentence, verdict
 from baryscope.estimator.result import (
     Cluster,
-    Departure,
-    DifferentPoints,
     Estimate,
-    ExcessResiduals,
     Finding,
-    LackOfFit,
     Observability,
     PrincipalAxes,
     ProcessNoise,
@@ -96,10 +93,10 @@ class RejectedPart(Part):
 class ForcePart(Part):
     """An estimated factor of a force."""
 
-    name: str = Field(description="acceleration scale (its relative error), or a component of a constant acceleration")
+    name: str = Field(description="acceleration scale (its relative error), constant acceleration, error of the orbit")
     value: float
     deviation: float = Field(description="standard deviation")
-    unit: Literal["1", "m/s²"]
+    unit: Literal["1", "m/s²", "m"]
 
 
 class ProcessNoisePart(Part):
@@ -116,7 +113,7 @@ class ProcessNoisePart(Part):
 class FindingPart(Part):
     """Evidence against a model."""
 
-    kind: Literal["lack-of-fit", "excess-residuals", "different-points", "departure"]
+    kind: Literal["lack-of-fit", "excess-residuals", "different-points", "departure", "wrong-orbit"]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
     magnitude: float | None = Field(None, description="lack-of-fit, departure: rms departure of the path, m")
@@ -130,6 +127,9 @@ class FindingPart(Part):
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")
     significance: float | None = Field(None, description="departure: 2 ln of the likelihood over that without noise")
+    shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
+    deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
+    oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
 
 
 class EstimateDocument(Part):
@@ -286,10 +286,5 @@ def _process_noise(noise: ProcessNoise) -> ProcessNoisePart:
 
 
 def _finding(finding: Finding) -> FindingPart:
-    names = {
-        LackOfFit: "lack-of-fit",
-        ExcessResiduals: "excess-residuals",
-        DifferentPoints: "different-points",
-        Departure: "departure",
-    }
-    return FindingPart.model_validate({"kind": names[type(finding)], "text": sentence(finding)} | asdict(finding))
+    kind = re.sub("(?<=[a-z])(?=[A-Z])", "-", type(finding).__name__).lower()  # LackOfFit: lack-of-fit
+    return FindingPart.model_validate({"kind": kind, "text": sentence(finding)} | asdict(finding))

@@ -17,6 +17,7 @@ from baryscope.estimator.result import (
     Observability,
     ProcessNoise,
     Status,
+    WrongOrbit,
 )
 
 
@@ -51,6 +52,11 @@ def sentence(finding: Finding) -> str:
                 f"the path departs from {finding.path} by {finding.magnitude:.2g} m rms, as white acceleration of "
                 f"{finding.density:.2g} m²/s³ would make it; the covariance allows for it"
             )
+        case WrongOrbit():
+            parts = zip(("radially", "along", "across"), finding.shift, finding.deviation, strict=True)
+            off = ", ".join(f"{value / 1e3:.3g} ± {sd / 1e3:.2g} km {where}" for where, value, sd in parts)
+            other = "" if finding.oblate else ", or this is J2, which the orbit file does not tell"
+            return f"the target is off its orbit by {off}, for which the estimate is corrected{other}"
         case DifferentPoints():
             first, second = finding.clusters
             names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"

@@ -164,7 +164,19 @@ class Departure:
     significance: float
 
 
-Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure
+@dataclass(frozen=True)
+class WrongOrbit:
+    """The target is not where its orbit says: shift (3,) and its deviation (3,), m in LVLH at the middle of the time.
+
+    The estimate is that with the orbit corrected. oblate: whether the orbit has J2, which else may look like this.
+    """
+
+    shift: tuple[float, float, float]
+    deviation: tuple[float, float, float]
+    oblate: bool
+
+
+Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path, SampledPath
-from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import ConstantAxes
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.sun import sun_direction, sunlit
@@ -35,8 +35,8 @@ class Force:
     """Accelerations of the centre of mass in C, each times an unknown factor, and how fast they change.
 
     acceleration: times (k,) in s → (k, 3, c), m/s² per unit of the factor; names (c,), and unit of the factors;
-    deviations (c,): of their prior, in that unit; longest: s, over which the accelerations are smooth; breaks (m,): s,
-    at which they jump.
+    deviations (c,): of their prior, in that unit, times the root of the hyperparameter `scale` if there is one;
+    longest: s, over which the accelerations are smooth; breaks (m,): s, at which they jump.
     """
 
     acceleration: Acceleration
@@ -45,11 +45,12 @@ class Force:
     deviations: FloatArray
     longest: float
     breaks: FloatArray
+    scale: Hyperparameter | None = None
 
 
 @dataclass(frozen=True)
 class Factor:
-    """An estimated factor of a force: its name, value, standard deviation and unit ("1" or "m/s²")."""
+    """An estimated factor of a force: its name, value, standard deviation and unit ("1", "m/s²" or "m")."""
 
     name: str
     value: float
@@ -83,7 +84,10 @@ class Forced:
     @property
     def prior(self) -> Prior:
         """The prior of the base, and that of the factors."""
-        return self.base.prior.joined(Prior.known((self.force.deviations * self._displacement) ** 2))
+        own = Prior.known((self.force.deviations * self._displacement) ** 2)
+        if self.force.scale is not None:
+            own = Prior(own.offset, np.ones((len(own.offset), 1)), (self.force.scale,))
+        return self.base.prior.joined(own)
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
         """See `Path`."""

@@ -41,6 +41,7 @@ from baryscope.estimator.pivot.refinement import (
     refined,
 )
 from baryscope.estimator.pivot.tie_points import TiePoints
+from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
@@ -165,8 +166,9 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     path = chosen_path(options, orbit, *span, errors)
     bodies, x = linear_start(registered, observations, path, tracks.time)
     start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors)
-    found = refined(start, options)
-    return replace(found, findings=_findings(found, registered.noise, measured, tracks))
+    found = with_corrected_orbit(refined(start, options), orbit, start, options)
+    findings = _findings(found, registered.noise, measured, tracks) + wrong_orbit(found, orbit)
+    return replace(found, findings=findings)
 
 
 def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:

@@ -1,0 +1,59 @@
+"""What a wrong orbit does to a path: the gravity gradient acts along another trajectory of the target.
+
+A displacement δ of the target changes the relative acceleration by (∂G/∂r · δ) p, with p the path of the centre of
+mass from the chaser. δ follows the same linear equation as p. So the six components of δ and its rate at the epoch are
+factors of known accelerations, once p is known to a fraction.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.prior import Hyperparameter
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+ORBIT_ERROR = "orbit error"  # the hyperparameter: the variance of each component
+NAMES = tuple(
+    f"orbit {axis}{rate}" for rate in ("", " rate over mean motion") for axis in ("radial", "along", "across")
+)
+STEP = 1e3  # m, of the difference quotient of the gradient
+LEAST, GREATEST = 1.0, 1e6  # m, standard deviation of a component
+# A wrong period shows along the track, a hundred times more than radially after a day; a wrong plane shows across.
+SHARES = np.array([0.01, 1.0, 1.0, 0.01, 0.01, 1.0])
+
+
+def orbit_error(orbit: Orbit, position: Callable[[FloatArray], FloatArray], begin: float, end: float) -> Force:
+    """The accelerations of the centre of mass by an error of the orbit over begin … end in s.
+
+    Their factors are the target's displacement in LVLH at the middle of the time, and its rate over the mean motion, m.
+    position: times (k,) in s → the path (k, 3) in C, m.
+    """
+    displaced = PerturbedOrbit(orbit, (begin + end) / 2)
+
+    def acceleration(time: FloatArray) -> FloatArray:
+        states, moves, p = target_states(orbit, time), displaced.at(time).jacobian, position(time)
+        columns = []
+        for move in np.moveaxis(moves, 2, 0):
+            ahead, behind = states.copy(), states.copy()
+            ahead[:, :3] -= STEP * move  # the path of the centre of mass is against that of the chaser
+            behind[:, :3] += STEP * move
+            change = (gravity_gradient(orbit, ahead) - gravity_gradient(orbit, behind)) / (2 * STEP)
+            columns.append(np.einsum("kij,kj->ki", change, p))
+        return np.stack(columns, axis=2)
+
+    scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(GREATEST)))
+    return Force(acceleration, NAMES, "m", SHARES, longest_on(orbit, begin, end), np.zeros(0), scale)
+
+
+def with_orbit_error(
+    path: Path, orbit: Orbit, position: Callable[[FloatArray], FloatArray], begin: float, end: float
+) -> Path:
+    """The path with an error of the orbit among its unknowns; arguments as for `orbit_error`."""
+    return Forced(path, orbit_error(orbit, position, begin, end), begin, end)

@@ -1,0 +1,66 @@
+"""What a path leaves unexplained: whether its process noise is a wrong orbit.
+
+The significance of a hyperparameter is twice the logarithm of the likelihood ratio against no effect. Without an effect
+it is 0 in half of all cases, and χ² with one degree of freedom in the others (Self and Liang 1987).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from baryscope.estimator.dynamics.forces import factors_of
+from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
+from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.refinement import Pivot, Start, refined
+from baryscope.estimator.result import WrongOrbit
+from baryscope.models.errors import ComputationError
+from baryscope.models.orbit import Orbit
+
+SIGNIFICANT = 15.0  # 2 ln of a likelihood ratio: by chance once in 20,000 cases
+
+
+def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
+    """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise."""
+    path = found.path
+    if orbit is None or path.name != "relative-orbit" or not isinstance(path, Disturbed):
+        return found
+    if _significance(found, DENSITY) < SIGNIFICANT:
+        return found
+    x, span = found.solution.x, (path.begin, path.end)
+    wider = replace(path, base=with_orbit_error(path.base, orbit, lambda time: path.at(time).position(x), *span))
+    more = wider.base.size - path.base.size
+    again = replace(
+        start,
+        path=wider,
+        sampled=wider.at(start.time),
+        bodies=found.bodies,
+        x=np.insert(x, path.base.size, np.zeros(more)),
+        observations=found.observations,
+    )
+    try:
+        corrected = refined(again, options)
+    except ComputationError:
+        return found
+    return corrected if corrected.converged and _significance(corrected, ORBIT_ERROR) >= SIGNIFICANT else found
+
+
+def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
+    """The finding of a wrong orbit, if the path has an error of it and that is significant."""
+    if orbit is None or _significance(found, ORBIT_ERROR) < SIGNIFICANT:
+        return ()
+    factors = factors_of(found.path, found.solution.x, found.posterior.covariance)
+    radial, along, across = [factor for factor in factors if factor.name in NAMES][:3]
+    return (
+        WrongOrbit(
+            (radial.value, along.value, across.value),
+            (radial.deviation, along.deviation, across.deviation),
+            orbit.j2 is not None,
+        ),
+    )
+
+
+def _significance(found: Pivot, name: str) -> float:
+    """That of a hyperparameter; zero if the path has none of this name."""
+    names = [one.name for one in found.path.prior.hyperparameters]
+    return float(found.posterior.significance[names.index(name)]) if name in names else 0.0
