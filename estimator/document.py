@@ -91,12 +91,15 @@ class RejectedPart(Part):
 
 
 class ForcePart(Part):
-    """An estimated factor of a force."""
+    """An estimated factor of a force, or an error of the camera."""
 
-    name: str = Field(description="acceleration scale (its relative error), constant acceleration, error of the orbit")
+    name: str = Field(
+        description="acceleration scale (its relative error), constant acceleration, error of the orbit, or of the "
+        "camera: boresight, scale (relative), lever arm"
+    )
     value: float
     deviation: float = Field(description="standard deviation")
-    unit: Literal["1", "m/s²", "m"]
+    unit: Literal["1", "m/s²", "m", "rad"]
 
 
 class ProcessNoisePart(Part):
@@ -151,7 +154,7 @@ class EstimateDocument(Part):
     clusters: tuple[ClusterPart, ...]
     residual_rms: dict[str, float | None] = Field(description="of each feature, per coordinate, m")
     rejected: RejectedPart
-    forces: tuple[ForcePart, ...] = Field(description="estimated factors of forces")
+    forces: tuple[ForcePart, ...] = Field(description="estimated factors of forces, and errors of the camera")
     findings: tuple[FindingPart, ...]
     details: DetailsPart
     wall_time: float = Field(description="s")

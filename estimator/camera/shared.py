@@ -21,6 +21,8 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 
 FloatArray = NDArray[np.float64]
 
+NAMES = (*(f"boresight {axis}" for axis in "xyz"), "scale", *(f"lever arm {axis}" for axis in "xyz"))
+
 
 @dataclass(frozen=True, eq=False)
 class SharedErrors:
@@ -37,6 +39,11 @@ class SharedErrors:
     def deviations(self) -> FloatArray:
         """The standard deviations (k,) of the constant errors."""
         return np.asarray(self._all[self._uncertain])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the constant errors."""
+        return tuple(name for name, uncertain in zip(NAMES, self._uncertain, strict=True) if uncertain)
 
     @property
     def scale(self) -> int | None:

@@ -169,9 +169,9 @@ class Thrusted:
 
 
 def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
-    """The estimated factors of all forces on a path, from its x (p,) and the covariance (p, p)."""
-    base = getattr(path, "base", None)
-    own = path.factors(x, of_x) if isinstance(path, Forced) else ()
+    """The factors of all forces on a path, and the camera's errors, from its x (p,) and the covariance (p, p)."""
+    base, factors = getattr(path, "base", None), getattr(path, "factors", None)
+    own: tuple[Factor, ...] = () if factors is None else factors(x, of_x)
     return own if base is None else factors_of(base, x, of_x) + own
 
 

@@ -12,10 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.forces import Factor
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 
 FloatArray = NDArray[np.float64]
+
+UNITS = {"boresight": "rad", "scale": "1", "lever": "m"}  # by the first word of an error's name
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +27,7 @@ class SeenPath:
 
     base: Path
     deviations: FloatArray
+    names: tuple[str, ...]
 
     @property
     def name(self) -> str:
@@ -44,6 +48,12 @@ class SeenPath:
     def errors(self) -> slice:
         """Where the errors are among the unknowns."""
         return slice(self.base.size, self.size)
+
+    def factors(self, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
+        """The errors as estimated, from x and its covariance."""
+        own = self.errors
+        rows = zip(self.names, x[own].tolist(), np.sqrt(np.diag(of_x)[own]).tolist(), strict=True)
+        return tuple(Factor(name, value, deviation, UNITS[name.split()[0]]) for name, value, deviation in rows)
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
         """See `Path`."""

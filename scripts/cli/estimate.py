@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import Axes, Noise, Options, Reference, Torque
@@ -97,6 +98,8 @@ def estimate_file(
     method: str | None = None,
     orbit: Path | None = None,
     epoch: str | None = None,
+    camera: Path | None = None,
+    rig: Path | None = None,
     path: PathChoices | None = None,
     forces: ForceChoices | None = None,
     screws: ScrewChoices | None = None,
@@ -123,6 +126,12 @@ def estimate_file(
         TLE, OMM or OEM. The axes of the tracks are those of the orbit: TEME for a TLE or OMM.
     epoch
         UTC of time 0, for a TLE, OMM, OEM or an orbit with an epoch. Default: that of tracks with UTC times.
+    camera
+        The camera's attitude, for tracks in camera axes: a CSV file with the columns time,qw,qx,qy,qz (s or UTC, unit
+        quaternions, the scalar first) that turn camera axes into inertial ones. Rows span the tracks without gaps.
+    rig
+        Of --camera: a TOML file with a table [rig], the lever arm from the chaser's centre of mass to the camera, and
+        what is uncertain about camera and attitude. Default: no lever arm, nothing uncertain.
     output
         The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file.
         Default: the tracks' name with .estimate.csv.
@@ -136,7 +145,9 @@ def estimate_file(
         raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
     if for_path["trajectory"] == "relative-orbit" and orbit is None:
         raise InputError("--trajectory relative-orbit: needs the target's orbit, expected --orbit ORBIT.toml")
-    read = [tracks, *(file for file in (orbit, forces.acceleration) if file is not None)]
+    if rig is not None and camera is None:
+        raise InputError("--rig: needs the camera's attitude, expected --camera ATTITUDE.csv")
+    read = [tracks, *(file for file in (orbit, camera, rig, forces.acceleration) if file is not None)]
     refuse_overwriting([target, target.with_suffix(".json")], read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
@@ -144,9 +155,10 @@ def estimate_file(
             refuse_implausible(data, str(tracks))
             epoch = _epoch(data, epoch)
             known_orbit = None if orbit is None else load_orbit(orbit, epoch)
-            options = forces.read_into(options, epoch)
+            turned = None if camera is None else Camera.load(csv_path(camera), rig)
+            options = forces.read_into(options, epoch, turned)
         with stage(progress, f"estimating by {method}") as share:
-            result = estimate(data, method=method, orbit=known_orbit, options=options, progress=share)
+            result = estimate(data, method=method, orbit=known_orbit, options=options, camera=turned, progress=share)
     write_estimate(result, target)
     diagnostics = target.with_suffix(".json")
     words = [_headline(result, target), *(f"  {line}" for line in summary(result)), f"  more in {diagnostics}"]

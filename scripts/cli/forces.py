@@ -6,6 +6,7 @@ from typing import Any
 
 from cyclopts import Parameter
 
+from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.options import ConstantAxes, Options, PathOptions
 from baryscope.estimator.tables.acceleration import read_acceleration
 from baryscope.estimator.thrust import AccelerationAxes, KnownAcceleration
@@ -23,8 +24,8 @@ class ForceChoices:
         The chaser's acceleration by its thrusters (pivot, ml): a CSV file with the columns time,ax,ay,az (s or UTC,
         m/s²), each row held until the next one. Zero before the first row.
     acceleration_axes
-        Axes of --acceleration: inertial, those of the tracks; lvlh, of the target, with --orbit; or camera. Default:
-        inertial.
+        Axes of --acceleration: inertial, those of the tracks; lvlh, of the target, with --orbit; or camera, with
+        --camera. Default: inertial.
     acceleration_scale
         Standard deviation of the relative error of the accelerometer's scale, which is then estimated. Default: 0.
     acceleration_noise
@@ -52,8 +53,8 @@ class ForceChoices:
                     raise InputError(f"--acceleration-{name}: needs --acceleration, expected --acceleration A.csv")
         return {"acceleration": self.acceleration, "constant_acceleration": self.constant_acceleration}
 
-    def read_into(self, options: Options, epoch: str | None) -> Options:
-        """The options with the acceleration from its file; epoch: UTC of time 0, if known.
+    def read_into(self, options: Options, epoch: str | None, camera: Camera | None = None) -> Options:
+        """The options with the acceleration from its file; epoch: UTC of time 0, if known; camera: of the tracks.
 
         Raises:
             InputError: the file or a property is wrong.
@@ -61,15 +62,14 @@ class ForceChoices:
         if self.acceleration is None or not isinstance(options, PathOptions):
             return options
         time, value = read_acceleration(self.acceleration, epoch)
-        if self.acceleration_axes == "camera":
-            raise InputError(
-                "--acceleration-axes: found camera, expected inertial or lvlh: the tracks' axes do not turn"
-            )
+        if self.acceleration_axes == "camera" and camera is None:
+            raise InputError("--acceleration-axes: found camera, which needs its attitude, expected --camera A.csv")
         known = KnownAcceleration(
             time,
             value,
             self.acceleration_axes or "inertial",
             scale=self.acceleration_scale or 0.0,
             noise=self.acceleration_noise or 0.0,
+            attitude=None if camera is None else camera.attitude.at,
         )
         return replace(options, acceleration=known)

@@ -1,0 +1,61 @@
+"""`baryscope estimate --camera --rig` on a camera that turns, made by the test."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator import FeatureTracks
+from baryscope.scripts.cli import app
+from synthetic import box_features
+
+ARM = np.array([0.8, -0.3, 0.5])
+CENTRE = np.array([1.0, -20.0, 2.0])
+
+
+@pytest.fixture
+def files(tmp_path):
+    """Tracks of a body that turns about a point at rest, the attitude of a camera that turns, and its rig."""
+    rng, time = np.random.default_rng(4), np.arange(60.0)
+    turn = Rotation.from_rotvec(0.1 * time[:, None] * [0.0, 0.6, 0.8]).as_matrix()
+    camera = Rotation.from_rotvec(np.column_stack([0.02 * time, 0.3 * np.sin(0.1 * time), 0.0 * time]))
+    points = box_features(5, (4, 3, 2), seed=1) @ np.swapaxes(turn, 1, 2) + CENTRE
+    seen = (points - camera.apply(ARM)[:, None]) @ camera.as_matrix() + 0.01 * rng.normal(size=points.shape)
+    FeatureTracks(time, seen, [f"F{i}" for i in range(5)]).write_csv(tmp_path / "tracks.csv")
+    rows = np.column_stack([time, np.roll(camera.as_quat(), 1, axis=1)])
+    np.savetxt(tmp_path / "attitude.csv", rows, delimiter=",", header="time,qw,qx,qy,qz", comments="")
+    rig = f"[rig]\nlever_arm = {ARM.tolist()}\nscale_deviation = 1e-3\nboresight_deviation = [0, 1e-3, 0]\n"
+    (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
+    return tmp_path
+
+
+def run(files, *more):
+    return app.main(["estimate", str(files / "tracks.csv"), "--trajectory", "fixed", *map(str, more)])
+
+
+def test_the_camera_is_turned_and_its_errors_are_told(files, capsys):
+    assert run(files, "--camera", files / "attitude.csv", "--rig", files / "rig.toml") == 0
+    said = capsys.readouterr().out
+    path = np.loadtxt(files / "tracks.estimate.csv", delimiter=",", skiprows=1)
+    document = json.loads((files / "tracks.estimate.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in document["forces"]] == ["boresight y", "scale"]
+    assert [one["unit"] for one in document["forces"]] == ["rad", "1"]
+    assert "boresight y" in said
+    error, deviation = np.linalg.norm(path[:, 1:4] - CENTRE, axis=1), np.sqrt(path[:, [4, 7, 9]].sum(axis=1))
+    assert np.all(error < 4 * deviation)
+    assert np.all(deviation > 0.02)  # the scale's: 1e-3 of 20 m, which a fixed point does not tell
+
+
+def test_a_camera_that_is_forgotten_does_not_pass(files, capsys):
+    assert run(files) == 3
+    assert "does not fit" in capsys.readouterr().out
+
+
+def test_wrong_combinations_get_one_line(files, capsys):
+    assert run(files, "--rig", files / "rig.toml") == 2
+    assert "--rig: needs the camera's attitude, expected --camera ATTITUDE.csv" in capsys.readouterr().err
+    attitude = files / "attitude.csv"
+    attitude.write_text("".join(attitude.read_text().splitlines(keepends=True)[:40]))
+    assert run(files, "--camera", attitude) == 2
+    assert "camera's attitude: none for the time 39 s" in capsys.readouterr().err
