@@ -29,7 +29,8 @@ class TumbleDetails:
 
     epoch in s; attitude (3, 3) R_C_B; angular_rate (3,) in B, rad/s, and its standard deviations (3,); inertia (3, 3)
     in B over its trace, and its standard deviation (Frobenius norm); gravity_gradient: whether the model has this
-    torque.
+    torque. torque_noise: estimated density of the white angular acceleration, rad²/s³, None if it is given or there is
+    none; torque_noise_bounds: that hold 90 %.
     """
 
     epoch: float
@@ -39,6 +40,8 @@ class TumbleDetails:
     inertia: FloatArray
     inertia_deviation: float
     gravity_gradient: bool
+    torque_noise: float | None = None
+    torque_noise_bounds: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

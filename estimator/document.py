@@ -116,7 +116,7 @@ class ProcessNoisePart(Part):
 class FindingPart(Part):
     """Evidence against a model."""
 
-    kind: Literal["lack-of-fit", "excess-residuals", "different-points", "departure", "wrong-orbit"]
+    kind: Literal["lack-of-fit", "excess-residuals", "different-points", "departure", "wrong-orbit", "wrong-sigma"]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
     magnitude: float | None = Field(None, description="lack-of-fit, departure: rms departure of the path, m")
@@ -133,6 +133,8 @@ class FindingPart(Part):
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
+    given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
+    found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
 
 
 class EstimateDocument(Part):

@@ -41,6 +41,8 @@ class TumblePart(Part):
     principal_moments_over_trace: Vector
     principal_axes: Matrix = Field(description="body axes, a unit vector a row")
     gravity_gradient: bool
+    torque_noise: float | None = Field(None, description="estimated density of the angular acceleration, rad²/s³")
+    torque_noise_bounds: tuple[float, float] | None = Field(None, description="that hold 90 %")
 
 
 class FilterPart(Part):
@@ -122,6 +124,8 @@ def details_part(found: kinds.Details) -> Any:
                 principal_moments_over_trace=vector(values),
                 principal_axes=matrix(axes.T),
                 gravity_gradient=found.gravity_gradient,
+                torque_noise=found.torque_noise,
+                torque_noise_bounds=found.torque_noise_bounds,
             )
         case kinds.FilterDetails():
             return FilterPart(

@@ -18,6 +18,7 @@ from baryscope.estimator.result import (
     ProcessNoise,
     Status,
     WrongOrbit,
+    WrongSigma,
 )
 
 
@@ -44,7 +45,7 @@ def sentence(finding: Finding) -> str:
                 f"(χ² {finding.chi_square:.0f}, expected {finding.dof})"
             )
         case ExcessResiduals(model=model) if model == FREE_TUMBLE:
-            return f"no free tumble fits: residuals are {finding.ratio:.2g} times those with free attitudes"
+            return f"no free tumble fits: residuals are {finding.ratio:.3g} times those with free attitudes"
         case ExcessResiduals():
             return f"{finding.model} does not fit: residuals are {finding.ratio:.2g} times those of the bodies alone"
         case Departure():
@@ -57,6 +58,10 @@ def sentence(finding: Finding) -> str:
             off = ", ".join(f"{value / 1e3:.3g} ± {sd / 1e3:.2g} km {where}" for where, value, sd in parts)
             other = "" if finding.oblate else ", or this is J2, which the orbit file does not tell"
             return f"the target is off its orbit by {off}, for which the estimate is corrected{other}"
+        case WrongSigma():
+            return (
+                f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: so all claims are wrong"
+            )
         case DifferentPoints():
             first, second = finding.clusters
             names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"

@@ -176,7 +176,18 @@ class WrongOrbit:
     oblate: bool
 
 
-Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit
+@dataclass(frozen=True)
+class WrongSigma:
+    """The deviation of a coordinate is `found`, from the registration of the bodies alone, but `given` a priori.
+
+    Both in m, or as factors on the standard deviations of the tracks' covariances. No model is to blame.
+    """
+
+    given: float
+    found: float
+
+
+Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit | WrongSigma
 
 
 @dataclass(frozen=True)
@@ -304,7 +315,7 @@ class Estimate:
         """Whether the estimate can be used: the most severe of its defects."""
         if not self.converged:
             return Status.NOT_CONVERGED
-        if any(isinstance(finding, LackOfFit | ExcessResiduals) for finding in self.findings):
+        if any(isinstance(finding, LackOfFit | ExcessResiduals | WrongSigma) for finding in self.findings):
             return Status.MODEL_DOES_NOT_FIT
         if self.observability is not None and not self.observability.observable.all():
             return Status.NOT_OBSERVABLE

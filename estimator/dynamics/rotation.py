@@ -145,11 +145,19 @@ class Attitudes:
 
     @cached_property
     def rate_sensitivity(self) -> FloatArray:
-        """Jacobian (n, 3, size) of the rate in B by the unknowns.
+        """Jacobian (n, 3, size) of the rate in B by the unknowns."""
+        return np.asarray(np.swapaxes(self.attitude, 1, 2) @ self.rate_sensitivity_in_C(self.time))
+
+    def turn_in_C(self, time: FloatArray) -> FloatArray:
+        """The Jacobian (k, 3, size) of a rotation vector in C by the unknowns, at other times (k,) in the same span."""
+        return self._nodes.turn_at(time)
+
+    def rate_sensitivity_in_C(self, time: FloatArray) -> FloatArray:
+        """The Jacobian (k, 3, size) of the rate by the unknowns, turned from B into C, at such times.
 
         A rotation vector φ changes ω by φ̇ + ω × φ = Rᵀ d(R φ)/dt, here the slope of the cubic R φ.
         """
-        return np.asarray(np.swapaxes(self.attitude, 1, 2) @ self._nodes.turn_rate_at(self.time))
+        return self._nodes.turn_rate_at(time)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 POINTS = 4  # of a step, at which the torque is evaluated: Gauss and Legendre's; between them it is a cubic
 GAUSS = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2  # as fractions of the step
@@ -19,18 +20,25 @@ GAUSS = (np.polynomial.legendre.leggauss(POINTS)[0] + 1) / 2  # as fractions of 
 class Torque:
     """Angular acceleration in B, J⁻¹ times the torque: Σ ξⱼ aⱼ(t), rad/s², over begin … end in s.
 
-    coefficients (k, 3): ξⱼ of the three axes, rad/s^1.5. Before begin and after end it stays for half a wave of the
-    last mode, so that a step of integration may pass them, and is zero from there.
+    coefficients (k, 3): ξⱼ of the three axes, rad/s^1.5; orders (k,): the modes' j, ascending. Before begin and after
+    end it stays for half a wave of the last mode, so that a step of integration may pass them, and is zero from there.
     """
 
     begin: float
     end: float
     coefficients: FloatArray
+    orders: IntArray
 
     @classmethod
-    def none(cls, begin: float, end: float, modes: int) -> "Torque":
-        """No torque, but `modes` modes of which the sensitivities are wanted."""
-        return cls(begin, end, np.zeros((modes, 3)))
+    def none(cls, begin: float, end: float, orders: IntArray) -> "Torque":
+        """No torque, but the modes of which the sensitivities are wanted."""
+        return cls(begin, end, np.zeros((len(orders), 3)), orders)
+
+    def with_orders(self, orders: IntArray) -> "Torque":
+        """The same torque with other modes, which include those it has."""
+        coefficients = np.zeros((len(orders), 3))
+        coefficients[np.searchsorted(orders, self.orders)] = self.coefficients
+        return replace(self, coefficients=coefficients, orders=orders)
 
     @property
     def size(self) -> int:
@@ -40,7 +48,7 @@ class Torque:
     @property
     def highest_frequency(self) -> float:
         """The angular frequency of the last mode, rad/s."""
-        return np.pi * (len(self.coefficients) - 1) / (self.end - self.begin)
+        return float(np.pi * self.orders[-1] / (self.end - self.begin))
 
     def changed(self, change: FloatArray) -> "Torque":
         """The torque with a change (3 k,) of the coefficients."""
@@ -49,11 +57,11 @@ class Torque:
     def modes(self, time: FloatArray) -> FloatArray:
         """The modes aⱼ (..., k) at times (...) in s, in s^-½."""
         span = self.end - self.begin
-        order = np.arange(len(self.coefficients))
+        order = self.orders
         scaled = (time - self.begin) / span
         inside = np.clip(scaled, 0.0, 1.0)
         found = np.cos(np.pi * order * inside[..., None]) * np.sqrt(np.where(order > 0, 2.0, 1.0) / span)
-        beyond = np.abs(scaled - inside) * max(len(order) - 1, 1) > 1
+        beyond = np.abs(scaled - inside) * max(int(order[-1]), 1) > 1
         return np.asarray(np.where(beyond[..., None], 0.0, found))
 
     def at(self, time: FloatArray) -> FloatArray:
@@ -62,7 +70,7 @@ class Torque:
 
     def impulse(self) -> float:
         """The integral of its magnitude over time, rad/s: no rate changes by more."""
-        time = np.linspace(self.begin, self.end, 8 * len(self.coefficients) + 1)
+        time = np.linspace(self.begin, self.end, 8 * int(self.orders[-1]) + 9)
         return float(np.linalg.norm(self.at(time), axis=1).mean() * (self.end - self.begin))
 
 

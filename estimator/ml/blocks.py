@@ -4,19 +4,22 @@ The sum over frames Σ Jᵀ B J, with Jacobians J (6, q) that are cubics in a bl
 6 × 6 matrices B only the sums with products of the cubics' weights are needed. So the cost of q² is that of the blocks.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.dynamics.rotation import Attitudes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-KNOTS = 4  # times of a block, Chebyshev's: the error of a wave is 5e-6 of it for each (ωT)⁴, T the block's length
+KNOTS = 4  # times of a block, Chebyshev's: the error of a wave is 3e-4 (ωT)⁴ of it, T the block's length
 WORTHWHILE = 2 * KNOTS  # frames of a block, on average, from which sums over blocks are faster
+SHORTEST = 1e-9  # s, of a block
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +33,22 @@ class Blocks:
     time: FloatArray
     weights: FloatArray
 
+    @property
+    def worthwhile(self) -> bool:
+        """Whether sums over blocks are faster than those over frames."""
+        return len(self.weights) >= WORTHWHILE * len(self.first)
 
-def blocks_of(time: FloatArray, longest: float) -> Blocks | None:
-    """Blocks of at most `longest` seconds of ascending times (n,) in s; None if they would have few frames."""
+    @cached_property
+    def of_frame(self) -> IntArray:
+        """The index (n,) of each frame's block."""
+        return np.repeat(np.arange(len(self.first)), np.diff(self.first, append=len(self.weights)))
+
+
+def blocks_of(time: FloatArray, longest: float) -> Blocks:
+    """Blocks of at most `longest` seconds of ascending times (n,) in s."""
     span = float(time[-1] - time[0])
-    count = max(int(np.ceil(span / longest)), 1) if longest > 0 else len(time)
-    if span <= 0 or len(time) < WORTHWHILE * count:
-        return None
-    length = span / count
+    count = max(min(int(np.ceil(span / longest)), len(time)), 1) if longest > 0 else 1
+    length = max(span / count, SHORTEST)
     index = np.minimum(((time - time[0]) / length).astype(np.intp), count - 1)
     first = np.nonzero(np.diff(index, prepend=-1))[0]
     nodes = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)
@@ -49,6 +60,55 @@ def blocks_of(time: FloatArray, longest: float) -> Blocks | None:
 
 
 @dataclass(frozen=True, eq=False)
+class Jacobians:
+    """A Jacobian (3, q) that changes smoothly in time, at n frames: values at the times of blocks, or at all frames.
+
+    values (k, KNOTS, 3, q) with blocks, (n, 1, 3, q) without.
+    """
+
+    values: FloatArray
+    blocks: Blocks | None
+
+    @classmethod
+    def of(cls, function: Callable[[FloatArray], FloatArray], time: FloatArray, blocks: Blocks) -> "Jacobians":
+        """Those that a function gives for times (k,) in s, at times (n,)."""
+        if not blocks.worthwhile:
+            return cls(function(time)[:, None], None)
+        found = function(blocks.time.ravel())
+        return cls(found.reshape(*blocks.time.shape, *found.shape[1:]), blocks)
+
+    def times(self, matrix: FloatArray) -> FloatArray:
+        """The products (n, 3, p) with a matrix (q, p)."""
+        return self._at_frames(self.values @ matrix)
+
+    def covariances(self, covariance: FloatArray) -> FloatArray:
+        """J C Jᵀ (n, 3, 3) for a covariance C (q, q)."""
+        moved = self.values @ covariance
+        if self.blocks is None:
+            return np.asarray(moved[:, 0] @ np.swapaxes(self.values[:, 0], 1, 2))
+        total = np.zeros((len(self.blocks.weights), 3, 3))
+        for i in range(KNOTS):
+            for j in range(KNOTS):
+                pair = (moved[:, i] @ np.swapaxes(self.values[:, j], 1, 2))[self.blocks.of_frame]
+                total += (self.blocks.weights[:, i] * self.blocks.weights[:, j])[:, None, None] * pair
+        return total
+
+    def mean(self, factors: FloatArray) -> FloatArray:
+        """The mean (3, q) over the frames of factors (n, 3, 3) times the Jacobian."""
+        if self.blocks is None:
+            return np.asarray(np.einsum("nij,njq->iq", factors, self.values[:, 0], optimize=True) / len(factors))
+        weighted = (self.blocks.weights[:, :, None, None] * factors[:, None]).reshape(len(factors), -1)
+        sums = np.add.reduceat(weighted, self.blocks.first).reshape(-1, KNOTS, 3, 3)
+        return np.asarray(np.einsum("kcij,kcjq->iq", sums, self.values, optimize=True) / len(factors))
+
+    def _at_frames(self, values: FloatArray) -> FloatArray:
+        """The values (n, 3, p) at frames of values (k, KNOTS, 3, p) at the times of blocks."""
+        if self.blocks is None:
+            return values[:, 0]
+        return np.asarray(np.einsum("nc,ncip->nip", self.blocks.weights, values[self.blocks.of_frame], optimize=True))
+
+
+@dataclass(frozen=True, eq=False)
 class Knots:
     """The Jacobians (k, KNOTS, 6, q) at the times of blocks: of rotations and shifts in C by the unknowns."""
 
@@ -56,11 +116,10 @@ class Knots:
     moves: FloatArray
 
     @classmethod
-    def of(cls, blocks: Blocks, rotation: Rotation, path: Path) -> "Knots":
-        """Those of a rotation and a path."""
+    def of(cls, blocks: Blocks, motion: Attitudes, path: Path) -> "Knots":
+        """Those of a motion around these blocks, and of a path."""
         time = blocks.time.ravel()
-        motion, shift = rotation.at(time), path.at(time).jacobian
-        turn = motion.attitude @ motion.turn
+        turn, shift = motion.turn_in_C(time), path.at(time).jacobian
         moves = np.zeros((len(time), 6, turn.shape[2] + shift.shape[2]))
         moves[:, :3, : turn.shape[2]] = turn
         moves[:, 3:, turn.shape[2] :] = shift

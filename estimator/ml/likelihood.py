@@ -118,12 +118,13 @@ class Equations:
         prior: information on y to add.
         """
         matrix, own = self.matrix + prior, self.rotation_size
-        null_space = null_space_of(matrix, self.sizes)
+        sizes = self.sizes + np.diag(matrix - self.matrix)
+        null_space = null_space_of(matrix, sizes)
         lengths = path.lengths(null_space[own:])
-        typical = path.lengths(np.diag(1 / np.sqrt(self.sizes[own:]))).max()
+        typical = path.lengths(np.diag(1 / np.sqrt(sizes[own:]))).max()
         moving = lengths > 1e-6 * typical  # the others change the rotation only
         spread = np.where(moving, distance / np.where(moving, lengths, 1.0), 0.0)
-        return np.asarray(symmetric_pseudo_inverse(matrix, self.sizes) + (null_space * spread**2) @ null_space.T)
+        return np.asarray(symmetric_pseudo_inverse(matrix, sizes) + (null_space * spread**2) @ null_space.T)
 
     def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
         """Covariance (3, 3) of the offset of some features, and its cross-covariance (3, q) with y.

@@ -39,13 +39,14 @@ from baryscope.estimator.pivot.refinement import (
     least_variance,
     linear_start,
     refined,
+    values_for_path,
 )
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import DifferentPoints, Estimate, ExcessResiduals, Finding, Motion, Noise
+from baryscope.estimator.result import DifferentPoints, Estimate, ExcessResiduals, Finding, Motion, Noise, WrongSigma
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
@@ -55,6 +56,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
+WRONG_SIGMA = 0.1  # relative error of an a priori deviation that is named
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
 
@@ -167,7 +169,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     bodies, x = linear_start(registered, observations, path, tracks.time)
     start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors)
     found = with_corrected_orbit(refined(start, options), orbit, start, options)
-    findings = _findings(found, registered.noise, measured, tracks) + wrong_orbit(found, orbit)
+    findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
     return replace(found, findings=findings)
 
 
@@ -187,19 +189,30 @@ def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
         )
 
 
-def _findings(found: Pivot, noise: float, measured: Observations, tracks: FeatureTracks) -> tuple[Finding, ...]:
-    """Findings against labels and path; noise: standard deviation of a coordinate from the registration, m."""
+def _findings(found: Pivot, noise: float, sigma: float | None, tracks: FeatureTracks) -> tuple[Finding, ...]:
+    """Findings against labels, path and sigma; noise: standard deviation of a coordinate from the registration, m."""
     findings: list[Finding] = [
         DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
         for points in found.refused
     ]
+    measured = found.observations
+    shown = noise if measured.precision is None else float(np.sqrt(found.residual_variance))
     ratio = found.residual_variance / max(noise**2, 1e-300)
     if found.residual_variance > least_variance(measured, ROUNDING):
-        if measured.precision is None and ratio > MAX_VARIANCE_RATIO:
+        if sigma is not None and _is_wrong(sigma, shown, found):
+            findings.append(WrongSigma(sigma, shown))
+        elif measured.precision is None and ratio > MAX_VARIANCE_RATIO:
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     return tuple(findings)
+
+
+def _is_wrong(sigma: float, shown: float, found: Pivot) -> bool:
+    """Whether an a priori deviation is off by more than WRONG_SIGMA, and by more than noise explains."""
+    dof = max(values_for_path(found.bodies, found.observations) - found.path_unknowns, 1.0)
+    # The logarithm of a deviation from n values has the deviation 1/√(2 n).
+    return abs(float(np.log(max(shown, 1e-300) / sigma))) > max(WRONG_SIGMA, 5 / np.sqrt(2 * dof))
 
 
 def _restricted(measured: Observations, bodies: tuple[Body, ...], inliers: BoolArray) -> Observations:

@@ -8,7 +8,7 @@ import pytest
 
 from baryscope.estimator import METHODS, estimate, write_estimate
 from baryscope.estimator.document import EstimateDocument, rejected_intervals, schema, schema_text
-from baryscope.estimator.result import DifferentPoints, LackOfFit
+from baryscope.estimator.result import DifferentPoints, LackOfFit, WrongSigma
 from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
 from synthetic import Orbit
@@ -47,7 +47,7 @@ def test_covariance_is_written_if_there_is_one(tmp_path):
 
 
 def test_every_value_is_written(tmp_path):
-    findings = (LackOfFit("fixed", 0.1, 90.0, 3), DifferentPoints(("a",), (0, 1)))
+    findings = (LackOfFit("fixed", 0.1, 90.0, 3), DifferentPoints(("a",), (0, 1)), WrongSigma(0.01, 0.02))
     residuals = np.full((10, 4, 3), 0.01)
     residuals[:, 3] = np.nan
     _, values = written(an_estimate(findings=findings, residuals=residuals), tmp_path)
@@ -64,7 +64,8 @@ def test_every_value_is_written(tmp_path):
     assert one["features"] == {"a": [1, 0, 0], "b": [-1, 0, 0], "c": [0, 1, 0], "d": [0, -1, 0]}
     np.testing.assert_allclose(one["centre_of_mass_covariance"], np.diag([1e-4, 4e-4, 9e-4]), atol=1e-18)
     assert values["residual_rms"] == {"a": 0.01, "b": 0.01, "c": 0.01, "d": None}
-    lack, different = values["findings"]
+    lack, different, sigma = values["findings"]
+    assert (sigma["kind"], sigma["given"], sigma["found"]) == ("wrong-sigma", 0.01, 0.02)
     assert (lack["kind"], lack["magnitude"], lack["dof"], lack["labels"]) == ("lack-of-fit", 0.1, 3, None)
     assert (different["kind"], different["labels"], different["clusters"]) == ("different-points", ["a"], [0, 1])
     assert values["details"] == {"kind": "pivot", "tie_points": [{"clusters": [0, 1], "labels": ["a", "c"]}]}

@@ -3,7 +3,15 @@ import pytest
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.prose import sentence, summary, verdict
-from baryscope.estimator.result import Departure, DifferentPoints, ExcessResiduals, LackOfFit, Noise, ProcessNoise
+from baryscope.estimator.result import (
+    Departure,
+    DifferentPoints,
+    ExcessResiduals,
+    LackOfFit,
+    Noise,
+    ProcessNoise,
+    WrongSigma,
+)
 from results import a_cluster, an_estimate
 
 
@@ -38,13 +46,17 @@ def test_verdict_names_a_skew_axis():
     "finding, expected",
     [
         (LackOfFit("fixed", 0.123, 91.4, 3), "the path departs from fixed by 0.12 m or so (χ² 91, expected 3)"),
-        (ExcessResiduals("free tumble", 2.04), "no free tumble fits: residuals are 2 times those with free attitudes"),
+        (
+            ExcessResiduals("free tumble", 2.04),
+            "no free tumble fits: residuals are 2.04 times those with free attitudes",
+        ),
         (ExcessResiduals("fixed", 3.3), "fixed does not fit: residuals are 3.3 times those of the bodies alone"),
         (
             Departure("relative-orbit", 0.0152, 3e-9, 90.0),
             "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
             "the covariance allows for it",
         ),
+        (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the bodies alone show 0.0204: so all claims are wrong"),
         (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, no tie point"),
         (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, no tie points"),
     ],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, PrincipalAxes, Status
+from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, PrincipalAxes, Status, WrongSigma
 from results import a_cluster, an_estimate
 
 
@@ -32,7 +32,7 @@ def test_coverage_is_the_share_of_frames_with_an_attitude():
 
 def test_status_is_the_most_severe_defect():
     hidden = (a_cluster([0.01, 0.02, 4.0]),)
-    misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0))
+    misfits = (LackOfFit("fixed", 0.1, 90.0, 3), ExcessResiduals("free tumble", 2.0), WrongSigma(0.01, 0.02))
     assert an_estimate().status is Status.GOOD
     assert an_estimate(findings=(DifferentPoints(("a",), (0, 1)),)).status is Status.GOOD
     assert an_estimate(clusters=hidden).status is Status.NOT_OBSERVABLE

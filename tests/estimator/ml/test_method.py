@@ -46,7 +46,7 @@ def test_rate_and_inertia_agree_with_their_standard_deviations():
     assert found.options.torque == "none"
 
 
-def test_an_unknown_torque_is_reported_and_does_not_affect_pivot():
+def test_a_constant_torque_is_estimated_and_reported_where_it_must_not_be():
     """5 N m for 150 s change the angular momentum by a twentieth."""
     time = np.arange(150.0)
     torque = np.array([3.0, 3.0, -3.0])
@@ -60,10 +60,19 @@ def test_an_unknown_torque_is_reported_and_does_not_affect_pivot():
     q = solve_ivp(slope, (0, time[-1]), start, "DOP853", time, rtol=1e-9, atol=1e-9).y[:4].T
     R = Rotation.from_quat(q, scalar_first=True).as_matrix()
     case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=2)
-    found = estimate(case.tracks, method="ml", options=FIXED)
-    assert any(remark.startswith("no free tumble fits") for remark in [sentence(finding) for finding in found.findings])
-    assert found.status is Status.MODEL_DOES_NOT_FIT
+    free = estimate(case.tracks, method="ml", options=PathOptions(trajectory="fixed", torque_noise="none"))
+    assert any(remark.startswith("no free tumble fits") for remark in [sentence(finding) for finding in free.findings])
+    assert free.status is Status.MODEL_DOES_NOT_FIT
     plain = estimate(case.tracks, method="pivot", options=FIXED)
+    found = estimate(case.tracks, method="ml", options=FIXED)
+    assert found.findings == ()
+    # A constant α is white noise with α² T in one of its modes, among some thirty that the tracks tell.
+    low, high = found.details.torque_noise_bounds
+    assert low < found.details.torque_noise < high
+    assert 1e-3 < found.details.torque_noise / (np.linalg.norm(torque / np.diag(ENVISAT)) ** 2 * time[-1]) < 1
+    assert found.predicted_rmse < 1.1 * plain.predicted_rmse
+    error = found.position[0] - case.com[0]
+    assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
     assert plain.findings == ()
     error = plain.position[0] - case.com[0]
     assert error @ np.linalg.solve(plain.covariance[0], error) < 4.5**2
@@ -138,3 +147,44 @@ def test_stereo_range_is_unbiased():
         assert found.noise.a_posteriori**2 == pytest.approx(1, abs=0.1)
     assert np.mean(moved) == pytest.approx(1.7, abs=0.6)
     assert np.abs(apart).max() < 0.7
+
+
+def test_the_density_of_white_torque_noise_is_found():
+    """Kicks at every second; the estimate agrees with the density, and rates and path with their covariances."""
+    density, time = 1e-8, np.arange(300.0)
+    rng = np.random.default_rng(5)
+    kicks = np.sqrt(density) * rng.normal(size=(300, 3))
+    R, rates, rate = [np.eye(3)], [RATE], RATE
+    for kick in kicks[1:]:
+        step = Tumbling(0.0, R[-1], rate, ENVISAT).at(np.array([1.0]))
+        rate = step.rate[0] + kick
+        R.append(step.attitude[0])
+        rates.append(rate)
+    case = make_case(time, np.array(R), at_rest(time), FEATURES, noise=NOISE, seed=4)
+    found = estimate(case.tracks, method="ml", options=FIXED)
+    assert found.findings == ()
+    low, high = found.details.torque_noise_bounds
+    assert low / 1.5 < density < 1.5 * high  # 90 %, once
+    assert high / low < 10
+    for k in (0, 150, 299):
+        turn = found.attitude[k].T @ case.R_I_B[k]
+        missed = found.angular_rate[k] - turn @ rates[k]
+        # χ²₃ with probability 1e-4 is 21; a rate jumps by the kick at the sample.
+        assert missed @ np.linalg.solve(found.motion.angular_rate_covariance[k] + density * np.eye(3), missed) < 21
+    error = found.position[0] - case.com[0]
+    assert error @ np.linalg.solve(found.covariance[0], error) < 21
+    given = estimate(case.tracks, method="ml", options=PathOptions(trajectory="fixed", torque_noise=density))
+    assert given.details.torque_noise is None
+    np.testing.assert_allclose(given.position, found.position, atol=0.5 * found.predicted_rmse)
+
+
+def test_free_tumbles_hardly_pay_for_the_search_of_a_torque():
+    time = np.arange(300.0)
+    case = make_case(time, attitude(ENVISAT, RATE, time), at_rest(time), FEATURES, noise=NOISE, seed=1)
+    auto, free = (
+        estimate(case.tracks, method="ml", options=PathOptions(trajectory="fixed", torque_noise=noise))
+        for noise in ("auto", "none")
+    )
+    assert auto.predicted_rmse < 1.05 * free.predicted_rmse
+    np.testing.assert_allclose(auto.position, free.position, atol=0.3 * free.predicted_rmse)
+    assert free.details.torque_noise is None

@@ -1,0 +1,295 @@
+"""The maximum a posteriori estimate: damped Gauss–Newton steps with updates of robust weights and noise densities."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+from baryscope.estimator.adjustment.evidence import Linear, Posterior, conditional, held, maximise, posterior, ranges
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.stereo import moved_to, observations_of
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.rotation import NODE_ANGLE, Attitudes, Rotation
+from baryscope.estimator.dynamics.torque import Torque
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.ml.blocks import Blocks, Knots, blocks_of
+from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME, Tumble
+from baryscope.estimator.ml.likelihood import Equations, Model, equations
+from baryscope.estimator.ml.priors import Priors
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.refinement import Pivot, least_variance
+from baryscope.estimator.progress import Rounds
+from baryscope.estimator.tracks import FeatureTracks
+
+FloatArray = NDArray[np.float64]
+
+MAX_ROUNDS = 40
+STEP_TOLERANCE = 1e-4  # squared length of the last step, in units of the covariance
+ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
+WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
+STAGE = 0.5  # of the unit of progress, that the start, the tumble and each round take
+FEWEST_MODES, MANY_MODES, MOST_MODES = 6, 36, 100  # of the torque, of each axis: always, to begin with, at all
+FLAT = 7.0  # of a hyperparameter's logarithm, from its lower bound to where a mode's variance is that of its estimate
+RESOLVED = 3.0  # highest frequency of the modes over that at which the noise of the attitudes hides the torque's
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """The maximum a posteriori estimate of motion, path and points, with the normal equations there.
+
+    blocks of the frames; observations with their final weights; variance of an observation of weight 1, as given or
+    from the residuals: in m², or as a factor on the given covariances; residual_variance: that from the residuals;
+    unknowns: the number of unknowns y that the observations determine; posterior of y and of the hyperparameters.
+    """
+
+    rotation: Rotation
+    motion: Attitudes
+    x: FloatArray
+    path: Path
+    sampled: SampledPath
+    blocks: Blocks
+    found: Equations
+    priors: Priors
+    posterior: Posterior
+    observations: Observations
+    variance: float
+    residual_variance: float
+    unknowns: float
+    converged: bool
+    rounds: int
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """A rotation, its motion at the tracks' times, and the path's x (p,)."""
+
+    rotation: Rotation
+    motion: Attitudes
+    x: FloatArray
+
+    @property
+    def values(self) -> FloatArray:
+        return Priors.values(self.rotation, self.x)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What an iteration does not change: times (n,), path and priors; measured: all observations with weight 1.
+
+    floor: least variance of an observation; stereo: whether the covariances belong to the estimated points.
+    """
+
+    time: FloatArray
+    path: Path
+    sampled: SampledPath
+    blocks: Blocks
+    priors: Priors
+    measured: Observations
+    floor: float
+    stereo: bool
+
+    def equations(self, observations: Observations, state: _State, points: FloatArray) -> Equations:
+        """The normal equations at a state, linearised at points (m, 3)."""
+        knots = Knots.of(self.blocks, state.motion, self.path) if self.blocks.worthwhile else None
+        origin = self.sampled.position(state.x)
+        return equations(observations, Model(state.motion, self.sampled, origin, points, knots=knots))
+
+    def moved(self, state: _State, change: FloatArray) -> _State | None:
+        """The state after a change (q,) of the unknowns; None if the rotation is not possible."""
+        size = state.rotation.size
+        rotation = state.rotation.changed(np.zeros(3), change[:size])
+        near = rotation.possible and rotation.reaches(self.time, MAX_NODES + NODES_PER_FRAME * len(self.time))
+        motion = rotation.try_at(self.time) if near else None
+        return None if motion is None else _State(rotation, motion, state.x + change[size:])
+
+    def with_weights(self, observations: Observations, state: _State, points: FloatArray) -> Observations:
+        """The observations, if `stereo` with the covariances of the estimated points (m, 3)."""
+        if not self.stereo:
+            return observations
+        origin = self.sampled.position(state.x)
+        estimated = points @ np.swapaxes(state.motion.attitude, 1, 2) + origin[:, None]
+        return moved_to(observations, self.measured, estimated)
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterate:
+    """The result of an iteration; theta (h,): the hyperparameters; unknowns: how many the observations determine."""
+
+    state: _State
+    observations: Observations
+    found: Equations
+    variance: float
+    theta: FloatArray
+    unknowns: float = 0.0
+    converged: bool = False
+    rounds: int = 0
+
+
+def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
+    """The maximum, from the path of `pivot` and the fitted rotation, with as many modes of torque noise as it needs."""
+    measured = observations_of(tracks, tracks.seen)
+    weight = np.where(tracks.seen, NEGLIGIBLE, 0.0)
+    weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
+    observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
+    density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
+    stereo = measured.precision is not None and options.noise == "stereo"
+
+    def problem_of(rotation: Rotation) -> _Problem:
+        priors = Priors.of(rotation, pivot.path, pivot.sampled, pivot.solution.x, density)
+        blocks = blocks_of(tracks.time, _block_length(rotation, pivot.path, float(np.ptp(tracks.time))))
+        return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, priors, measured, floor, stereo)
+
+    rotation = tumble.rotation
+    if options.torque_noise != "none":
+        rotation = _with_modes(rotation, tracks.time)
+    problem, state = problem_of(rotation), _State(rotation, rotation.at(tracks.time), pivot.solution.x)
+    found = problem.equations(observations, state, common_points(pivot, tumble))
+    at = _Iterate(state, observations, found, max(pivot.variance, floor), pivot.posterior.theta)
+    best = _converged(problem, at, done)
+    while best.converged and (richer := _richer(best, tracks.time, density)) is not None:
+        problem, state = problem_of(richer), _State(richer, richer.at(tracks.time), best.state.x)
+        found = problem.equations(best.observations, state, best.found.points)
+        best = _converged(problem, replace(best, state=state, found=found, converged=False), done)
+    residual = best.found.cost / _dof(best.observations, best.unknowns)
+    variance = residual if options.sigma is None else options.sigma**2
+    linear = problem.priors.linear(best.found, best.state.values, max(variance, floor))
+    return Likelihood(
+        rotation=best.state.rotation,
+        motion=best.state.motion,
+        x=best.state.x,
+        path=pivot.path,
+        sampled=pivot.sampled,
+        blocks=problem.blocks,
+        found=best.found,
+        priors=problem.priors,
+        posterior=posterior(linear, problem.priors.own, best.theta),
+        observations=best.observations,
+        variance=variance,
+        residual_variance=residual,
+        unknowns=best.unknowns,
+        converged=best.converged,
+        rounds=best.rounds,
+    )
+
+
+def _converged(problem: _Problem, start: _Iterate, done: Rounds) -> _Iterate:
+    """Damped Gauss–Newton steps until steps and changes of the weights are small."""
+    at, damping, own = start, 1e-6, problem.priors.own
+    while not at.converged and at.rounds < MAX_ROUNDS:
+        done.did(STAGE)
+        values = at.state.values
+        linear = problem.priors.linear(at.found, values, at.variance)
+        theta = maximise(linear, own, _start(linear, own, at.theta))
+        precision = held(linear, own, theta)[0]
+        matrix = at.variance * (linear.information + np.diag(precision))
+        rhs = at.variance * (linear.rhs - precision * values)
+        cost = at.found.cost + at.variance * problem.priors.cost(values, precision)
+        moved = None
+        while moved is None and damping < 1e10:
+            change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
+            moved = problem.moved(at.state, change)
+            if moved is not None:
+                found = problem.equations(at.observations, moved, at.found.points)
+                if found.cost + at.variance * problem.priors.cost(moved.values, precision) > cost * (1 + 1e-12):
+                    moved = None
+            damping = damping * 10 if moved is None else damping / 30
+        unknowns = len(values) - float(precision @ np.diag(conditional(linear, own, theta)[1]))
+        at = replace(at, theta=theta, unknowns=unknowns, rounds=at.rounds + 1)
+        if moved is None:
+            return at
+        dof = _dof(at.observations, unknowns)
+        variance = max(found.cost / dof, problem.floor)
+        weight = reweighted(found.squares, at.observations.weight, dof, problem.floor)
+        unweighted = found.squares / np.where(weight > 0, at.observations.weight, 1.0)
+        steady = abs(float(np.vdot(unweighted, weight)) - found.cost) <= WEIGHT_CHANGE_TOLERANCE * variance * dof
+        converged = steady and float(change @ matrix @ change) <= STEP_TOLERANCE * variance and damping < 1e-2
+        observations = at.observations
+        if not converged and (problem.stereo or not steady):
+            observations = problem.with_weights(observations.weighted(weight), moved, found.points)
+            found = problem.equations(observations, moved, found.points)
+        at = replace(at, state=moved, observations=observations, found=found, variance=variance, converged=converged)
+    return at
+
+
+def _start(linear: Linear, own: Prior, theta: FloatArray) -> FloatArray:
+    """The hyperparameters to start their search from, away from lower bounds, where the likelihood is flat.
+
+    theta: those that are known, the last of them.
+    """
+    start = ranges(linear, own)[:, 0] + FLAT
+    known = slice(len(start) - len(theta), None)
+    start[known] = np.maximum(theta, start[known])
+    return start
+
+
+def _richer(best: _Iterate, time: FloatArray, density: float | None) -> Rotation | None:
+    """The rotation with more modes of a torque, if those there do not suffice; None if they do."""
+    rotation, span = best.state.rotation, float(time[-1] - time[0])
+    if rotation.torque is None:
+        return None
+    # White noise of density q, twice integrated, has the spectrum q/f⁴; that of the attitudes' noise is 1/information.
+    q = float(np.exp(best.theta[0])) if density is None else density
+    corner = (q * _attitude_information(best) / span) ** 0.25
+    waves = int(np.ceil(RESOLVED * corner * span / np.pi))
+    if waves <= FEWEST_MODES:
+        return None
+    turns = int(np.ceil(float(np.linalg.norm(rotation.rate)) * span / np.pi))
+    orders = np.union1d(rotation.torque.orders, np.arange(min(waves + turns, MOST_MODES, len(time) // 4)))
+    if len(orders) <= len(rotation.torque.orders):
+        return None
+    return replace(rotation, torque=rotation.torque.with_orders(orders))
+
+
+def _with_modes(rotation: Rotation, time: FloatArray) -> Rotation:
+    """The rotation with the modes of a torque that changes slowly in axes of the body or of the chaser.
+
+    The latter are as many as half turns; of many, only those that are strong in the elements of the attitude.
+    """
+    span = float(time[-1] - time[0])
+    turns = int(np.ceil(float(np.linalg.norm(rotation.rate)) * span / np.pi))
+    count = max(min(FEWEST_MODES + turns, len(time) // 4), 1)
+    if span <= 0:
+        return rotation
+    orders = np.arange(count)
+    if count > MANY_MODES:
+        even = np.linspace(time[0], time[-1], 8 * count)
+        power = (dct(rotation.at(even).attitude.reshape(-1, 9), axis=0, norm="ortho")[:count] ** 2).sum(axis=1)
+        strong = np.argsort(power)[::-1][: MANY_MODES - FEWEST_MODES]
+        orders = np.union1d(np.arange(FEWEST_MODES), strong)
+    return replace(rotation, torque=Torque.none(float(time[0]), float(time[-1]), orders))
+
+
+def _attitude_information(best: _Iterate) -> float:
+    """The information on the attitude in all frames, 1/rad², a mean over axes, for a known centre of mass."""
+    squares = np.einsum("mi,mi->m", best.found.points, best.found.points)
+    weight = best.observations.weight
+    if best.observations.precision is not None:
+        weight = weight * np.trace(best.observations.precision, axis1=2, axis2=3) / 3
+    return float(2 / 3 * (weight @ squares).sum() / best.variance)
+
+
+def _block_length(rotation: Rotation, path: Path, span: float) -> float:
+    """The longest block in s in which rotation and path are cubics; span: of the tracks, s."""
+    rate = float(np.linalg.norm(rotation.rate))
+    torque = 0.0 if rotation.torque is None else rotation.torque.highest_frequency
+    waves = np.pi * path.size / 3 / max(span, 1e-300)
+    return NODE_ANGLE / max(rate + torque, waves)
+
+
+def _dof(observations: Observations, unknowns: float) -> float:
+    seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
+    return max(3 * float(observations.weight.sum()) - 3 * seen - unknowns, 1.0)
+
+
+def common_points(pivot: Pivot, tumble: Tumble) -> FloatArray:
+    """The points (m, 3) of all features in the axes B of the tumble, m; means where bodies share features."""
+    m = pivot.observations.weight.shape[1]
+    total, points = np.zeros(m), np.zeros((m, 3))
+    for body, R_B_S in zip(pivot.bodies, tumble.bodies, strict=True):
+        weight = pivot.observations.weight[np.ix_(body.frames, body.features)].sum(axis=0)
+        points[body.features] += weight[:, None] * (body.points @ R_B_S.T)
+        total[body.features] += weight
+    return np.asarray(points / np.where(total > 0, total, 1.0)[:, None])

@@ -1,0 +1,73 @@
+"""The priors of ml's unknowns y = (rotation, x): weak ones for what the tracks do not determine, and those of noise.
+
+A pure spin, or little motion, leaves the inertia, or a direction of the path, undetermined, and the likelihood alone
+has no bounded maximum there. Weak Gaussian priors determine these directions. Elsewhere the one of the inertia reduces
+a variance σ² by about the share (σ/0.5)², for an element of the inertia of trace 1 with σ much smaller than 0.5. They
+are no part of the Cramér–Rao bound. The modes of process and torque noise have the priors of their densities.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from baryscope.estimator.adjustment.evidence import Linear
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Rotation
+from baryscope.estimator.ml.likelihood import Equations
+
+FloatArray = NDArray[np.float64]
+
+INERTIA_DEVIATION = 0.5  # standard deviation of the prior of the five elements of the inertia of trace 1
+DENSITY = "torque noise"
+
+
+@dataclass(frozen=True, eq=False)
+class Priors:
+    """Priors of y (q,): weak ones with a mean, and independent ones of mean zero with hyperparameters.
+
+    The weak mean of the inertia is a sphere's, with INERTIA_DEVIATION. That of the path is the one of `pivot`, with an
+    rms deviation of the target's distance. information (q, q) and mean (q,) of the weak ones.
+    """
+
+    information: FloatArray
+    mean: FloatArray
+    own: Prior
+
+    @classmethod
+    def of(
+        cls, rotation: Rotation, path: Path, sampled: SampledPath, x0: FloatArray, density: float | None
+    ) -> "Priors":
+        """Those of a rotation and a path with the weak mean x0 (p,); density of the torque noise, None if unknown."""
+        distance = np.linalg.norm(sampled.position(x0), axis=1).max()
+        inertia = np.eye(RATE_AND_INERTIA - 3) / INERTIA_DEVIATION**2
+        flat = sampled.jacobian.reshape(-1, sampled.jacobian.shape[2])
+        of_path = flat.T @ flat / (len(sampled.jacobian) * distance**2)
+        modes = rotation.size - RATE_AND_INERTIA
+        own = Prior.none(RATE_AND_INERTIA)
+        if modes:
+            torque = Prior(np.zeros(modes), np.ones((modes, 1)), (Hyperparameter(DENSITY),))
+            own = own.joined(torque if density is None else torque.fixed(DENSITY, float(np.log(density))))
+        return cls(
+            block_diag(np.zeros((3, 3)), inertia, np.zeros((modes, modes)), of_path),
+            np.concatenate([np.zeros(rotation.size), x0]),
+            own.joined(path.prior),
+        )
+
+    @staticmethod
+    def values(rotation: Rotation, x: FloatArray) -> FloatArray:
+        """The unknowns (q,) as the priors see them; the rate has none and is given as zero."""
+        torque = np.zeros(0) if rotation.torque is None else rotation.torque.coefficients.ravel()
+        return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), torque, x])
+
+    def linear(self, found: Equations, values: FloatArray, variance: float) -> Linear:
+        """The linear problem at unknowns (q,), with the weak priors; variance: of an observation of weight 1."""
+        pull = self.information @ (values - self.mean)
+        return Linear(found.matrix / variance + self.information, found.rhs / variance - pull, values)
+
+    def cost(self, values: FloatArray, precision: FloatArray) -> float:
+        """−2 ln p of unknowns (q,), up to a constant, for inverse variances (q,) of their own priors."""
+        deviation = values - self.mean
+        return float(deviation @ self.information @ deviation + precision @ (values * values))

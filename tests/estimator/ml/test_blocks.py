@@ -1,0 +1,43 @@
+"""Sums and covariances over blocks against those over all frames, for Jacobians that are waves."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.ml.blocks import Jacobians, blocks_of
+
+TIME = np.sort(np.random.default_rng(0).uniform(10.0, 40.0, 500))
+
+
+def waves(time):
+    """A Jacobian (n, 3, 4) of frequencies up to 1 rad/s."""
+    phase = np.arange(12.0).reshape(3, 4)
+    return np.cos(time[:, None, None] * (phase + 1) / 12 + phase)
+
+
+def test_jacobians_over_blocks_agree_with_all_frames():
+    blocks = blocks_of(TIME, 0.8)
+    assert blocks.worthwhile
+    few, every = Jacobians.of(waves, TIME, blocks), Jacobians(waves(TIME)[:, None], None)
+    assert few.values.shape == (38, 4, 3, 4)
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(4, 4))
+    # Of a wave 3e-4 (ωT)⁴ with ωT = 0.8; the covariances are of the order of ten, of four columns.
+    np.testing.assert_allclose(few.covariances(root @ root.T), every.covariances(root @ root.T), atol=5e-3)
+    np.testing.assert_allclose(few.times(root), every.times(root), atol=5e-4)
+    factors = rng.normal(size=(500, 3, 3))
+    np.testing.assert_allclose(few.mean(factors), every.mean(factors), atol=1e-4)
+    np.testing.assert_allclose(every.mean(factors), np.mean(factors @ waves(TIME), axis=0), atol=1e-12)
+
+
+def test_gaps_have_no_blocks():
+    time = np.concatenate([np.linspace(0.0, 9.0, 100), np.linspace(91.0, 100.0, 100)])
+    blocks = blocks_of(time, 5.0)
+    assert len(blocks.first) == 4
+    assert blocks.time.min() > 0.0
+    np.testing.assert_array_equal(blocks.of_frame, np.searchsorted([5.0, 90.0, 95.0], time, side="right"))
+    np.testing.assert_allclose(np.einsum("nc,nc->n", blocks.weights, blocks.time[blocks.of_frame]), time, atol=1e-12)
+
+
+@pytest.mark.parametrize(("time", "longest"), [(np.arange(10.0), 1.0), (np.zeros(1), 1.0), (np.arange(3.0), np.inf)])
+def test_few_frames_are_not_worth_blocks(time, longest):
+    assert not blocks_of(time, longest).worthwhile
