@@ -9,7 +9,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Status, WrongSigma
 from baryscope.models.errors import ComputationError
-from free_paths import FEATURES, NOISE, TEN, assert_good, at_rest, squared_error_of_cluster, turning
+from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster, turning
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 
 RATE = np.deg2rad([2.4, 4.4, 4.8])
