@@ -212,7 +212,7 @@ def _is_wrong(sigma: float, shown: float, found: Pivot) -> bool:
     """Whether an a priori deviation is off by more than WRONG_SIGMA, and by more than noise explains."""
     dof = max(values_for_path(found.bodies, found.observations) - found.path_unknowns, 1.0)
     # The logarithm of a deviation from n values has the deviation 1/√(2 n).
-    return abs(float(np.log(max(shown, 1e-300) / sigma))) > max(WRONG_SIGMA, 5 / np.sqrt(2 * dof))
+    return abs(float(np.log(max(shown, 1e-300) / sigma))) > max(WRONG_SIGMA, 5 / float(np.sqrt(2 * dof)))
 
 
 def _restricted(measured: Observations, bodies: tuple[Body, ...], inliers: BoolArray) -> Observations:
