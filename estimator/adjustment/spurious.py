@@ -47,7 +47,8 @@ def spurious_information(body: Body, observations: Observations, origin: FloatAr
     """The spurious information (3, 3) in S on a body's offset from the noise of its attitudes, in the weights' units.
 
     An attitude error φ changes the offset d in C by φ × d. With C the covariance of φ and Q the frame's information on
-    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C).
+    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The
+    next order of φ adds a share of about the greatest variance of φ, in rad².
     origin (n, 3): the path in C, m; variance: of an observation of weight 1.
     """
     every = max(1, len(body.frames) // FRAMES)
@@ -56,4 +57,6 @@ def spurious_information(body: Body, observations: Observations, origin: FloatAr
     inverse = symmetric_inverses(found.turn)
     known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
     axes = cross_matrices(np.eye(3))
-    return np.asarray(variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True))
+    second_order = 1 + variance * float(np.linalg.eigvalsh(inverse)[:, -1].mean())
+    first_order = variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True)
+    return np.asarray(second_order * first_order)

@@ -99,14 +99,28 @@ def aligned_frames(
     attitudes, translations, kept = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros(0, dtype=bool)]
     for first in range(0, len(rows), CHUNK):
         block = np.ix_(rows[first : first + CHUNK], features)
-        weight = sightings.used[block].astype(np.float64)
-        found: Alignment = align(sightings.position[block], points, weight)
-        moment = found.spread * weight.sum(axis=1)
-        determined = (moment > (OFF_LINE * sightings.noise) ** 2) & (found.spread > 1e-18 * float(np.sum(points**2)))
+        seen = sightings.used[block]
+        found: Alignment = align(sightings.position[block], points, seen.astype(np.float64))
+        determined = _moments(seen, points) > (OFF_LINE * sightings.noise) ** 2
+        determined &= found.spread > 1e-18 * float(np.sum(points**2))
         attitudes.append(found.rotation[determined])
         translations.append(found.translation[determined])
         kept.append(determined)
     return (np.concatenate(attitudes), np.concatenate(translations)), np.concatenate(kept)
+
+
+def _moments(seen: BoolArray, points: FloatArray) -> FloatArray:
+    """The sum of squared distances (k,) from a line, m², of those of the points (m, 3) that frames see (k, m).
+
+    Of the shape, not of the positions seen: those whose noise lies off the line by chance would be chosen.
+    """
+    patterns, which = np.unique(np.packbits(seen, axis=1), axis=0, return_inverse=True)
+    weight = np.unpackbits(patterns, axis=1, count=seen.shape[1]).astype(np.float64)
+    mean = (weight @ points) / np.maximum(weight.sum(axis=1), 1.0)[:, None]
+    outer = (points[:, :, None] * points[:, None]).reshape(-1, 9)
+    scatter = (weight @ outer).reshape(-1, 3, 3) - weight.sum(axis=1)[:, None, None] * mean[:, :, None] * mean[:, None]
+    values = np.linalg.eigvalsh(scatter)
+    return np.asarray((values[:, 0] + values[:, 1])[which.ravel()])
 
 
 def _fitting(
@@ -128,9 +142,9 @@ def _fitting(
     np.add.at(sums, of_interval, residual)
     np.add.at(seen, of_interval, weight)
     known = np.array([whole.counts[index] for index in features.tolist()])
-    variance = sightings.noise**2 * (1 / np.maximum(seen, 1.0) + 1 / np.maximum(known, 1))
+    variance = sightings.noise**2 * (1 / np.maximum(seen, 1.0) + SHAPE_SHARE**2 / np.maximum(known, 1))
     mean = np.linalg.norm(sums, axis=2) / np.maximum(seen, 1.0)
-    far = mean > AGREEMENT * SHAPE_SHARE * np.sqrt(variance) + 1e-9 * np.abs(points).max()
+    far = mean > AGREEMENT * np.sqrt(variance) + 1e-9 * np.abs(points).max()
     aligned_at_all = np.bincount(of_interval, minlength=count) > 0
     return np.asarray(aligned_at_all & ~far.any(axis=1))
 
