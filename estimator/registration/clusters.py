@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.flips import steady
 from baryscope.estimator.registration.gathering import (
     AGREEMENT,
     OFF_LINE,
@@ -218,7 +219,7 @@ def _merge(whole: Shape, other: Shape, noise: float) -> bool:
 def _with_attitudes(shape: Shape, sightings: Sightings) -> tuple[Body, FloatArray]:
     """The shape as a body with its attitude in all frames of its intervals, and its centroid there, (n, 3) in C, m.
 
-    Frames whose features are nearly collinear are left out.
+    Frames whose features are nearly collinear are left out, and those whose attitude is off the rotation.
     """
     features, points = shape.arrays()
     points = points - points.mean(axis=0)
@@ -226,4 +227,6 @@ def _with_attitudes(shape: Shape, sightings: Sightings) -> tuple[Body, FloatArra
     frames, _ = frames_of(shape.intervals)
     frames = frames[sightings.used[np.ix_(frames, features)].sum(axis=1) >= 3]
     (attitude, origin), determined = aligned_frames(sightings, frames, features, points)
-    return Body(features, frames[determined], points, attitude, tuple(shape.intervals)), origin
+    frames = frames[determined]
+    kept = steady(frames, attitude)
+    return Body(features, frames[kept], points, attitude[kept], tuple(shape.intervals)), origin[kept]
