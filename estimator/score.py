@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from baryscope.estimator.adjustment.diagnostics import (
@@ -29,9 +30,10 @@ from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Estimate, LackOfFit, Motion, Noise
+from baryscope.estimator.result import Estimate, ExcessResiduals, LackOfFit, Motion, Noise
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
@@ -39,6 +41,7 @@ from baryscope.models.orbit import Orbit
 
 DEGREE = 4  # of the polynomial that is looked for in the residuals
 SIGNIFICANCE = 1e-4  # probability of finding one by chance
+MAX_VARIANCE_RATIO = 1.5  # of the residuals over what the registration tells, above which the centre moves
 ROUNDING = 1e-7  # of the distance: residuals that are rounding
 
 
@@ -65,6 +68,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     centre, offsets, inverse, variance = solve_score(registered)
     path = "fixed in LVLH" if in_orbit else "fixed"
     finding = _lack_of_fit(registered, tracks.time, centre, offsets, path)
+    finding = finding or _excess_residuals(registered, inliers, offsets, variance, path)
     distance = float(np.linalg.norm(centre))
     inverse = _without_spurious_information(registered, inliers, inverse, variance / max(distance, 1e-300) ** 2)
     bodies = [
@@ -151,8 +155,7 @@ def _without_spurious_information(
     spurious = np.zeros((k, k))
     for index, body in enumerate(registered.bodies):
         own = slice(3 * index, 3 * index + 3)
-        weight = inliers[np.ix_(body.frames, body.features)].astype(np.float64)
-        of_turn = registered.noise**2 * symmetric_inverses(turn_information(weight, cross_matrices(body.points))).sum(0)
+        of_turn = _turn_covariances(body, inliers, registered.noise).sum(axis=0)
         information = np.trace(of_turn) * np.eye(3) - of_turn
         spurious[own, own] = three_sigma_factor(len(body.frames)) * information
     of_offsets, of_centre = spurious_information_columns(inverse[:k, :k], inverse[:k, k:], spurious, least)
@@ -183,3 +186,28 @@ def _lack_of_fit(
     if f_distribution.sf(gain / dof, dof, values) > SIGNIFICANCE:
         return None
     return LackOfFit(path, float(np.sqrt(np.mean(np.sum(explained**2, axis=1)))), gain, dof)
+
+
+def _turn_covariances(body: Body, inliers: BoolArray, noise: float) -> FloatArray:
+    """The covariances (n, 3, 3) of the body's attitudes in its axes, rad², for a standard deviation of a coordinate."""
+    weight = inliers[np.ix_(body.frames, body.features)].astype(np.float64)
+    return noise**2 * symmetric_inverses(turn_information(weight, cross_matrices(body.points)))
+
+
+def _excess_residuals(
+    registered: Registered, inliers: BoolArray, offsets: FloatArray, variance: float, path: str
+) -> ExcessResiduals | None:
+    """A finding if the residuals' variance is greater than that of centroids and attitudes from the registration."""
+    expected, values = 0.0, -3 * len(offsets) - 3
+    for body, offset in zip(registered.bodies, offsets, strict=True):
+        arm = cross_matrices(offset[None])[0]
+        of_turn = np.einsum("ij,kjl,il->k", arm, _turn_covariances(body, inliers, registered.noise), arm)
+        of_centroid = 3 * registered.noise**2 / inliers[np.ix_(body.frames, body.features)].sum(axis=1)
+        expected += float(np.sum(of_turn + of_centroid))
+        values += 3 * len(body.frames)
+    if values < 1:
+        return None
+    ratio = variance * values / max(expected, 1e-300)
+    if ratio <= max(MAX_VARIANCE_RATIO, float(chi2.isf(SIGNIFICANCE, values)) / values) or registered.noise == 0:
+        return None
+    return ExcessResiduals(path, float(np.sqrt(ratio)))

@@ -37,13 +37,15 @@ class ProcessNoise:
 class Forward:
     """The result of the filter for k members.
 
-    cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; log_determinant (k,) of their covariances
+    cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; rounding
+    (k, c, c): how far it was from symmetric, a sample of its rounding errors; log_determinant (k,) of their covariances
     over those of the observations. For the smoother, at each of n nodes, empty if not kept: predicted (n, k, d, c + d),
     the affine state and its covariance P before the update; innovations (n, k, 6, c + d), e and −M G P with
     M = (Λ⁻¹ + S)⁻¹; precision (n, k, 6, 6), M.
     """
 
     cost: FloatArray
+    rounding: FloatArray
     log_determinant: FloatArray
     predicted: FloatArray
     innovations: FloatArray
@@ -99,12 +101,15 @@ def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
         for member in range(k):
             half = own.T @ corrected[member].reshape(-1, c)
             half += expected[member].reshape(-1, c).T @ whitened[member].reshape(-1, c)
-            cost[member] -= 0.5 * (half + half.T)
+            cost[member] -= half
         log_determinant += np.linalg.slogdet(ratio)[1].sum(axis=0)
         if keep:
             part = slice(begin, begin + size)
             precision[part] = np.linalg.solve(ratio, system.information[part, None])
-    return Forward(cost, log_determinant, predicted, innovations, precision)
+    asymmetry = 0.5 * np.abs(cost - cost.transpose(0, 2, 1))
+    return Forward(
+        0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant, predicted, innovations, precision
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")

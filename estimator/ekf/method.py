@@ -231,7 +231,9 @@ def _answer(found: Passes, start: Start) -> _Answer:
     p = at.deviation.shape[1]
     attached = np.zeros((3, 3 * len(at.points)))
     attached.reshape(3, -1, 3)[:, features] = offset_by_points(at.points[features]).reshape(3, -1, 3)
-    of_offset, growth = spurious_growth(found, attached, 1 / (PRIOR_EXTENTS * start.radius) ** 2)
+    offset = at.points[features].mean(axis=0)
+    unknown = max(PRIOR_EXTENTS * start.radius, float(np.linalg.norm(offset)))  # spurious information may lead far away
+    of_offset, growth = spurious_growth(found, attached, 1 / unknown**2)
     points, growth = slice(points_from(p) - 1, None), growth[frames, :p]
     of_path = solution.of_state[frames, :p, :p] + growth @ np.swapaxes(growth, 1, 2)
     H, H_rate = at.path.observed[frames], at.path.observed_rate[frames]
@@ -240,7 +242,7 @@ def _answer(found: Passes, start: Start) -> _Answer:
         H @ of_path @ np.swapaxes(H, 1, 2),
         at.path.nominal_rate[frames] + (H_rate @ at.deviation[frames, :, None])[:, :, 0],
         H_rate @ of_path @ np.swapaxes(H_rate, 1, 2),
-        at.points[features].mean(axis=0),
+        offset,
         attached @ solution.of_theta[points, points] @ attached.T + of_offset @ of_offset.T,
     )
 

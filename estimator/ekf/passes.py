@@ -16,6 +16,7 @@ from baryscope.estimator.ekf.motion import gravity_gradient_axis, of_a_body
 from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, ROUNDING, Problem
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.tracks import FloatArray
+from baryscope.models.errors import ComputationError
 
 MAX_PASSES = 12
 ROUGH_TURN = 0.03  # rad, median of a pass
@@ -116,7 +117,14 @@ def _pass(
 
         bank = Bank(*axes, scores)
         member = bank.best(last.member if last.bank else None)
-    solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
+    try:
+        solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
+    except ComputationError:
+        if bank is not None or not axes[1].free:
+            raise
+        # The motion is unstable, and lost in rounding without noise.
+        member = replace(member, turn=axes[1].at(GENEROUS))
+        solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
     residual_variance = max(parameters.squares / dof, problem.floor)
     used = problem.sigma or residual_variance
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)

@@ -11,6 +11,7 @@ from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError, Reason
 
 LARGEST = 1e100  # number in a cost that is still one
+MARGIN = 10.0  # of the least eigenvalue of the parameters' information over its rounding errors
 MEMORY = 3e8  # bytes for the smoother of some members at a time
 
 
@@ -44,13 +45,15 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
     matrix = cost[1:, 1:] + np.diag(prior.information)
     if not (np.isfinite(cost).all() and np.abs(cost).max() < LARGEST and np.diag(matrix).min() > 0):
         raise diverged()
+    scale = 1 / np.sqrt(np.diag(matrix))
+    values = np.linalg.eigvalsh(matrix * np.outer(scale, scale))
+    if values[0] <= MARGIN * float(np.max(forward.rounding[member, 1:, 1:] * np.outer(scale, scale))):
+        raise diverged()
     covariance = symmetric_pseudo_inverse(matrix)
     theta = covariance @ (prior.information * prior.mean - cost[1:, 0])
     off = theta - prior.mean
     squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ (prior.information * off)
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values = np.linalg.eigvalsh(matrix * np.outer(scale, scale))
-    determinant = float(np.log(np.maximum(values, 1e-13)).sum() - 2 * np.log(scale).sum())
+    determinant = float(np.log(values).sum() - 2 * np.log(scale).sum())
     return Parameters(theta, covariance, float(squares), determinant + float(forward.log_determinant[member]))
 
 
