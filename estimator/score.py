@@ -67,8 +67,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     registered = find_bodies(position, inliers)
     centre, offsets, inverse, variance = solve_score(registered)
     path = "fixed in LVLH" if in_orbit else "fixed"
-    finding = _lack_of_fit(registered, tracks.time, centre, offsets, path)
-    finding = finding or _excess_residuals(registered, inliers, offsets, variance, path)
+    lack = _lack_of_fit(registered, tracks.time, centre, offsets, path)
+    finding = lack or _excess_residuals(registered, inliers, offsets, variance, path)
     distance = float(np.linalg.norm(centre))
     inverse = _without_spurious_information(registered, inliers, inverse, variance / max(distance, 1e-300) ** 2)
     bodies = [

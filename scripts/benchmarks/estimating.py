@@ -20,6 +20,7 @@ from baryscope.scripts.benchmarks.setting import STEP, Setting, best
 
 FEATURES = 8
 SHORT, SHORT_FEATURES = 600, 10  # frames at 1 Hz
+LONGER = 6000  # frames at 1 Hz, of as many features
 ALIGNING = "scipy align_vectors, frame by frame"
 # RMSE of the path, m, at noise of 2 cm: ten times what each method has here. It tells a wrong path, not a good one.
 RMSE = {"screw-gpa": 10.0, "pivot": 0.01, "ml": 0.01, "ekf": 0.01}
@@ -100,6 +101,10 @@ def estimating(setting: Setting) -> Part:
     short = tracks_of(setting, np.arange(float(SHORT)), SHORT_FEATURES)
     what = f"{SHORT} × {SHORT_FEATURES}"
     filtered = measure("ekf", short, what).seconds
+    rows.append(Row(f"ekf, {what}", filtered, 0.5, "s", "real time", SHORT / 1.0))
+    cost = measure("ekf", tracks_of(setting, np.arange(float(LONGER)), SHORT_FEATURES), f"{LONGER} × {SHORT_FEATURES}")
+    rows.append(Row(f"ekf, {LONGER} × {SHORT_FEATURES}", cost.seconds, 5.0, "s", "ten of 600", 10 * filtered))
+    rows.append(Row("its peak memory", cost.peak, 1e9, "MB"))
     for method, seconds in (("pivot", 0.1), ("ml", 0.5)):
         rows.append(Row(f"{method}, {what}", measure(method, short, what).seconds, seconds, "s", "ekf", filtered))
     return Part(tuple(rows), faults=tuple(faults))
