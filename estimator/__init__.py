@@ -13,6 +13,7 @@ from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, Failure, attempt, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions
+from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.result import Estimate, Status
 from baryscope.estimator.tracks import FeatureTracks
 
@@ -24,6 +25,7 @@ __all__ = [
     "Failure",
     "FeatureTracks",
     "PathOptions",
+    "Prediction",
     "Rig",
     "ScrewOptions",
     "Status",

@@ -6,6 +6,7 @@ The schema is derived from `EstimateDocument` by pydantic; a test compares docs/
 import csv
 import json
 import re
+from collections.abc import Callable
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Literal, TextIO
@@ -23,6 +24,7 @@ from baryscope.estimator.document_details import (
     number,
     vector,
 )
+from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import sentence, verdict
 from baryscope.estimator.result import (
     Cluster,
@@ -41,6 +43,7 @@ from baryscope.models.files import AnyPath, write_together
 SCHEMA_VERSION: Literal[1] = 1
 
 Interval = tuple[float, float]
+STATE = ("x", "y", "z", "vx", "vy", "vz")
 
 
 class AxesPart(Part):
@@ -205,8 +208,10 @@ def schema_text() -> str:
     return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
 
 
-def write_estimate(result: Estimate, path: AnyPath) -> None:
+def write_estimate(result: Estimate, path: AnyPath, prediction: Prediction | None = None) -> None:
     """Write the path as a CSV file, and the document beside it with the suffix .json.
+
+    prediction: goes into a file with the suffix .prediction.csv.
 
     Raises:
         InputError: a file cannot be written, or the two names are one.
@@ -215,18 +220,41 @@ def write_estimate(result: Estimate, path: AnyPath) -> None:
     beside = path.with_suffix(".json")
     if beside == path:
         raise InputError(f"{path}: this name is kept for the diagnostics, expected another suffix than .json")
+    text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
+    rows = _rows(("time", "x", "y", "z", *COVARIANCE_COLUMNS), _columns(result))
+    writing: dict[Path, Callable[[TextIO], object]] = {path: rows, beside: lambda stream: stream.write(text + "\n")}
+    if prediction is not None:
+        names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
+        writing[path.with_suffix(".prediction.csv")] = _rows(names, _predicted_columns(prediction))
+    write_together(writing)
+
+
+def _columns(result: Estimate) -> list[list[object]]:
+    """Time, position and covariance, whose cells are empty if there is none."""
     n = len(result.time)
     columns: list[list[object]] = [result.time.tolist(), *(result.position[:, axis].tolist() for axis in range(3))]
     for row, column in UPPER:
         columns.append([""] * n if result.covariance is None else result.covariance[:, row, column].tolist())
-    text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
+    return columns
 
-    def write_rows(stream: TextIO) -> None:
+
+def _predicted_columns(found: Prediction) -> list[list[object]]:
+    """Time, position, velocity, and the upper triangle of their covariance, row by row."""
+    states = [values[:, axis].tolist() for values in (found.position, found.velocity) for axis in range(3)]
+    rows, columns = np.triu_indices(6)
+    covariance = found.covariance[:, rows, columns].T.tolist()
+    return [found.time.tolist(), *states, *covariance]
+
+
+def _rows(names: tuple[str, ...], columns: list[list[object]]) -> Callable[[TextIO], None]:
+    """What writes columns as a CSV file."""
+
+    def write(stream: TextIO) -> None:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(("time", "x", "y", "z", *COVARIANCE_COLUMNS))
+        writer.writerow(names)
         writer.writerows(zip(*columns, strict=True))
 
-    write_together({path: write_rows, beside: lambda stream: stream.write(text + "\n")})
+    return write
 
 
 def _option(value: Any) -> Any:

@@ -84,6 +84,13 @@ METHODS: dict[str, Method] = {
 """All methods by their names on the command line, in the order of its tables."""
 
 
+PREDICTING = ("pivot", "ml")
+"""The methods whose results predict the centre of mass at other times, see `Estimate.predict`."""
+
+TURNING = ("ml",)
+"""Those that predict points of the body, too."""
+
+
 @dataclass(frozen=True)
 class Failure:
     """The reason why a method has no estimate, as a value and in a sentence."""

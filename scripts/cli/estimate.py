@@ -21,6 +21,7 @@ from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
 from baryscope.scripts.cli.forces import ForceChoices
+from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
 from baryscope.scripts.cli.simulate import csv_path
 from baryscope.study.progress import stage
 
@@ -103,6 +104,7 @@ def estimate_file(
     path: PathChoices | None = None,
     forces: ForceChoices | None = None,
     screws: ScrewChoices | None = None,
+    prediction: PredictionChoices | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> int:
@@ -133,7 +135,8 @@ def estimate_file(
         Of --camera: a TOML file with a table [rig], the lever arm from the chaser's centre of mass to the camera, and
         what is uncertain about camera and attitude. Default: no lever arm, nothing uncertain.
     output
-        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file.
+        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file, and
+        a prediction into a .prediction.csv file.
         Default: the tracks' name with .estimate.csv.
     """
     show = show or Show()
@@ -148,7 +151,10 @@ def estimate_file(
     if rig is not None and camera is None:
         raise InputError("--rig: needs the camera's attitude, expected --camera ATTITUDE.csv")
     read = [tracks, *(file for file in (orbit, camera, rig, forces.acceleration) if file is not None)]
-    refuse_overwriting([target, target.with_suffix(".json")], read)
+    prediction = prediction or PredictionChoices()
+    prediction.check(method)
+    ahead = [] if prediction.predict is None else [prediction_path(target)]
+    refuse_overwriting([target, target.with_suffix(".json"), *ahead], read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = FeatureTracks.read_csv(csv_path(tracks))
@@ -156,12 +162,16 @@ def estimate_file(
             epoch = _epoch(data, epoch)
             known_orbit = None if orbit is None else load_orbit(orbit, epoch)
             turned = None if camera is None else Camera.load(csv_path(camera), rig)
-            options = forces.read_into(options, epoch, turned)
+            options, point = forces.read_into(options, epoch, turned), prediction.point_of(data)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, camera=turned, progress=share)
-    write_estimate(result, target)
+    lines = summary(result)
+    found = None if prediction.predict is None else result.predict(prediction.times(data), point)
+    if found is not None:
+        lines.append(prediction.line(found, ahead[0]))
+    write_estimate(result, target, found)
     diagnostics = target.with_suffix(".json")
-    words = [_headline(result, target), *(f"  {line}" for line in summary(result)), f"  more in {diagnostics}"]
+    words = [_headline(result, target), *(f"  {line}" for line in lines), f"  more in {diagnostics}"]
     show.result(json.loads(diagnostics.read_text(encoding="utf-8")), *words)
     return 0 if result.status.trustworthy else UNTRUSTED
 

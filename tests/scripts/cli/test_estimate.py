@@ -1,10 +1,13 @@
 """`baryscope estimate` on small files: what it prints."""
 
+import csv
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator import FeatureTracks
+from baryscope.estimator import FeatureTracks, PathOptions, estimate
 from baryscope.scripts.cli import app
 from synthetic import box_features
 
@@ -80,3 +83,49 @@ def test_forces_that_cannot_be(tracks, capsys, options, expected):
     error = capsys.readouterr().err
     assert expected in error
     assert len([line for line in error.splitlines() if line.startswith("baryscope: ")]) == 1
+
+
+def test_a_prediction_is_a_file_of_its_own(tracks, tmp_path, capsys):
+    command = ["estimate", str(tracks), "--trajectory", "fixed", "-o", str(tmp_path / "e.csv"), "--predict", "2.5"]
+    assert app.main([*command, "--method", "ml", "--point", "F2"]) == 0
+    assert re.search(r"F2 in 2.5 s: ±0.0\d+ m, ±0.0\d+ m/s; .*e.prediction.csv", capsys.readouterr().out)
+    with (tmp_path / "e.prediction.csv").open(encoding="utf-8", newline="") as stream:
+        names, *rows = csv.reader(stream)
+    values = np.array(rows, dtype=float)
+    assert names[:8] == ["time", "x", "y", "z", "vx", "vy", "vz", "cxx"]
+    assert names[-2:] == ["cvyvz", "cvzvz"]
+    assert len(names) == 7 + 21
+    np.testing.assert_allclose(values[:, 0], [60.0, 61.0, 61.5])
+    result = estimate(FeatureTracks.read_csv(tracks), method="ml", options=PathOptions(trajectory="fixed")).predict(
+        values[:, 0], "F2"
+    )
+    np.testing.assert_allclose(values[:, 1:4], result.position, atol=1e-9)
+    upper = np.triu_indices(6)
+    np.testing.assert_allclose(values[:, 7:], result.covariance[:, *upper], rtol=1e-6, atol=1e-15)
+
+
+def test_a_point_by_coordinates_and_the_centre_of_mass(tracks, capsys):
+    command = ["estimate", str(tracks), "--trajectory", "fixed", "--predict", "10"]
+    assert app.main([*command, "--method", "ml", "--point", "0.5,-1,2"]) == 0
+    assert "0.5,-1,2 in 10 s: ±" in capsys.readouterr().out
+    assert app.main(command) == 0
+    assert "centre of mass in 10 s: ±" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        (["--point", "F1"], "--point: found F1 without a time, expected --predict SECONDS, too"),
+        (
+            ["--predict", "5", "--point", "F1"],
+            "--point: found with --method pivot, which has attitudes in its frames only",
+        ),
+        (["--predict", "5", "--method", "score"], "--predict: found with --method score, expected pivot or ml"),
+        (["--predict", "-5"], "--predict: found -5, expected seconds above 0"),
+        (["--predict", "1e9"], "--predict: found 1e+09 s at steps of 1 s, expected 1000000 at most"),
+        (["--predict", "5", "--method", "ml", "--point", "hinge"], "--point: found 'hinge', expected x,y,z in m or a"),
+    ],
+)
+def test_what_cannot_be_predicted(tracks, options, message, capsys):
+    assert app.main(["estimate", str(tracks), "--trajectory", "fixed", *options]) == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,98 @@
+"""`baryscope estimate --predict`: where the centre of mass, or a point of the body, is after the tracks."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from cyclopts import Parameter
+from numpy.typing import NDArray
+
+from baryscope.estimator.limits import LATEST
+from baryscope.estimator.methods import PREDICTING, TURNING
+from baryscope.estimator.prediction import Point, Prediction
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
+
+MOST_ROWS = 1_000_000
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PredictionChoices:
+    """What is predicted.
+
+    Parameters
+    ----------
+    predict
+        Seconds after the last frame (pivot, ml): position and velocity with their covariance at the tracks' sampling
+        until then go into a file of the output's name with .prediction.csv.
+    point
+        The point of the body to predict (ml): the label of a feature, or x,y,z in m in the axes of the cluster of most
+        frames, from the centroid of its features, as in `features` of the .json file. Default: the centre of mass.
+    """
+
+    predict: float | None = None
+    point: str | None = None
+
+    def check(self, method: str) -> None:
+        """Check the options before anything is read.
+
+        Raises:
+            InputError: a method that cannot predict this, a span that is none, or a point without one.
+        """
+        if self.predict is None:
+            if self.point is not None:
+                raise InputError(f"--point: found {self.point} without a time, expected --predict SECONDS, too")
+            return
+        if not 0 < self.predict <= LATEST:
+            raise InputError(f"--predict: found {self.predict:g}, expected seconds above 0")
+        able = PREDICTING if self.point is None else TURNING
+        if method not in able:
+            name = "--predict" if self.point is None else "--point"
+            why = "which has attitudes in its frames only, " if method == "pivot" else ""
+            raise InputError(f"{name}: found with --method {method}, {why}expected {' or '.join(able)}")
+
+    def point_of(self, tracks: FeatureTracks) -> Point:
+        """The point: a label of the tracks, or coordinates.
+
+        Raises:
+            InputError: it is neither.
+        """
+        if self.point is None or self.point in tracks.labels:
+            return self.point
+        try:
+            values = [float(item) for item in self.point.split(",")]
+        except ValueError:
+            values = []
+        if len(values) != 3 or not all(math.isfinite(value) for value in values):
+            few = ", ".join(tracks.labels[:5]) + (", …" if len(tracks.labels) > 5 else "")
+            raise InputError(f"--point: found {self.point!r}, expected x,y,z in m or a feature: {few}")
+        return values
+
+    def times(self, tracks: FeatureTracks) -> NDArray[np.float64]:
+        """The times (n,) in s after the last frame, as far apart as frames usually are, and the last one.
+
+        Raises:
+            InputError: there are too many.
+        """
+        assert self.predict is not None  # noqa: S101  asked for
+        step = float(np.median(np.diff(tracks.time))) if len(tracks.time) > 1 else self.predict
+        if self.predict / step > MOST_ROWS:
+            raise InputError(
+                f"--predict: found {self.predict:g} s at steps of {step:g} s, expected {MOST_ROWS} at most"
+            )
+        count = math.ceil(self.predict / step - 1e-9)
+        ahead = np.append(step * np.arange(1.0, count), self.predict)
+        return np.asarray(float(tracks.time[-1]) + ahead)
+
+    def line(self, found: Prediction, path: Path) -> str:
+        """How accurate the prediction is at its end."""
+        what = "centre of mass" if self.point is None else self.point
+        deviation = np.sqrt(np.diagonal(found.covariance[-1]).reshape(2, 3).sum(axis=1))
+        return f"{what} in {self.predict:g} s: ±{deviation[0]:.2g} m, ±{deviation[1]:.2g} m/s; {path}"
+
+
+def prediction_path(target: Path) -> Path:
+    """The file of the prediction beside the estimate's."""
+    return target.with_suffix(".prediction.csv")
