@@ -110,11 +110,17 @@ class KnownAcceleration:
         held = np.where(row[:, None] >= 0, self.value[np.maximum(row, 0)], 0.0)
         if self.axes == "inertial":
             return held
-        if self.axes == "lvlh":
-            if orbit is None:
-                raise InputError("acceleration: axes are lvlh, which need the target's orbit; expected an orbit")
-            R = lvlh_axes(target_states(orbit, time))
-        else:
-            assert self.attitude is not None  # noqa: S101  as __init__ has it
-            R = self.attitude(time)
-        return np.asarray((R @ held[:, :, None])[:, :, 0])
+        if self.axes == "lvlh" and orbit is None:
+            raise InputError("acceleration: axes are lvlh, which need the target's orbit; expected an orbit")
+        pushed = held.any(axis=1)  # where there is no thrust, an attitude may be unknown
+        if pushed.any():
+            R = self._axes_at(time[pushed], orbit)
+            held[pushed] = (R @ held[pushed][:, :, None])[:, :, 0]
+        return held
+
+    def _axes_at(self, time: FloatArray, orbit: Orbit | None) -> FloatArray:
+        """The rotations (n, 3, 3) from the axes of the values to those of C."""
+        if orbit is not None and self.axes == "lvlh":
+            return lvlh_axes(target_states(orbit, time))
+        assert self.attitude is not None  # noqa: S101  as __init__ has it
+        return self.attitude(time)
