@@ -83,7 +83,8 @@ def summary(result: Estimate) -> list[str]:
     ]
     if result.observability is not None and result.predicted_rmse is not None:
         lines.append(f"centre of mass {verdict(result.observability)}; path ±{result.predicted_rmse:.2g} m RMSE")
-    lines += [f"{one.name} {_measured(one)}" for one in result.forces]
+    summed = [one for one in result.forces if not one.name.startswith(("error of the firing", "orbit "))]
+    lines += [f"{one.name} {_measured(one)}" for one in summed]
     if result.process_noise is not None and result.process_noise.source != "none":
         lines.append(_process_noise(result.process_noise))
     if result.status is Status.NOT_CONVERGED:

@@ -18,6 +18,7 @@ AccelerationAxes = Literal["inertial", "lvlh", "camera"]
 STRONGEST = 1e3  # m/s²
 TURN = 0.2  # rad, that axes turn at most in a panel of an integration
 ATTITUDES = 2001  # times at which the camera's rate is looked at
+MOST_FIRINGS = 32  # with errors of their own
 MOST_CHANGES = 100_000  # of the acceleration: the response to more takes minutes and gigabytes
 
 
@@ -29,7 +30,8 @@ class KnownAcceleration:
 
     axes: inertial (those of the tracks), lvlh (of the target), or camera; attitude: for camera, the function from
     times (n,) in s to the rotations (n, 3, 3) from the camera's axes to inertial ones. scale: standard deviation of the
-    relative error of the scale, the same for all values. noise: density of the white noise of the log, m²/s³.
+    relative error of the scale, the same for all values; firing: that of each coordinate's error in a firing, over the
+    acceleration's magnitude, independent from firing to firing. noise: density of the white noise of the log, m²/s³.
 
     Raises:
         InputError: a shape, an order or a value is not as above, or camera axes without an attitude.
@@ -39,6 +41,7 @@ class KnownAcceleration:
     value: FloatArray
     axes: AccelerationAxes
     scale: float
+    firing: float
     noise: float
     attitude: Callable[[FloatArray], FloatArray] | None
 
@@ -49,6 +52,7 @@ class KnownAcceleration:
         axes: AccelerationAxes = "inertial",
         *,
         scale: float = 0.0,
+        firing: float = 0.0,
         noise: float = 0.0,
         attitude: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
@@ -68,7 +72,7 @@ class KnownAcceleration:
             raise InputError(f"acceleration: axes are {axes!r}, expected inertial, lvlh or camera")
         if axes == "camera" and attitude is None:
             raise InputError("acceleration: axes are camera, which needs the camera's attitude")
-        for name, number, limit in (("scale", scale, 1.0), ("noise", noise, STRONGEST)):
+        for name, number, limit in (("scale", scale, 1.0), ("firing", firing, 1.0), ("noise", noise, STRONGEST)):
             if not 0 <= number <= limit:
                 raise InputError(f"acceleration: {name} is {number}, expected 0 to {limit:g}")
         changed = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
@@ -77,14 +81,14 @@ class KnownAcceleration:
                 f"acceleration: changes {np.count_nonzero(changed)} times, expected at most {MOST_CHANGES} times; "
                 "average it over longer intervals"
             )
-        fields = {"time": moments[changed], "value": values[changed], "axes": axes, "scale": float(scale)}
-        for name, content in (fields | {"noise": float(noise), "attitude": attitude}).items():
+        fields = {"time": moments[changed], "value": values[changed], "axes": axes, "attitude": attitude}
+        for name, content in (fields | {"scale": float(scale), "firing": float(firing), "noise": float(noise)}).items():
             object.__setattr__(self, name, content)
 
     def __str__(self) -> str:
         return (
             f"{len(self.time)} values in {self.axes} axes from {self.time[0]:g} to {self.time[-1]:g} s, "
-            f"scale ±{self.scale:g}, noise {self.noise:g} m²/s³"
+            f"scale ±{self.scale:g}, each firing ±{self.firing:g}, noise {self.noise:g} m²/s³"
         )
 
     def __deepcopy__(self, memo: object) -> "KnownAcceleration":
@@ -100,27 +104,48 @@ class KnownAcceleration:
         most = float(np.arccos(np.clip(cosine, -1, 1)).max())
         return TURN / max(most, 1e-12) * float(time[1] - time[0])
 
+    def firings(self, begin: float, end: float) -> NDArray[np.intp]:
+        """The firing (k,) to which each value belongs, from 0 on: values without a zero between them; −1 for none.
+
+        Only those within begin … end in s count. Beyond MOST_FIRINGS, neighbours are taken together: their errors then
+        count as the same, which is the cautious assumption.
+        """
+        ends = np.append(self.time[1:], np.inf)
+        fires = self.value.any(axis=1) & (ends > begin) & (self.time < end)
+        number = np.cumsum(fires & ~np.concatenate([[False], fires[:-1]])) - 1
+        count = int(number[-1]) + 1
+        return np.where(fires, number * min(MOST_FIRINGS, count) // max(count, 1), -1)
+
+    def held_at(self, time: FloatArray) -> NDArray[np.intp]:
+        """The index (n,) of the value that is held at times (n,) in s, −1 before the first."""
+        return np.searchsorted(self.time, time, "right") - 1
+
     def inertial(self, time: FloatArray, orbit: Orbit | None) -> FloatArray:
         """The acceleration (n, 3) of the chaser in C, m/s², at times (n,) in s.
 
         Raises:
             InputError: LVLH axes without an orbit.
         """
-        row = np.searchsorted(self.time, time, "right") - 1
+        row = self.held_at(time)
         held = np.where(row[:, None] >= 0, self.value[np.maximum(row, 0)], 0.0)
         if self.axes == "inertial":
             return held
-        if self.axes == "lvlh" and orbit is None:
-            raise InputError("acceleration: axes are lvlh, which need the target's orbit; expected an orbit")
         pushed = held.any(axis=1)  # where there is no thrust, an attitude may be unknown
         if pushed.any():
-            R = self._axes_at(time[pushed], orbit)
+            R = self.axes_at(time[pushed], orbit)
             held[pushed] = (R @ held[pushed][:, :, None])[:, :, 0]
         return held
 
-    def _axes_at(self, time: FloatArray, orbit: Orbit | None) -> FloatArray:
-        """The rotations (n, 3, 3) from the axes of the values to those of C."""
-        if orbit is not None and self.axes == "lvlh":
-            return lvlh_axes(target_states(orbit, time))
-        assert self.attitude is not None  # noqa: S101  as __init__ has it
-        return self.attitude(time)
+    def axes_at(self, time: FloatArray, orbit: Orbit | None) -> FloatArray:
+        """The rotations (n, 3, 3) from the axes of the values to those of C, at times (n,) in s.
+
+        Raises:
+            InputError: LVLH axes without an orbit.
+        """
+        if self.attitude is not None and self.axes == "camera":
+            return self.attitude(time)
+        if self.axes == "inertial":
+            return np.tile(np.eye(3), (len(time), 1, 1))
+        if orbit is None:
+            raise InputError("acceleration: axes are lvlh, which need the target's orbit; expected an orbit")
+        return lvlh_axes(target_states(orbit, time))

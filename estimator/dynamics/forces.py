@@ -192,6 +192,27 @@ def thrust_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end: 
     )
 
 
+def firings_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end: float) -> Force:
+    """The errors of each firing over begin … end in s: a vector in the log's axes, relative to the magnitude."""
+    firing = known.firings(begin, end)
+    count, size = int(firing.max(initial=-1)) + 1, np.linalg.norm(known.value, axis=1)
+    starts = [float(known.time[int(np.argmax(firing == one))]) for one in range(count)]
+
+    def acceleration(time: FloatArray) -> FloatArray:
+        row = known.held_at(time)
+        active = np.flatnonzero(np.where(row >= 0, firing[row], -1) >= 0)
+        found = np.zeros((len(time), 3, count, 3))
+        if active.size:
+            rows = row[active]
+            found[active, :, firing[rows]] = -size[rows, None, None] * known.axes_at(time[active], orbit)
+        return found.reshape(len(time), 3, 3 * count)
+
+    names = tuple(f"error of the firing from {start:g} s, {axis}" for start in starts for axis in "xyz")
+    deviations = np.full(3 * count, known.firing)
+    longest = min(longest_on(orbit, begin, end), known.smooth_for(begin, end))
+    return Force(acceleration, names, "1", deviations, longest, known.time)
+
+
 def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: float) -> Force:
     """An unknown constant acceleration of the target less that of the chaser, in LVLH axes or away from the Sun.
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, thrust_of
+from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, firings_of, thrust_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, Smooth
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
@@ -50,6 +50,8 @@ def chosen_path(
         path = SeenPath(path, errors.deviations, errors.names)
     if known is not None and known.scale > 0:
         path = Forced(path, thrust_of(known, orbit, begin, end), begin, end)
+    if known is not None and known.firing > 0 and (known.firings(begin, end) >= 0).any():
+        path = Forced(path, firings_of(known, orbit, begin, end), begin, end)
     if options.constant_acceleration != "none":
         path = Forced(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
     return disturbed(path, options.process_noise, begin, end, 0.0 if known is None else known.noise)

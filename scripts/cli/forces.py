@@ -28,6 +28,9 @@ class ForceChoices:
         --camera. Default: inertial.
     acceleration_scale
         Standard deviation of the relative error of the accelerometer's scale, which is then estimated. Default: 0.
+    acceleration_firing
+        Standard deviation of each coordinate's error in a firing, over the acceleration's magnitude, independent from
+        firing to firing (a zero row ends one). Default: 0.
     acceleration_noise
         Density of the accelerometer's white noise, m²/s³, the least process noise. Default: 0.
     constant_acceleration
@@ -38,6 +41,7 @@ class ForceChoices:
     acceleration: Path | None = None
     acceleration_axes: AccelerationAxes | None = None
     acceleration_scale: float | None = None
+    acceleration_firing: float | None = None
     acceleration_noise: float | None = None
     constant_acceleration: ConstantAxes | None = None
 
@@ -48,7 +52,7 @@ class ForceChoices:
             InputError: a property of an acceleration without one.
         """
         if self.acceleration is None:
-            for name in ("axes", "scale", "noise"):
+            for name in ("axes", "scale", "firing", "noise"):
                 if getattr(self, f"acceleration_{name}") is not None:
                     raise InputError(f"--acceleration-{name}: needs --acceleration, expected --acceleration A.csv")
         return {"acceleration": self.acceleration, "constant_acceleration": self.constant_acceleration}
@@ -69,6 +73,7 @@ class ForceChoices:
             value,
             self.acceleration_axes or "inertial",
             scale=self.acceleration_scale or 0.0,
+            firing=self.acceleration_firing or 0.0,
             noise=self.acceleration_noise or 0.0,
             attitude=None if camera is None else camera.attitude.at,
         )

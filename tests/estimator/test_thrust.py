@@ -30,10 +30,26 @@ def test_axes():
 
     camera = KnownAcceleration([0.0], [[1.0, 0, 0]], "camera", attitude=attitude)
     np.testing.assert_allclose(camera.inertial(time, None)[0], [np.cos(0.05), np.sin(0.05), 0], atol=1e-12)
+    # Without thrust the attitude is not asked for, which may be unknown then.
+    late = KnownAcceleration([10.0, 20.0], [[1.0, 0, 0], [0, 0, 0]], "camera", attitude=attitude)
+    np.testing.assert_array_equal(late.inertial(np.array([5.0, 30.0]), None), np.zeros((2, 3)))
     # 0.2 rad at 0.01 rad/s; the attitude is looked at often enough
     assert camera.smooth_for(0.0, 1000.0) == pytest.approx(20.0, rel=1e-6)
     with pytest.raises(InputError, match="axes are lvlh, which need the target's orbit"):
         KnownAcceleration([0.0], [[0.1, 0.2, 0.3]], "lvlh").inertial(time, None)
+
+
+def test_firings_end_with_a_zero():
+    value = np.zeros((8, 3))
+    value[[1, 2, 4, 7], 0] = [1.0, 2.0, 3.0, 4.0]
+    known = KnownAcceleration(np.arange(8.0), value)
+    np.testing.assert_array_equal(known.time, [0, 1, 2, 3, 4, 5, 7])
+    np.testing.assert_array_equal(known.firings(-1.0, 100.0), [-1, 0, 0, -1, 1, -1, 2])
+    np.testing.assert_array_equal(known.firings(2.5, 7.0), [-1, -1, 0, -1, 1, -1, -1])
+    many = KnownAcceleration(np.arange(200.0), np.tile([[1.0, 0, 0], [0, 0, 0]], (100, 1)))
+    found = many.firings(0.0, 200.0)
+    assert (found[::2].min(), found[::2].max(), np.unique(found[::2]).size) == (0, 31, 32)
+    assert (found[1::2] == -1).all()
 
 
 @pytest.mark.parametrize(
@@ -46,6 +62,7 @@ def test_axes():
         (([0.0], np.ones((1, 3)), "body"), {}, "axes are 'body', expected inertial, lvlh or camera"),
         (([0.0], np.ones((1, 3)), "camera"), {}, "needs the camera's attitude"),
         (([0.0], np.ones((1, 3))), {"scale": -0.1}, "scale is -0.1, expected 0 to 1"),
+        (([0.0], np.ones((1, 3))), {"firing": 2.0}, "firing is 2.0, expected 0 to 1"),
         (([0.0], np.ones((1, 3))), {"noise": np.nan}, "noise is nan, expected 0 to 1000"),
         ((np.arange(2e5), np.arange(6e5).reshape(-1, 3) % 7), {}, "changes 200000 times, expected at most 100000"),
     ],

@@ -84,8 +84,8 @@ def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
     if orbit is not None and world.j2:
         orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
     if made.burns is not None:
-        scale = 0.0 if world.logged == "exactly" else 0.01
-        log = KnownAcceleration(*rows_of(made.burns, world.span), axes="lvlh", scale=scale)
+        firing = 0.0 if world.logged == "exactly" else 0.01
+        log = KnownAcceleration(*rows_of(made.burns, world.span), axes="lvlh", firing=firing)
         options = replace(options, acceleration=log)
     if world.drag or world.light:
         options = replace(options, constant_acceleration="lvlh")

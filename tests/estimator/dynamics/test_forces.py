@@ -141,6 +141,27 @@ def test_unknowns_are_displacements_with_the_priors_of_their_factors():
     assert given.density == pytest.approx(3e-10)
 
 
+def test_errors_of_firings():
+    """Each firing off by its own vector: to first order the columns explain it."""
+    rows = np.array([100.0, 160.0, 900.0, 930.0])
+    values = 1e-3 * np.array([[1.0, 0, 0.5], [0, 0, 0], [0, -2.0, 0], [0, 0, 0]])
+    errors = np.array([[0.01, -0.02, 0.005], [0.0, 0.01, 0.02]])
+    sizes = np.linalg.norm(values, axis=1)
+    actual = values.copy()
+    actual[[0, 2]] += sizes[[0, 2], None] * errors
+    options = PathOptions(acceleration=KnownAcceleration(rows, values, "lvlh", firing=0.01), process_noise="none")
+    path = chosen_path(options, OBLATE, 0.0, 2400.0)
+    true = PerturbedOrbit(OBLATE, 1200.0, KnownAcceleration(rows, actual, "lvlh"))
+    x = np.concatenate([[3.0, -20, 5, 1, -4, 2], errors.ravel() * path._displacement])
+    change = np.abs(true.at(TIME).position(x[:6]) - path.base.at(TIME).position(x[:6])).max()
+    assert change > 0.5
+    np.testing.assert_allclose(path.at(TIME).position(x), true.at(TIME).position(x[:6]), atol=1e-4 * change)
+    factors = factors_of(path, x, np.diag(np.concatenate([np.ones(6), path.prior.precision(np.zeros(0))[6:] ** -1])))
+    np.testing.assert_allclose([one.value for one in factors], errors.ravel(), atol=1e-12)
+    np.testing.assert_allclose([one.deviation for one in factors], 0.01)
+    assert factors[3].name == "error of the firing from 900 s, x"
+
+
 def test_what_forces_need():
     with pytest.raises(InputError, match="constant_acceleration is sun, which needs the UTC of time 0"):
         constant_of("sun", replace(OBLATE, epoch=None), 0.0, 1.0)
