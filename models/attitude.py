@@ -1,6 +1,8 @@
 """Rotation of a rigid target: Euler's equation, (1) of the paper, for a full inertia tensor; energy and momentum."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Self
 
 import casadi as ca
 
@@ -19,11 +21,77 @@ def symmetric_tensor(parameters: Mapping[str, Symbol], name: str) -> Symbol:
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 
+@dataclass(frozen=True)
+class Form:
+    """How the equations of a turned body are written: the same values, in different operations.
+
+    Attributes:
+        to_body: turns a vector from I to B.
+        turned: J, v → v × J v.
+        gradient: J, û in I, stiffness → gravity_gradient_torque.
+    """
+
+    to_body: Callable[[Symbol], Symbol]
+    turned: Callable[[Symbol, Symbol], Symbol]
+    gradient: Callable[[Symbol, Symbol, Symbol], Symbol]
+
+    @classmethod
+    def plain(cls, R_I_B: Symbol) -> Self:
+        """As the equations are printed."""
+
+        def to_B(v: Symbol) -> Symbol:
+            return R_I_B.T @ v
+
+        def gradient(J: Symbol, up_I: Symbol, stiffness: Symbol) -> Symbol:
+            return gravity_gradient_torque(J, to_B(up_I), stiffness)
+
+        return cls(to_B, turned_by, gradient)
+
+    @classmethod
+    def of_products(cls, scaled_R_I_B: Symbol, scale: Symbol) -> Self:
+        """By as few products of what changes fast as can be, for the recurrence of a Taylor series.
+
+        Args:
+            scaled_R_I_B: R_I_B over the scale, quadratic in the quaternion.
+            scale: one over the square of the quaternion's length.
+        """
+
+        def to_B(v: Symbol) -> Symbol:
+            return scaled_R_I_B.T @ (scale * v)
+
+        def gradient(J: Symbol, up_I: Symbol, stiffness: Symbol) -> Symbol:
+            return turned_by_products(J, to_B(ca.sqrt(3 * stiffness) * up_I))
+
+        return cls(to_B, turned_by_products, gradient)
+
+
+def turned_by(J: Symbol, v: Symbol) -> Symbol:
+    """v × J v."""
+    return ca.cross(v, J @ v)
+
+
+def turned_by_products(J: Symbol, v: Symbol) -> Symbol:
+    """v × J v for a symmetric J by the products of v's components: for the recurrence of a Taylor series."""
+    rows = []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        equal = J[j, k] * (v[j] * v[j] - v[k] * v[k]) + (J[k, k] - J[j, j]) * (v[j] * v[k])
+        rows.append(equal + J[i, k] * (v[i] * v[j]) - J[i, j] * (v[i] * v[k]))
+    return ca.vertcat(*rows)
+
+
 def angular_acceleration(
-    inertia_B: Symbol, inverse_inertia_B: Symbol, angular_rate_B: Symbol, torque_B: Symbol
+    inertia_B: Symbol,
+    inverse_inertia_B: Symbol,
+    angular_rate_B: Symbol,
+    torque_B: Symbol,
+    turned: Callable[[Symbol, Symbol], Symbol] | None = None,
 ) -> Symbol:
-    """ω̇ from Euler's equation J ω̇ + ω × J ω = τ; J kg m², ω rad/s, τ N m, all in B."""
-    return inverse_inertia_B @ (torque_B - ca.cross(angular_rate_B, inertia_B @ angular_rate_B))
+    """ω̇ from Euler's equation J ω̇ + ω × J ω = τ; J kg m², ω rad/s, τ N m, all in B.
+
+    `turned` gives v × J v; `turned_by` unless given.
+    """
+    return inverse_inertia_B @ (torque_B - (turned or turned_by)(inertia_B, angular_rate_B))
 
 
 def symmetric_inverse(J: Symbol) -> Symbol:

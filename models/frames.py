@@ -19,7 +19,7 @@ def cross_matrix(v: Symbol) -> Symbol:
 def rotation_from_quaternion(q: Symbol) -> Symbol:
     """R of a unit quaternion (w, x, y, z)."""
     w, v = q[0], q[1:]
-    return (w * w - ca.dot(v, v)) * ca.SX.eye(3) + 2 * v @ v.T + 2 * w * cross_matrix(v)
+    return (w * w - ca.dot(v, v)) * ca.SX.eye(3) + 2 * (v @ v.T) + 2 * (w * cross_matrix(v))
 
 
 def quaternion_rate(q: Symbol, angular_rate_B: Symbol) -> Symbol:

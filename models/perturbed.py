@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from baryscope.models.attitude import gravity_gradient_torque, symmetric_tensor
+from baryscope.models.attitude import Form, symmetric_tensor
 from baryscope.models.differences import Pair
 from baryscope.models.forces import (
     Atmosphere,
@@ -129,19 +129,21 @@ def outputs(part: Symbol, constants: Values, forces: Forces) -> dict[str, Symbol
     }
 
 
-def torque(place: Symbol, R_I_B: Symbol, angular_rate_B: Symbol, constants: Values, forces: Forces) -> Symbol:
+def torque(place: Symbol, form: Form, angular_rate_B: Symbol, constants: Values, forces: Forces) -> Symbol:
     """The torque that depends on the place, N m in B: by the gravity gradient and eddy currents.
 
     Without eddy currents, the gravity gradient is on wherever this is asked for; with them, where its switch says so.
     """
     _, r, v = ca.vertsplit(place, [0, 1, 4, 7])
     radius = ca.norm_2(r)
-    gradient = gravity_gradient_torque(constants["inertia"], R_I_B.T @ (r / radius), constants["mu"] / radius**3)
+    gradient = form.gradient(constants["inertia"], r / radius, constants["mu"] / radius**3)
     if Force.EDDY_CURRENTS not in forces:
         return gradient
     field = dipole_field(r, constants["magneticField.dipole"])
     field_rate = ca.jtimes(field, r, v)
-    eddy = eddy_current_torque(constants["magnetic_tensor"], angular_rate_B, R_I_B.T @ field, R_I_B.T @ field_rate)
+    eddy = eddy_current_torque(
+        constants["magnetic_tensor"], angular_rate_B, form.to_body(field), form.to_body(field_rate)
+    )
     return eddy + constants["gravity_gradient"] * gradient
 
 

@@ -21,9 +21,9 @@ import casadi as ca
 
 from baryscope.models import perturbed
 from baryscope.models.attitude import (
+    Form,
     angular_acceleration,
     angular_momentum,
-    gravity_gradient_torque,
     inertia_tensor,
     rotational_energy,
     symmetric_inverse,
@@ -55,6 +55,7 @@ class TumblingTarget:
         free_attitude_rates: (q, ω, place), u, c → their rates without torques but the input, with the place at rest.
         free_attitude_form: the same as weighted products with ω, without the constant part of the torque.
         attitude_rates: the rates with gravity gradient (with eddy currents, where it is switched on) and of the place.
+        turned_attitude_series: (q, ω, place), u, c, ‖q‖⁻² → the same rates, for series over a step: ‖q‖ is constant.
         orbit_rates: (place, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
         run_forward: x, u, p, c, seed of (u, x) → the seed's image in (y, ẋ).
@@ -75,6 +76,7 @@ class TumblingTarget:
     free_attitude_rates: ca.Function
     free_attitude_form: QuadraticForm
     attitude_rates: ca.Function
+    turned_attitude_series: ca.Function
     orbit_rates: ca.Function
     run_outputs: ca.Function
     run_forward: ca.Function
@@ -103,11 +105,16 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
     constants = _unpack(c, _constants(parameters, forces))
 
     gravity_gradient = parameters["gravityGradient"]
-    attitude = {on: _attitude_rates(x[attitude_part], inputs, constants, on, forces) for on in (0, 1)}
+    part, shrinking = x[attitude_part], ca.SX.sym("shrinking")
+    forms = {
+        "exact": Form.plain(rotation_from_quaternion(_unit(part[:4]))),
+        "series": Form.of_products(rotation_from_quaternion(part[:4]), shrinking),
+    }
+    attitude = {how: _attitude_rates(part, inputs, constants, forms.get(how), forces) for how in ("free", *forms)}
     orbit = _orbit_rates(x[orbit_part], inputs, constants, forces)
-    free, turned = attitude[0][RATE_PART], attitude[1][RATE_PART]
+    free, turned = attitude["free"][RATE_PART], attitude["exact"][RATE_PART]
     turning = turned if Force.EDDY_CURRENTS in forces else free + gravity_gradient * (turned - free)
-    rates = ca.vertcat(attitude[0][:4], turning, orbit)
+    rates = ca.vertcat(attitude["free"][:4], turning, orbit)
     values = _output_values(x, parameters, constants, forces)
     y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
 
@@ -128,9 +135,10 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
         outputs=ca.Function("target_outputs", [x, p], [of_parameters(y)], ["x", "p"], ["y"]),
         nominals=ca.Function("target_nominals", [p], [_nominal_state(parameters, forces)], ["p"], ["scales"]),
         constants=constants_of_p,
-        free_attitude_rates=_part("target_free_attitude_rates", x[attitude_part], u, c, attitude[0]),
-        free_attitude_form=quadratic_form("target_free_attitude", attitude[0], x[attitude_part], c, RATE_PART),
-        attitude_rates=_part("target_attitude_rates", x[attitude_part], u, c, attitude[1]),
+        free_attitude_rates=_part("target_free_attitude_rates", part, u, c, attitude["free"]),
+        free_attitude_form=quadratic_form("target_free_attitude", attitude["free"], part, c, RATE_PART),
+        attitude_rates=_part("target_attitude_rates", part, u, c, attitude["exact"]),
+        turned_attitude_series=ca.Function("target_series", [part, u, c, shrinking], [ca.cse(attitude["series"])]),
         orbit_rates=_part("target_orbit_rates", x[orbit_part], u, c, orbit),
         run_outputs=ca.Function("target_run_outputs", [x, p, c], [ca.cse(y)], ["x", "p", "c"], ["y"]),
         run_forward=run[0],
@@ -238,21 +246,26 @@ def _nominal_state(parameters: Mapping[str, Symbol], forces: Forces) -> Symbol:
 
 
 def _attitude_rates(
-    part: Symbol, inputs: Mapping[str, Symbol], constants: Mapping[str, Symbol], turned: int, forces: Forces
+    part: Symbol,
+    inputs: Mapping[str, Symbol],
+    constants: Mapping[str, Symbol],
+    form: Form | None,
+    forces: Forces,
 ) -> Symbol:
-    """Rates of (q, ω, place); unless `turned`, by the torque input alone and with the place at rest."""
+    """Rates of (q, ω, place); without a form, only the torque input acts and the place rests."""
     q_I_B, rate_B, place = ca.vertsplit(part, [0, 4, PLACE_START, part.numel()])
     J, torque, place_rates = constants["inertia"], inputs["target.torque"], ca.SX(place.numel(), 1)
-    if turned:
-        R_I_B = rotation_from_quaternion(_unit(q_I_B))
+    turned = None
+    if form is not None:
+        turned = form.turned
         if forces:
-            torque += perturbed.torque(place, R_I_B, rate_B, constants, forces)
+            torque += perturbed.torque(place, form, rate_B, constants, forces)
             place_rates = perturbed.place_rates(place, constants, forces)
         else:
             orbit, R_I_L = _place(place, constants)
-            torque += gravity_gradient_torque(J, R_I_B.T @ R_I_L[:, 0], orbit.stiffness)
+            torque += form.gradient(J, R_I_L[:, 0], orbit.stiffness)
             place_rates = orbit.anomaly_rate
-    acceleration = angular_acceleration(J, constants["inverse_inertia"], rate_B, torque)
+    acceleration = angular_acceleration(J, constants["inverse_inertia"], rate_B, torque, turned)
     return ca.vertcat(quaternion_rate(q_I_B, rate_B), acceleration, place_rates)
 
 

@@ -6,6 +6,7 @@
 #include "integrator.c"
 #include "dop853.c"
 #include "taylor.c"
+#include "turned.c"
 #include "unit.c"
 
 #include "instance.c"

@@ -3,10 +3,10 @@
    It takes steps as long as the tolerance allows and interpolates in the last one, so that many short communication steps
    share one integration step. It holds no pointers: a copy of it is a saved state.
 
-   There are two methods. DOP853 suits any system. Taylor's method suits the attitude without gravity gradient: there the
-   rates are a constant plus products of the states, and each term of the Taylor series follows from the terms before it.
-   Its steps are longer, and each costs less than the stages it replaces; `make benchmark` prints the time of an orbit by
-   either method. A step that is cut short because inputs change costs more than one of DOP853. */
+   There are two methods. DOP853 suits any system. Taylor's method suits the attitude: its rates are products of the states, and
+   of values that follow from the target's place, and each term of the Taylor series follows from the terms before it.
+   Its steps are longer, and each costs less than the stages it replaces; `make benchmark` prints the time of an orbit.
+   A step that is cut short because inputs change costs more than one of DOP853. */
 
 #ifndef BARYSCOPE_INTEGRATOR_H
 #define BARYSCOPE_INTEGRATOR_H
@@ -53,13 +53,29 @@ static const char *dop853_advance(Integrator *integrator, Rates *rates, const vo
 /* The first `size` states at a time within the last step. */
 static void dop853_interpolate(const Integrator *integrator, double time, double *state, int size);
 
+/* Two doubles in one register. With plain arrays gcc vectorises only some of them, at half the speed. */
+typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
+#define PAIRS (WIDTH / 2)
+typedef union {
+    double of[WIDTH];
+    Pair pairs[PAIRS];
+} Row;
+
+/* All terms of the series at the current state, the first at 0; returns the time, in the integrator's unit, up to which they are
+   within the tolerance, or 0. */
+typedef double Expansion(Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *context, double tolerance);
+
+/* The same two functions by Taylor's method. It is fast only where the compiler inlines the expansion. */
+static inline __attribute__((always_inline)) const char *taylor_advance(
+    Integrator *integrator, Expansion *expansion, const void *context, double tolerance, double time, bool exactly);
+static void taylor_interpolate(const Integrator *integrator, double time, double *state, int size);
+
 /* What products of the states contribute to their rates; `sums` is the matrix of products, column by column. */
 typedef void Products(const void *context, const double *sums, double *rates);
 
-/* The same two functions by Taylor's method, for rates that are a constant plus products of states. It is fast only where
-   the compiler inlines the calls of `products`. */
-static inline __attribute__((always_inline)) const char *taylor_advance(
-    Integrator *integrator, Rates *rates, Products *products, const void *context, double tolerance, double time, bool exactly);
-static void taylor_interpolate(const Integrator *integrator, double time, double *state, int size);
+/* The expansion for rates that are a constant plus products of states. */
+static inline __attribute__((always_inline)) double expand_products(
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
+    double tolerance);
 
 #endif

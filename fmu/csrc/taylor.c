@@ -1,4 +1,5 @@
-/* Taylor's method for an autonomous quadratic system: rates that are a constant and weighted products of the states.
+/* Taylor's method: for rates that are a constant and weighted products of the states, here; for others, by terms that come
+   from generated code.
 
    Each coefficient of the solution follows from those before it by convolutions, and their size gives the length of the
    step, so that no step is rejected: Jorba, Zou, A software package for the numerical integration of ODEs by means of
@@ -14,14 +15,6 @@
 enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, a factor of every product: RATE_PART in models/target.py */
 #define REST 1e-100                       /* relative changes slower than this, 1/s, count as rest */
 #define LONGEST_REACH 1e9                 /* for a body at rest, whose terms are zero */
-
-/* Two doubles in one register. With plain arrays gcc vectorises only some of them, at half the speed. */
-typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
-#define PAIRS (WIDTH / 2)
-typedef union {
-    double of[WIDTH];
-    Pair pairs[PAIRS];
-} Row;
 
 /* sums[j] += left × the j-th factor in `right`. */
 static inline __attribute__((always_inline)) void add_products(Row sums[N_FACTORS], const Row *left, const Row *right)
@@ -61,14 +54,23 @@ static double size_of(const double *term, const double relative[WIDTH])
     return sum / WIDTH;
 }
 
-/* The time, in the unit of the terms, up to which the last two are within the tolerance; 0 if they are not finite. */
-static double reach_of(const Row terms[TAYLOR_ORDER + 1], const double relative[WIDTH], double tolerance)
+/* The time, in the unit of the terms, up to which the last two of them are within the tolerance; 0 if they are not finite. */
+static inline double reach_of(const Row *terms, int order, const double relative[WIDTH], double tolerance)
 {
-    const double last = size_of(terms[TAYLOR_ORDER].of, relative), former = size_of(terms[TAYLOR_ORDER - 1].of, relative);
+    const double last = size_of(terms[order].of, relative), former = size_of(terms[order - 1].of, relative);
     if (!isfinite(last + former)) return 0.0;
-    const double of_last = pow(tolerance / last, 1.0 / TAYLOR_ORDER);
-    const double of_former = pow(tolerance / former, 1.0 / (TAYLOR_ORDER - 1));
+    const double of_last = pow(tolerance / last, 1.0 / order);
+    const double of_former = pow(tolerance / former, 1.0 / (order - 1));
     return smaller(smaller(of_last, of_former), LONGEST_REACH);
+}
+
+/* Whether the last two terms are within the tolerance at a time in their unit: quicker than their reach. */
+static inline bool is_within(const Row *terms, int order, const double relative[WIDTH], double tolerance, double time)
+{
+    double power = 1.0;
+    for (int k = 1; k < order; k++) power *= time;
+    return size_of(terms[order - 1].of, relative) * power <= tolerance &&
+           size_of(terms[order].of, relative) * power * time <= tolerance;
 }
 
 /* state = start + the terms from the first on, at a time in their unit; the smallest are added first. */
@@ -80,30 +82,36 @@ static inline void evaluate(const double *start, const double terms[TAYLOR_ORDER
     for (int i = 0; i < size; i++) state[i] = start[i] + sum[i];
 }
 
-/* All terms at the current state, in a unit of time over which it changes by its own size; returns their reach. */
-static inline __attribute__((always_inline)) double expand_at(
-    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
-    double tolerance)
+/* The first two terms at the current state, in a unit of time over which it changes by its own size. */
+static inline __attribute__((always_inline)) void begin_terms(
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, const void *context, double relative[WIDTH])
 {
-    double relative[WIDTH];
     relate(integrator, relative);
     rates(context, integrator->state, integrator->rates);
     const double speed = size_of(integrator->rates, relative);
     integrator->unit = speed > REST ? 1.0 / speed : 1.0;
     memcpy(terms[0].of, integrator->state, sizeof integrator->state);
     for EACH(i) terms[1].of[i] = integrator->rates[i] * integrator->unit;
-    expand(terms, integrator->unit, products, context);
-    return reach_of(terms, relative, tolerance);
 }
 
-static inline const char *taylor_advance(Integrator *integrator, Rates *rates, Products *products, const void *context,
+static inline __attribute__((always_inline)) double expand_products(
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
+    double tolerance)
+{
+    double relative[WIDTH];
+    begin_terms(integrator, terms, rates, context, relative);
+    expand(terms, integrator->unit, products, context);
+    return reach_of(terms, TAYLOR_ORDER, relative, tolerance);
+}
+
+static inline const char *taylor_advance(Integrator *integrator, Expansion *expansion, const void *context,
                                          double tolerance, double time, bool exactly)
 {
     Row terms[TAYLOR_ORDER + 1];
     for (long steps = 0; integrator->time < time; steps++) {
         if (steps == MOST_STEPS) return TOO_MANY_STEPS;
         const double remaining = time - integrator->time;
-        const double reach = expand_at(integrator, terms, rates, products, context, tolerance);
+        const double reach = expansion(integrator, terms, context, tolerance);
         const double planned = reach * integrator->unit;
         if (!(planned > SHORTEST_STEP * fmax(integrator->time, remaining))) return OUT_OF_BOUNDS;
         const bool cut = exactly && planned >= remaining;

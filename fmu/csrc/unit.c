@@ -157,16 +157,43 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
 /* ---- advancing ---- */
 
 /* Integrate the attitude until `elapsed` is reached or passed, free and under torques that depend on the place. */
-static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, double elapsed)
+static inline __attribute__((always_inline)) double expand_free_attitude(
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *unit, double tolerance)
 {
-    return taylor_advance(&unit->attitude, free_attitude_rates, free_attitude_products, unit, unit->tolerance, elapsed,
-                          unit->inputs_changing);
+    return expand_products(integrator, terms, free_attitude_rates, free_attitude_products, unit, tolerance);
 }
 
+static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, double elapsed)
+{
+    return taylor_advance(&unit->attitude, expand_free_attitude, unit, unit->tolerance, elapsed, unit->inputs_changing);
+}
+
+#if TURNED_SERIES
+/* The place's series are cut earlier than the attitude's, so that they may be what bounds the step. */
+static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *context, double tolerance)
+{
+    const Unit *unit = context;
+    const double *q = integrator->state, shrinking = 1.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    const double *constants[] = {unit->values + AT_INPUTS, unit->constants, &shrinking};
+    double relative[WIDTH];
+    begin_terms(integrator, terms, attitude_rates, context, relative);
+    turned_terms(terms, integrator->unit, constants);
+    const double reach = reach_of(terms, TAYLOR_ORDER, relative, tolerance);
+    for (int i = 0; i < ORBIT_START; i++) relative[i] = 0.0;
+    return is_within(terms, SLOW_ORDER, relative, tolerance, reach) ? reach
+                                                                    : smaller(reach, reach_of(terms, SLOW_ORDER, relative, tolerance));
+}
+
+static __attribute__((flatten)) const char *advance_turned_attitude(Unit *unit, double elapsed)
+{
+    return taylor_advance(&unit->attitude, expand_turned_attitude, unit, unit->tolerance, elapsed, unit->inputs_changing);
+}
+#else
 static const char *advance_turned_attitude(Unit *unit, double elapsed)
 {
     return dop853_advance(&unit->attitude, attitude_rates, unit, unit->tolerance, elapsed, unit->inputs_changing);
 }
+#endif
 
 /* Advance the attitude and write its state at `elapsed`. */
 static const char *run_attitude(Unit *unit, double elapsed)
@@ -176,7 +203,7 @@ static const char *run_attitude(Unit *unit, double elapsed)
     if (unit->attitude.time < elapsed)
         failure = (is_free ? advance_free_attitude : advance_turned_attitude)(unit, elapsed);
     if (failure) return failure;
-    (is_free ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, unit->values + AT_STATES, ATTITUDE_SIZE);
+    (is_free || TURNED_SERIES ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, unit->values + AT_STATES, ATTITUDE_SIZE);
     return NULL;
 }
 

@@ -9,11 +9,13 @@ from typing import Literal
 from baryscope.fmu.generate.codegen import integrator_header, model_source, tables_header
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
 from baryscope.fmu.generate.description import model_description
+from baryscope.fmu.generate.series import series_source
 from baryscope.fmu.generate.sources import MAIN, build_description, licences, unit_sources
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import PLATFORMS, X86_64_WINDOWS, FmiVersion, binary_members, host_platform
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
+from baryscope.models.target import PLACE_START
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
@@ -72,10 +74,13 @@ def describe_unit(
     system = scenario.system
     parameters = scenario.flat_parameters()
     equations, integrator = model_source(system), integrator_header(system)
+    turned = series_source(system.turned_attitude_series, PLACE_START)
 
     def sources(token: str) -> dict[str, bytes]:
         tables = tables_header(system, parameters, token, fmi, scalar)
-        return unit_sources({"model.c": equations, "dop853.h": integrator, "tables.h": tables}, fmi, main)
+        return unit_sources(
+            {"model.c": equations, "dop853.h": integrator, "tables.h": tables, "turned.c": turned}, fmi, main
+        )
 
     def description(token: str) -> bytes:
         return model_description(system, parameters, scenario, token, fmi, scalar)

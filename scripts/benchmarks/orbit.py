@@ -54,7 +54,7 @@ def whole_orbit(setting: Setting) -> Part:
     flights = [flight for peer in peers for flight in peer(setting.scenario, setting.duration)]
     ours = unit_flight(setting, f"Taylor, tolerance {TOLERANCE:g}", {"solver.tolerance": TOLERANCE})
     parameters = {"solver.tolerance": TOLERANCE, "gravityGradient": True}
-    attracted = unit_flight(setting, "DOP853 for gravity gradient", parameters)
+    attracted = unit_flight(setting, "Taylor, with gravity gradient", parameters)
     shown = [ours, attracted, *(_shown(setting, group, ours) for group in _groups(flights))]
     target = setting.scenario.target.model_copy(update={"gravity_gradient": True})
     with_gradient = setting.scenario.model_copy(update={"target": target})

@@ -1,0 +1,72 @@
+/* Recurrences for the coefficients of Taylor series, for the generated function that includes them.
+
+   A slow value's coefficients are a row, of which the first k are known when the k-th is computed. The products of fast by slow
+   values are gathered: the sums over all pairs of earlier coefficients are taken for all of them at once, two to a
+   register, before the newest coefficients are known; these are added when they are. */
+
+static inline double slow_product(const double *a, const double *b, int k)
+{
+    double sum = 0.0;
+    for (int j = 0; j <= k; j++) sum += a[j] * b[k - j];
+    return sum;
+}
+
+static inline double slow_quotient(double over, const double *under, const double *quotient, int k)
+{
+    for (int j = 1; j <= k; j++) over -= under[j] * quotient[k - j];
+    return over / under[0];
+}
+
+static inline double slow_sqrt(const double *a, const double *root, int k)
+{
+    if (k == 0) return sqrt(a[0]);
+    double rest = a[k];
+    for (int j = 1; j < k; j++) rest -= root[j] * root[k - j];
+    return rest / (2.0 * root[0]);
+}
+
+static inline double slow_exp(const double *a, const double *power, int k)
+{
+    if (k == 0) return exp(a[0]);
+    double sum = 0.0;
+    for (int j = 1; j <= k; j++) sum += j * a[j] * power[k - j];
+    return sum / k;
+}
+
+static inline void slow_circle(const double *angle, double *sine, double *cosine, int k)
+{
+    if (k == 0) {
+        sine[0] = sin(angle[0]), cosine[0] = cos(angle[0]);
+        return;
+    }
+    double along = 0.0, across = 0.0;
+    for (int j = 1; j <= k; j++) {
+        along += j * angle[j] * cosine[k - j];
+        across += j * angle[j] * sine[k - j];
+    }
+    sine[k] = along / k, cosine[k] = -across / k;
+}
+
+typedef union {
+    double of[N_MIXED];
+    Pair pairs[N_MIXED / 2];
+} MixedRow;
+
+typedef struct {
+    MixedRow fast[TAYLOR_ORDER], slow[SLOW_ORDER + 1], sums;
+} Mixed;
+
+static inline __attribute__((always_inline)) void sum_mixed(Mixed *mixed, int k)
+{
+    MixedRow sums = {{0.0}};
+    for (int j = 1; j <= k && j <= SLOW_ORDER; j++)
+        UNROLL for (int i = 0; i < N_MIXED / 2; i++)
+            sums.pairs[i] += mixed->slow[j].pairs[i] * mixed->fast[k - j].pairs[i];
+    mixed->sums = sums;
+}
+
+static inline __attribute__((always_inline)) double mixed_of(Mixed *mixed, int k, int p, double a)
+{
+    mixed->fast[k].of[p] = a;
+    return mixed->sums.of[p] + mixed->slow[0].of[p] * a;
+}
