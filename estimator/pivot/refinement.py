@@ -177,7 +177,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     linear = _scaled(problem, max(scale, floor))
     assert theta is not None  # noqa: S101  there was a round
     found = posterior(linear, path.prior, theta)
-    solution = solution.with_covariance(found.covariance / max(scale, floor))
+    solution = solution.with_covariance(found.covariance / max(scale, floor), problem.bodies)
     solution, tied, refused = tie_bodies(solution, max(scale, floor), observations, sampled.position(x))
     return Pivot(
         path=path,
