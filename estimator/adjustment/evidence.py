@@ -76,6 +76,14 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     return np.asarray(found.x)
 
 
+def complexity(linear: Linear, prior: Prior) -> float:
+    """−2 ln p at its minimum without the decrease uᵀ(A + P)⁻¹u, which is not to be had far from the solution."""
+    theta = maximise(linear, prior)
+    u = linear.rhs - held(linear, prior, theta)[0] * linear.x
+    change = conditional(linear, prior, theta)[0] - linear.x
+    return _objective(linear, prior, theta)[0] + float(u @ change)
+
+
 def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     """The posterior of x, integrated over the uncertainty of each hyperparameter about θ (h,)."""
     mean, covariance = conditional(linear, prior, theta)

@@ -17,6 +17,7 @@ from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 FloatArray = NDArray[np.float64]
 
 FIXED = "fixed"
+DECAY = "decay"
 
 
 class Path(Protocol):
@@ -157,5 +158,5 @@ class Smooth(Polynomial):
         """That of the coefficients; the constant has none."""
         order = np.repeat(np.arange(self.degree), 3)
         slopes = np.column_stack([np.ones(len(order)), order.astype(np.float64)])
-        parameters = (Hyperparameter("first coefficient"), Hyperparameter("decay", np.log(1e-8), 0.0))
+        parameters = (Hyperparameter("first coefficient"), Hyperparameter(DECAY, np.log(1e-8), 0.0))
         return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters))

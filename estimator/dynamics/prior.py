@@ -60,12 +60,15 @@ class Prior:
             self.hyperparameters + other.hyperparameters,
         )
 
+    def has(self, name: str) -> bool:
+        """Whether there is a hyperparameter of that name."""
+        return name in [one.name for one in self.hyperparameters]
+
     def fixed(self, name: str, value: float) -> "Prior":
         """The prior with the logarithm of one hyperparameter fixed; unchanged if there is none of that name."""
-        names = [one.name for one in self.hyperparameters]
-        if name not in names:
+        if not self.has(name):
             return self
-        index = names.index(name)
+        index = [one.name for one in self.hyperparameters].index(name)
         with np.errstate(invalid="ignore"):
             offset = np.where(self.free, np.inf, self.offset + self.slopes[:, index] * value)
         rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]

@@ -34,13 +34,15 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
+    SUBSAMPLE_FRAMES,
     Pivot,
     Start,
     least_variance,
-    linear_start,
     refined,
+    subsampled,
     values_for_path,
 )
+from baryscope.estimator.pivot.start import linear_start
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
@@ -166,7 +168,9 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
     errors = errors_of(tracks)
     path = chosen_path(options, orbit, *span, errors)
-    bodies, x = linear_start(registered, observations, path, tracks.time)
+    few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
+    sampled, least = path.at(tracks.time[few.rows]), least_variance(measured, ROUNDING)
+    bodies, x = linear_start(registered, few, sampled, path.prior, least)
     start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors)
     found = with_corrected_orbit(refined(start, options), orbit, start, options)
     findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)

@@ -15,11 +15,9 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.clusters import Registered
 from baryscope.estimator.result import Finding
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
@@ -104,35 +102,6 @@ class Subsample:
     steps: tuple[int, ...]
 
 
-def linear_start(
-    registered: Registered, observations: Observations, path: Path, time: FloatArray
-) -> tuple[tuple[Body, ...], FloatArray]:
-    """Initial bodies and x (p,) by linear least squares, of many frames from a subsample."""
-    few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
-    sampled = path.at(time[few.rows])
-    bodies, x = linear_solution(in_subsample(registered, few), few.observations, sampled, path.prior)
-    both = zip(registered.bodies, bodies, strict=True)
-    return tuple(replace(body, points=refined.points) for body, refined in both), x
-
-
-def in_subsample(registered: Registered, few: Subsample) -> Registered:
-    """The registered bodies in the frames of a subsample."""
-    origins = zip(registered.origins, few.steps, strict=True)
-    return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
-
-
-def linear_solution(
-    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior
-) -> tuple[tuple[Body, ...], FloatArray]:
-    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted, then weighted."""
-    first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled, prior)
-    drift = solve_drift(
-        registered, frame_weights(registered.bodies, observations.weight, first.offsets), sampled, prior
-    )
-    moved = zip(registered.bodies, drift.offsets, strict=True)
-    return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x
-
-
 def refined(start: Start, options: PathOptions) -> Pivot:
     """The solution of Gauss–Newton steps until steps and changes of the weights are small, with tie points applied.
 
@@ -153,8 +122,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         cost = float(problem.squares.sum())
         if np.isnan(variance):
             variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
-        theta, precision = _hyperparameters(problem, path.prior, max(variance, floor), theta)
-        solution = problem.step(precision)
+        theta = maximise(scaled(problem, max(variance, floor)), path.prior)
+        solution = stepped(problem, path.prior, theta, max(variance, floor))
         bodies, x = solution.bodies, solution.x
         sampled = as_seen(path, sampled.itself, start.errors, x)
         dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
@@ -171,10 +140,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         observations = observations.weighted(weight)
         if converged and (richer := _richer(path, solution, theta, least, sampled)) is not None:
             path, converged = richer, False
-            x, theta = np.pad(x, (0, path.size - len(x))), None
+            x = np.pad(x, (0, path.size - len(x)))
             sampled = as_seen(path, path.at(start.time), start.errors, x)
     scale = options.sigma**2 if options.sigma is not None else variance
-    linear = _scaled(problem, max(scale, floor))
+    linear = scaled(problem, max(scale, floor))
     assert theta is not None  # noqa: S101  there was a round
     found = posterior(linear, path.prior, theta)
     solution = solution.with_covariance(found.covariance / max(scale, floor), problem.bodies)
@@ -204,19 +173,13 @@ def _shift(errors: SharedErrors | None, origin: FloatArray, variance: float) -> 
     return errors.shift_covariance(origin) / variance
 
 
-def _hyperparameters(
-    problem: Linearised, prior: Prior, variance: float, theta: FloatArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """The hyperparameters (h,) of maximum likelihood, and the precision (p,) of the prior in the units of the weights.
-
-    variance: of an observation of weight 1; theta: of the previous round.
-    """
-    linear = _scaled(problem, variance)
-    found = maximise(linear, prior, theta)
-    return found, variance * held(linear, prior, found)[0]
+def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: float) -> Solution:
+    """A step with given hyperparameters (h,)."""
+    return problem.step(variance * held(scaled(problem, variance), prior, theta)[0])
 
 
-def _scaled(problem: Linearised, variance: float) -> Linear:
+def scaled(problem: Linearised, variance: float) -> Linear:
+    """The reduced problem in the unknowns of the path, for a variance of an observation of weight 1."""
     return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
 
 

@@ -1,0 +1,115 @@
+"""The initial solution: linear least squares under several priors of the path, of which the best is refined.
+
+A flexible path can follow the body's rotation and so hide a wrong offset. There the linearised problem does not show
+the better solution, as errors of the attitudes times a change of the offset are of second order. So a smooth path
+starts from a straight line, and from coefficients that decrease fast or slowly; any path starts without process noise.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import complexity, maximise
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN, reweighted
+from baryscope.estimator.dynamics.paths import DECAY, SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.process_noise import DENSITY
+from baryscope.estimator.pivot.drift import frame_weights, solve_drift
+from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.refinement import Subsample, scaled, stepped, values_for_path
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import Registered
+
+FloatArray = NDArray[np.float64]
+
+DECAYS = (1e-8, 0.02, 0.15, 0.5)  # of a smooth path's coefficients, from which solutions start
+NO_NOISE = -200.0  # logarithm of a density without effect
+STEPS = 5  # of Gauss and Newton before starts are compared
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A solution for some frames: bodies, x (p,), and the observations with robust weights."""
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    observations: Observations
+
+
+def linear_start(
+    registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float
+) -> tuple[tuple[Body, ...], FloatArray]:
+    """Initial bodies and x (p,): the best of several linear least-squares solutions after a few steps.
+
+    few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
+    of an observation of weight 1.
+    """
+    own = in_subsample(registered, few)
+    quiet = prior.fixed(DENSITY, NO_NOISE)
+    priors = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if prior.has(DECAY) else [quiet]
+    if prior.hyperparameters:
+        priors.append(prior)
+    trials = []
+    for one in priors:
+        bodies, x = linear_solution(own, few.observations, sampled, one)
+        trials.append(_Trial(bodies, x, few.observations))
+    if len(trials) > 1:
+        both = zip(trials, priors, strict=True)
+        found = _best([_advanced(trial, sampled, one, least) for trial, one in both], sampled, prior, least)
+    else:
+        found = trials[0]
+    pairs = zip(registered.bodies, found.bodies, strict=True)
+    return tuple(replace(body, points=refined.points) for body, refined in pairs), found.x
+
+
+def _advanced(trial: _Trial, sampled: SampledPath, prior: Prior, least: float) -> _Trial:
+    """The trial after STEPS steps with robust weights, under a prior that keeps the path simple."""
+    bodies, x, observations = trial.bodies, trial.x, trial.observations
+    dof = max(values_for_path(bodies, observations), 1.0)
+    theta: FloatArray | None = None
+    for _ in range(STEPS):
+        problem = linearised(bodies, observations, sampled, x)
+        variance = max(float(problem.squares.sum()) / dof, least)
+        theta = maximise(scaled(problem, variance), prior, theta)
+        solution = stepped(problem, prior, theta, variance)
+        bodies, x = solution.bodies, solution.x
+        observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least))
+    return _Trial(bodies, x, observations)
+
+
+def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float) -> _Trial:
+    """The trial of the greatest marginal likelihood, with outliers of a bounded cost, for the least variance of any."""
+    problems, residuals, variances = [], [], []
+    for trial in trials:
+        problem = linearised(trial.bodies, trial.observations, sampled, trial.x)
+        weight = trial.observations.weight
+        used = weight > 0
+        squares = problem.squares[used] / weight[used]
+        problems.append(problem)
+        residuals.append(squares)
+        share = max(values_for_path(trial.bodies, trial.observations) / (3 * float(weight.sum())), 1e-3)
+        variances.append(max(float(np.median(squares)) / (MEDIAN * share), least))
+    variance, scores = min(variances), []
+    for squares, problem in zip(residuals, problems, strict=True):
+        bounded = float(np.minimum(squares / variance, GATE).sum())
+        scores.append(bounded + complexity(scaled(problem, variance), prior))
+    return trials[int(np.argmin(scores))]
+
+
+def in_subsample(registered: Registered, few: Subsample) -> Registered:
+    """The registered bodies in the frames of a subsample."""
+    origins = zip(registered.origins, few.steps, strict=True)
+    return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
+
+
+def linear_solution(
+    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior
+) -> tuple[tuple[Body, ...], FloatArray]:
+    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted, then weighted."""
+    first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled, prior)
+    weights = frame_weights(registered.bodies, observations.weight, first.offsets)
+    drift = solve_drift(registered, weights, sampled, prior)
+    moved = zip(registered.bodies, drift.offsets, strict=True)
+    return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x
