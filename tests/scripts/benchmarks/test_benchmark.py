@@ -146,8 +146,8 @@ def test_a_peer_that_disagrees_is_a_fault(short, monkeypatch):
 def test_a_path_that_is_not_the_true_one_is_a_fault(short, monkeypatch, rmse, wrong):
     monkeypatch.setattr(estimating, "cost_of", lambda *arguments: estimating.Cost(1.0, 1.0, rmse))
     part = estimating.estimating(short)
-    assert len(part.faults) == (7 if wrong else 0)
-    assert len(part.rows) == 10
+    assert len(part.faults) == (8 if wrong else 0)
+    assert len(part.rows) == 13
 
 
 def test_the_cost_of_a_method_comes_with_its_error(short, monkeypatch):
