@@ -324,7 +324,7 @@ def _chained(steps: FloatArray, modes: FloatArray | None, part: slice) -> FloatA
         for before, step, after in zip(chain, own, chain[1:, :6], strict=False):
             np.matmul(step, before, out=after)
         return chain[:, :6]
-    by_values = own[:, :, 11:].reshape(k, 6, -1, 3).transpose(0, 1, 3, 2)
+    by_values = own[:, :, 11:].reshape(k, 6, (own.shape[2] - 11) // 3, 3).transpose(0, 1, 3, 2)
     added = (by_values @ modes[part, None]).transpose(0, 1, 3, 2).reshape(k, 6, forced)
     moved = np.ascontiguousarray(own[:, :, :11])
     for before, step, after, more in zip(chain, moved, chain[1:, :6], added, strict=False):
