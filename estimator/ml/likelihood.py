@@ -34,17 +34,18 @@ IntArray = NDArray[np.intp]
 class FrameNoise:
     """Movements of all points of a frame together, independent from frame to frame: their covariances in C.
 
-    turn (n, 3, 3): of a rotation about the origin of C, rad², as by the camera's attitude; shift (n, 3, 3): of a
+    turn (n, 3, 3): of a rotation about the camera at place (n, 3) in C, rad², as by its attitude; shift (n, 3, 3): of a
     translation, m². For weights that are inverse variances; other weights scale both by the variance of weight 1.
     """
 
     turn: FloatArray
     shift: FloatArray
+    place: FloatArray
 
     def of_poses(self, attitude: FloatArray, origin: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) as movements (φ, τ) in B, of bodies with attitude (n, 3, 3) at origin (n, 3)."""
         R_B_C = np.swapaxes(attitude, 1, 2)
-        by_turn = np.concatenate([R_B_C, -R_B_C @ cross_matrices(origin)], axis=1)
+        by_turn = np.concatenate([R_B_C, -R_B_C @ cross_matrices(origin - self.place)], axis=1)
         by_shift = np.concatenate([np.zeros_like(R_B_C), R_B_C], axis=1)
         return np.asarray(
             by_turn @ self.turn @ np.swapaxes(by_turn, 1, 2) + by_shift @ self.shift @ np.swapaxes(by_shift, 1, 2)
@@ -52,18 +53,15 @@ class FrameNoise:
 
     def frames(self, part: slice) -> "FrameNoise":
         """That of some frames."""
-        return FrameNoise(self.turn[part], self.shift[part])
-
-    def scaled(self, factor: float) -> "FrameNoise":
-        """Covariances times a factor."""
-        return FrameNoise(factor * self.turn, factor * self.shift)
+        return FrameNoise(self.turn[part], self.shift[part], self.place[part])
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
     """Motion, path and frame noise at the frames, and points, at which the equations are linearised.
 
-    motion and path sampled at the frames; origin (n, 3): the path's positions in C, m; points (m, 3) in B, m.
+    motion and path sampled at the frames, as they are seen; origin (n, 3): the path's positions in C, m; points (m, 3)
+    in B, m.
     knots: Jacobians for blocks of frames; None: those of every frame.
     """
 
@@ -222,8 +220,10 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
         sums.coupling += with_points
         return
     own, p = model.motion.turn[part], model.path.jacobian.shape[2]
-    turn = np.concatenate([own, np.zeros((len(own), 3, p))], axis=2)
-    shift = np.concatenate([np.zeros_like(own), np.swapaxes(attitude, 1, 2) @ model.path.jacobian[part]], axis=2)
+    R_B_C = np.swapaxes(attitude, 1, 2)
+    seen = np.zeros((len(own), 3, p)) if model.path.turn is None else R_B_C @ model.path.turn[part]
+    turn = np.concatenate([own, seen], axis=2)
+    shift = np.concatenate([np.zeros_like(own), R_B_C @ model.path.jacobian[part]], axis=2)
     moves = np.concatenate([turn, shift], axis=1)
     flat = moves.reshape(-1, model.size)
     sums.matrix += flat.T @ (block @ moves).reshape(-1, model.size)

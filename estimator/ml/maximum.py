@@ -10,6 +10,7 @@ from baryscope.estimator.adjustment.evidence import Linear, Posterior, condition
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.rotation import NODE_ANGLE, Attitudes, Rotation
@@ -17,12 +18,12 @@ from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.blocks import Blocks, Knots, blocks_of
 from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME, Tumble
-from baryscope.estimator.ml.likelihood import Equations, Model, equations
+from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
 from baryscope.estimator.progress import Rounds
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tracks import FeatureTracks, errors_of
 
 FloatArray = NDArray[np.float64]
 
@@ -86,6 +87,7 @@ class _Problem:
     path: Path
     sampled: SampledPath
     blocks: Blocks
+    noise: FrameNoise | None
     priors: Priors
     measured: Observations
     floor: float
@@ -93,9 +95,10 @@ class _Problem:
 
     def equations(self, observations: Observations, state: _State, points: FloatArray) -> Equations:
         """The normal equations at a state, linearised at points (m, 3)."""
-        knots = Knots.of(self.blocks, state.motion, self.path) if self.blocks.worthwhile else None
+        smooth = self.blocks.worthwhile and self.sampled.seen_of is None
+        knots = Knots.of(self.blocks, state.motion, self.path) if smooth else None
         origin = self.sampled.position(state.x)
-        return equations(observations, Model(state.motion, self.sampled, origin, points, knots=knots))
+        return equations(observations, Model(state.motion, self.sampled, origin, points, self.noise, knots))
 
     def moved(self, state: _State, change: FloatArray) -> _State | None:
         """The state after a change (q,) of the unknowns; None if the rotation is not possible."""
@@ -136,11 +139,12 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
     stereo = measured.precision is not None and options.noise == "stereo"
+    noise = _frame_noise(errors_of(tracks), max(pivot.variance, floor))
 
     def problem_of(rotation: Rotation) -> _Problem:
-        priors = Priors.of(rotation, pivot.path, pivot.sampled, pivot.solution.x, density)
+        priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
         blocks = blocks_of(tracks.time, _block_length(rotation, pivot.path, float(np.ptp(tracks.time))))
-        return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, priors, measured, floor, stereo)
+        return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, measured, floor, stereo)
 
     rotation = tumble.rotation
     if options.torque_noise != "none":
@@ -241,6 +245,14 @@ def _richer(best: _Iterate, time: FloatArray, density: float | None) -> Rotation
     if len(orders) <= len(rotation.torque.orders):
         return None
     return replace(rotation, torque=rotation.torque.with_orders(orders))
+
+
+def _frame_noise(errors: SharedErrors | None, variance: float) -> FrameNoise | None:
+    """That of the camera's attitude, for a variance of an observation of weight 1."""
+    if errors is None or not errors.noisy:
+        return None
+    turn = errors.turn_covariance() / variance
+    return FrameNoise(turn, np.zeros_like(turn), errors.place)
 
 
 def _with_modes(rotation: Rotation, time: FloatArray) -> Rotation:

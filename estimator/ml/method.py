@@ -25,9 +25,11 @@ from baryscope.estimator.adjustment.diagnostics import (
 from baryscope.estimator.adjustment.evidence import conditional, held
 from baryscope.estimator.adjustment.path_noise import NINETY, predicted_path, process_noise_of
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.forces import factors_of
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
+from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.ml.blocks import Jacobians
 from baryscope.estimator.ml.initial_tumble import fit_tumble
@@ -40,7 +42,7 @@ from baryscope.estimator.pivot.refinement import Pivot, least_variance
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 
@@ -66,18 +68,22 @@ def estimate_by_likelihood(
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     done.did(STAGE)
     best = maximised(tracks, pivot, tumble, options, done)
-    origin = best.sampled.position(best.x)
+    errors, seen, itself = errors_of(tracks), best.sampled.position(best.x), best.sampled.itself
+    origin = itself.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())
     turn = Jacobians.of(best.motion.turn_in_C, tracks.time, best.blocks)
-    y, offsets = _covariances(best, turn, [body.features for body in pivot.bodies], distance)
+    scale = None
+    if errors is not None and errors.scale is not None:
+        scale = best.rotation.size + errors_in(best.path).start + errors.scale
+    y, offsets = _covariances(best, turn, [body.features for body in pivot.bodies], distance, scale)
     of_x = y[best.rotation.size :, best.rotation.size :]
-    covariance = best.sampled.covariance(of_x)
+    covariance = itself.covariance(of_x)
     clusters = tuple(
         cluster_of(body, best.found.points[body.features], offset, tracks.labels)
         for body, offset in zip(pivot.bodies, offsets, strict=True)
     )
     weight = best.observations.weight
-    residuals = tracks.position - (best.found.points @ np.swapaxes(best.motion.attitude, 1, 2) + origin[:, None])
+    residuals = tracks.position - (best.found.points @ np.swapaxes(best.motion.attitude, 1, 2) + seen[:, None])
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
     return Estimate(
@@ -95,14 +101,14 @@ def estimate_by_likelihood(
         covered=covered_by(clusters, len(tracks.time)),
         converged=best.converged,
         rounds=best.rounds,
-        findings=pivot.findings + _excess_residuals(residuals, best, pivot),
+        findings=pivot.findings + _excess_residuals(residuals, best, pivot, errors),
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=_details(best, y),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(best.path, best.x, of_x),
-        process_noise=process_noise_of(best.path, best.sampled, best.x, prior, own),
+        process_noise=process_noise_of(best.path, itself, best.x, prior, own),
         predictor=PredictedBody(
             predicted_path(best.path, best.x, of_x, span, prior, own),
             best.rotation,
@@ -117,11 +123,16 @@ def estimate_by_likelihood(
     )
 
 
-def _excess_residuals(residual: FloatArray, best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
+def _excess_residuals(
+    residual: FloatArray, best: Likelihood, pivot: Pivot, errors: SharedErrors | None
+) -> tuple[Finding, ...]:
     """A finding if the residuals (n, m, 3) of ml are greater than with free attitudes by more than noise explains.
 
-    Both are compared where `pivot` uses observations, with the same weights (F test of the two nested models).
+    Both are compared where `pivot` uses observations, with the same weights (F test of the two nested models). Noise of
+    the camera's attitude would be in the first, but not in the second: there is no test then.
     """
+    if errors is not None and errors.noisy:
+        return ()
     free = pivot.observations
     weight = np.minimum(free.weight, best.observations.weight)
     own = residuals_of(free.position, pivot.bodies, pivot.sampled.position(pivot.solution.x))
@@ -162,13 +173,13 @@ def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) 
 
 
 def _covariances(
-    best: Likelihood, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float
+    best: Likelihood, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float, scale: int | None
 ) -> tuple[FloatArray, list[FloatArray]]:
     """The covariances of y (q, q) and of the clusters' offsets (3, 3), without spurious information.
 
     The estimate of a pure spin has a small error of its axis, which adds spurious information on the position along the
     axis, as in `pivot`. Here the attitude errors φ come from those of rate and inertia; the mean of φ over all frames
-    only rotates the axes and is subtracted.
+    only rotates the axes and is subtracted. scale: the index of a camera's error of scale among the unknowns.
     """
     variance = max(best.variance, 1e-300)
     y = _covariance_of_unknowns(best, distance, variance)
@@ -182,7 +193,11 @@ def _covariances(
     for features in clusters:
         offset, crossed = best.found.offset_covariance(y, features)
         of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, variance / distance**2)
-        offsets.append(variance * (offset + of_offset @ of_offset.T))
+        own = variance * (offset + of_offset @ of_offset.T)
+        if scale is not None:
+            centroid = best.found.points[features].mean(axis=0)
+            own = of_true_size(centroid, own, variance * crossed[:, scale], variance * float(y[scale, scale]))
+        offsets.append(own)
         of_y = of_y + of_unknowns @ of_unknowns.T
     return variance * of_y, offsets
 
@@ -204,7 +219,7 @@ def _covariance_of_unknowns(best: Likelihood, distance: float, variance: float) 
     own, found = best.priors, best.posterior
     linear = own.linear(best.found, own.values(best.rotation, best.x), variance)
     prior = variance * (own.information + np.diag(held(linear, own.own, found.theta)[0]))
-    y = best.found.covariance(best.sampled, distance / np.sqrt(variance), prior)
+    y = best.found.covariance(best.sampled.itself, distance / np.sqrt(variance), prior)
     if len(found.theta):
         y = y + (found.covariance - conditional(linear, own.own, found.theta)[1]) / variance
     return np.asarray(y)
