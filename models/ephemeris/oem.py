@@ -47,6 +47,8 @@ def segments_of_text(text: str, source: str) -> tuple[tuple[Segment, ...], str]:
             if part == "metadata":
                 segments[-1][0][found[1]] = found[2].strip()
         elif part == "states":
+            if not segments:
+                raise InputError(f"{place}: {line[:40]!r} before META_START, expected the metadata of a segment")
             cells = line.split()
             if len(cells) not in (7, 10):
                 raise InputError(f"{place}: {len(cells)} values, expected a time, position and velocity: 7")
