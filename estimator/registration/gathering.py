@@ -114,8 +114,11 @@ def _moments(seen: BoolArray, points: FloatArray) -> FloatArray:
 
     Of the shape, not of the positions seen: those whose noise lies off the line by chance would be chosen.
     """
-    patterns, which = np.unique(np.packbits(seen, axis=1), axis=0, return_inverse=True)
-    weight = np.unpackbits(patterns, axis=1, count=seen.shape[1]).astype(np.float64)
+    if (seen == seen[:1]).all():
+        weight, which = seen[:1].astype(np.float64), np.zeros(len(seen), dtype=np.intp)
+    else:
+        patterns, which = np.unique(np.packbits(seen, axis=1), axis=0, return_inverse=True)
+        weight = np.unpackbits(patterns, axis=1, count=seen.shape[1]).astype(np.float64)
     mean = (weight @ points) / np.maximum(weight.sum(axis=1), 1.0)[:, None]
     outer = (points[:, :, None] * points[:, None]).reshape(-1, 9)
     scatter = (weight @ outer).reshape(-1, 3, 3) - weight.sum(axis=1)[:, None, None] * mean[:, :, None] * mean[:, None]
