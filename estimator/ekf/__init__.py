@@ -1,7 +1,8 @@
 """An iterated extended Kalman filter with smoother, after Segal, Carmi and Gurfil (2014), for comparison.
 
-`method` is the entry; a bank of filters chooses the process noise; passes start from the result of the one before.
-Uses geometry, registration, dynamics, result and adjustment.
+`method` is the entry; `start` registers all frames; `passes` linearises (`linearised`, `motion`), chooses densities of
+process noise (`bank`), filters and smooths (`filter`, `solution`). Uses geometry, registration, dynamics, adjustment,
+the fitted tumble of ml, and result.
 """
 
 from baryscope.estimator.ekf.method import estimate_by_filter

@@ -216,7 +216,7 @@ def _bounds(densities: list[float], probability: FloatArray) -> tuple[float, flo
     order = np.argsort(densities)
     below = np.cumsum(probability[order])
     ends = np.searchsorted(below, [CREDIBLE, 1 - CREDIBLE]).clip(max=len(order) - 1)
-    lower, upper = (densities[int(order[end])] for end in ends)
+    lower, upper = (float(densities[int(order[end])]) for end in ends)
     return lower, upper
 
 
