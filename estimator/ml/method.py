@@ -32,7 +32,7 @@ from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.ml.blocks import Jacobians
-from baryscope.estimator.ml.initial_tumble import fit_tumble
+from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.relabelling import relabelled
@@ -43,7 +43,7 @@ from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -67,7 +67,7 @@ def estimate_by_likelihood(
     noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     done.did(STAGE)
-    best = maximised(tracks, pivot, tumble, options, done)
+    best = _followed(tracks, pivot, tumble, options, done)
     errors, seen, itself = errors_of(tracks), best.sampled.position(best.x), best.sampled.itself
     origin = itself.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())
@@ -121,6 +121,23 @@ def estimate_by_likelihood(
             _torque_density(best, options),
         ),
     )
+
+
+def _followed(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
+    """The maximum, if steps from the fitted rotation lead to one.
+
+    Raises:
+        ComputationError: they lead nowhere.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            best = maximised(tracks, pivot, tumble, options, done)
+        finite = bool(np.isfinite(best.found.cost) and np.isfinite(best.posterior.covariance).all())
+    except np.linalg.LinAlgError:
+        finite = False
+    if not finite:
+        raise ComputationError("no rotation with a torque follows the attitudes over the whole time", Reason.DIVERGED)
+    return best
 
 
 def _excess_residuals(

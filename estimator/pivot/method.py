@@ -58,7 +58,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
-WRONG_SIGMA = 0.1  # relative error of an a priori deviation that is named
+WRONG_SIGMA = 0.25  # relative error of an a priori deviation that is named; outliers alone make up a tenth
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
 
