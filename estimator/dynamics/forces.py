@@ -117,7 +117,15 @@ class Forced:
         return np.where(rms > 0, rms, 1.0)
 
     def _response(self, time: FloatArray) -> Motion:
+        """The response over the times (n,), computed once for all that lie within begin … end."""
+        if self.begin <= time.min(initial=np.inf) and time.max(initial=-np.inf) <= self.end:
+            return self._within
         return _response(self.base, self.force, (self.begin + self.end) / 2, time)
+
+    @cached_property
+    def _within(self) -> Motion:
+        ends = np.array([self.begin, self.end])
+        return _response(self.base, self.force, (self.begin + self.end) / 2, ends)
 
 
 @dataclass(frozen=True, eq=False)

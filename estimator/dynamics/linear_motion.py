@@ -55,8 +55,8 @@ class Panels:
         inner = inner[np.abs(inner - epoch) > 1e-9 * (end - begin)]
         marks = np.unique(np.concatenate([[begin, epoch, end], inner]))
         counts = np.ceil(np.diff(marks) / longest).astype(np.intp).clip(1)
-        parts = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(marks, marks[1:], counts, strict=False)]
-        edges = np.concatenate([*parts, [end]])
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        edges = np.append(np.repeat(marks[:-1], counts) + within * np.repeat(np.diff(marks) / counts, counts), end)
         return cls(edges, int(np.searchsorted(edges, epoch)))
 
     @property
