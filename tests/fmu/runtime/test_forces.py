@@ -10,8 +10,9 @@ import oracles
 from baryscope.fmu import Session, build_fmu, simulate
 from baryscope.fmu.check.checker import check_unit
 from baryscope.fmu.check.finding import Severity
+from baryscope.fmu.generate.series import series_source
 from baryscope.models.orbit import orbit_parameters
-from baryscope.models.target import tumbling_target
+from baryscope.models.target import PLACE_START, tumbling_target
 from baryscope.models.variables import AXES, Force, Kind, forces_of
 
 ALL = {"drag": forces.DRAG, "light": forces.LIGHT, "eddy_currents": forces.EDDY}
@@ -196,3 +197,14 @@ def test_a_unit_has_the_parameters_of_its_forces_only(oblate, small, world):
         names = [v.name for v in scenario.system.of_kind(Kind.PARAMETER)]
         assert forces_of(names) == scenario.forces
         assert set(names) == set(scenario.parameters())
+
+
+def test_without_light_the_attitude_goes_by_its_series(world, tmp_path):
+    """J2, drag, eddy currents and gravity gradient: Taylor's method, against the same independent integration."""
+    scenario = world.model_copy(update={"light": None})
+    assert "#define TURNED_SERIES 1" in series_source(scenario.system.turned_attitude_series, PLACE_START)
+    time = np.linspace(0, 1500.0, 6)
+    _, _, com, attitude = forces.fly(scenario, time)
+    recording = simulate(build_fmu(scenario, tmp_path / "unit.fmu"), time)
+    np.testing.assert_allclose(recording["target.position"], com, atol=1e-6)
+    assert oracles.angle_between(recording["target.attitude"], attitude).max() < 1e-8
