@@ -27,6 +27,7 @@ FIRMEST = 1e6  # prior precision over information: that of an unknown that the p
 RIDGE = 1e-13  # added to the scaled information, for directions without information and without a prior
 SCAN = 12  # values of each hyperparameter in the search for a start
 SWEEPS = 2  # of it, where there are several
+FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 GRID_STEP = 0.7  # of a hyperparameter's logarithm, in the integration over its uncertainty
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
 
@@ -61,6 +62,8 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     bounds = ranges(linear, prior)
     if not len(bounds):
         return np.zeros(0)
+    if len(bounds) == 1 and np.all(prior.slopes[prior.slopes != 0] == 1):
+        return _maximum_of_one(linear, prior, bounds[0])
     if start is None:
         starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
         best = min(starts, key=lambda at: _objective(linear, prior, at)[0])
@@ -74,6 +77,32 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
 
     found = minimize(excess, best, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
     return np.asarray(found.x)
+
+
+def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatArray:
+    """The maximum for one hyperparameter that scales the variances of some unknowns, by one eigendecomposition.
+
+    With λ the eigenvalues of these unknowns' information, scaled by the prior at θ = 0, and β the right-hand side along
+    its axes, −2 ln p is Σ ln(1 + λ v) − β² v/(1 + λ v) for v = exp θ.
+    """
+    of = prior.slopes[:, 0] != 0
+    rest = linear.information[~of][:, ~of] + np.diag(held(linear, prior, bounds[:1])[0][~of])
+    scale, factor = _factor(Linear(rest, np.zeros(len(rest)), np.zeros(len(rest))), np.zeros(len(rest)))
+    crossed = linear.information[~of][:, of]
+    absolute = linear.rhs + linear.information[:, of] @ linear.x[of]
+    left = scale[:, None] * cho_solve(factor, scale[:, None] * np.column_stack([crossed, absolute[~of]]))
+    root = np.exp(prior.offset[of] / 2)
+    scaled = (linear.information[of][:, of] - crossed.T @ left[:, :-1]) * np.outer(root, root)
+    values, axes = np.linalg.eigh((scaled + scaled.T) / 2)
+    values = np.maximum(values, 0.0)
+    beta = (axes.T @ (root * (absolute[of] - crossed.T @ left[:, -1]))) ** 2
+    theta = np.linspace(bounds[0], bounds[1], FINE_SCAN)
+    for _ in range(FINE_SWEEPS):
+        grown = 1 + np.exp(theta)[:, None] * values
+        cost = (np.log(grown) - beta * np.exp(theta)[:, None] / grown).sum(axis=1)
+        best = int(np.argmin(cost))
+        theta = np.linspace(theta[max(best - 1, 0)], theta[min(best + 1, FINE_SCAN - 1)], FINE_SCAN)
+    return theta[FINE_SCAN // 2 : FINE_SCAN // 2 + 1]
 
 
 def complexity(linear: Linear, prior: Prior) -> float:
@@ -104,11 +133,11 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
                 if increase > GRID_END:
                     break
                 other_mean, other = conditional(linear, prior, at)
-                weight = float(np.exp(-increase / 2))
+                weight = float(np.exp(-max(increase, 0.0) / 2))
                 weights += weight
                 spread += weight * (other - covariance + np.outer(other_mean - mean, other_mean - mean))
                 values.append(at[index])
-                increases.append(increase)
+                increases.append(max(increase, 0.0))
         total += _positive(spread / weights)
         density = np.exp(-np.array(increases) / 2)
         centre = np.average(values, weights=density)

@@ -29,7 +29,8 @@ IntArray = NDArray[np.intp]
 MAX_ROUNDS = 30
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
-FREE_ROUNDS = 6  # iterations after which changes of the weights are damped
+SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
+FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
 COVARIANCE_TIMES = 64  # at which the covariance is compared with that of the modes left out
@@ -43,7 +44,7 @@ class Start:
 
     path, and sampled at the tracks' times (n,) in s; bodies with points from the centre of mass, and the path's x;
     measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
-    errors: of the camera at the times.
+    errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled.
     """
 
     path: Path
@@ -55,6 +56,7 @@ class Start:
     observations: Observations
     inliers: BoolArray
     errors: SharedErrors | None = None
+    first_prior: Prior | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     bodies, x = start.bodies, start.x
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
+    simple = start.first_prior
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
@@ -122,8 +125,9 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         cost = float(problem.squares.sum())
         if np.isnan(variance):
             variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
-        theta = maximise(scaled(problem, max(variance, floor)), path.prior)
-        solution = stepped(problem, path.prior, theta, max(variance, floor))
+        prior = path.prior if simple is None else simple
+        theta = maximise(scaled(problem, max(variance, floor)), prior)
+        solution = stepped(problem, prior, theta, max(variance, floor))
         bodies, x = solution.bodies, solution.x
         sampled = as_seen(path, sampled.itself, start.errors, x)
         dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
@@ -138,6 +142,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         ) <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof)
         converged = converged and (rounds > 1 or start.errors is None)  # the first knows no variance
         observations = observations.weighted(weight)
+        if simple is not None:
+            simple, converged = (None if converged or rounds >= SIMPLE_ROUNDS else simple), False
         if converged and (richer := _richer(path, solution, theta, least, sampled)) is not None:
             path, converged = richer, False
             x = np.pad(x, (0, path.size - len(x)))

@@ -40,8 +40,8 @@ class _Trial:
 
 def linear_start(
     registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float
-) -> tuple[tuple[Body, ...], FloatArray]:
-    """Initial bodies and x (p,): the best of several linear least-squares solutions after a few steps.
+) -> tuple[tuple[Body, ...], FloatArray, Prior]:
+    """Initial bodies and x (p,): the best of several linear least-squares solutions after a few steps; and its prior.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
     of an observation of weight 1.
@@ -57,11 +57,13 @@ def linear_start(
         trials.append(_Trial(bodies, x, few.observations))
     if len(trials) > 1:
         both = zip(trials, priors, strict=True)
-        found = _best([_advanced(trial, sampled, one, least) for trial, one in both], sampled, prior, least)
+        trials = [_advanced(trial, sampled, one, least) for trial, one in both]
+        index = _best(trials, sampled, prior, least)
     else:
-        found = trials[0]
+        index = 0
+    found = trials[index]
     pairs = zip(registered.bodies, found.bodies, strict=True)
-    return tuple(replace(body, points=refined.points) for body, refined in pairs), found.x
+    return tuple(replace(body, points=refined.points) for body, refined in pairs), found.x, priors[index]
 
 
 def _advanced(trial: _Trial, sampled: SampledPath, prior: Prior, least: float) -> _Trial:
@@ -79,7 +81,7 @@ def _advanced(trial: _Trial, sampled: SampledPath, prior: Prior, least: float) -
     return _Trial(bodies, x, observations)
 
 
-def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float) -> _Trial:
+def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float) -> int:
     """The trial of the greatest marginal likelihood, with outliers of a bounded cost, for the least variance of any."""
     problems, residuals, variances = [], [], []
     for trial in trials:
@@ -95,7 +97,7 @@ def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float
     for squares, problem in zip(residuals, problems, strict=True):
         bounded = float(np.minimum(squares / variance, GATE).sum())
         scores.append(bounded + complexity(scaled(problem, variance), prior))
-    return trials[int(np.argmin(scores))]
+    return int(np.argmin(scores))
 
 
 def in_subsample(registered: Registered, few: Subsample) -> Registered:

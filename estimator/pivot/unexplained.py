@@ -37,6 +37,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
         bodies=found.bodies,
         x=np.insert(x, path.base.size, np.zeros(more)),
         observations=found.observations,
+        first_prior=None,
     )
     try:
         corrected = refined(again, options)
