@@ -7,6 +7,7 @@ from typing import Any
 
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.claims import claimed
+from baryscope.estimator.consider import considered
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
@@ -43,7 +44,7 @@ class Method:
         chosen = self.options() if options is None else options
         if not isinstance(chosen, self.options):
             raise InputError(f"{self.name} takes {self.options.__name__}, found {type(chosen).__name__}")
-        return claimed(self.run(tracks, orbit, chosen, progress))
+        return claimed(considered(self.run(tracks, orbit, chosen, progress), tracks))
 
 
 def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:

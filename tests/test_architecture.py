@@ -27,6 +27,7 @@ LAYERS = [
     ["estimator.result"],
     ["estimator.adjustment", "estimator.prose", "estimator.document_details"],
     ["estimator.screws", "estimator.pivot", "estimator.score", "estimator.document", "estimator.claims"],
+    ["estimator.consider"],
     ["estimator.ml"],
     ["estimator.ekf"],
     ["estimator.methods", "estimator.bound"],
