@@ -1,0 +1,124 @@
+"""Estimates through a camera that turns: errors as large as claimed, and closed forms of what each error adds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from baryscope.estimator.camera.rig import Rig
+from baryscope.estimator.methods import attempt, estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.result import Departure, Estimate, Status
+from free_paths import ORBIT, at_rest, in_orbit
+from turning_camera import ARM, POINTS, turning_camera, uncertain_rig
+
+TIME = 4.0 * np.arange(120.0)
+PATH = in_orbit(TIME)
+BAND = (0.001, 0.999)  # of χ²
+
+
+def nees(error, covariance):
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+def through(seen, method, **options):
+    return estimate(seen.tracks, method=method, orbit=ORBIT.model(), camera=seen.camera, options=PathOptions(**options))
+
+
+def of_offset(found):
+    """The normalised squared error of the centre of mass in the features' axes."""
+    cluster = found.clusters[0]
+    points = POINTS[cluster.features]
+    turn = Rotation.align_vectors(cluster.points, points - points.mean(axis=0))[0]
+    return nees(cluster.centre_of_mass + turn.apply(points.mean(axis=0)), cluster.covariance)
+
+
+@pytest.mark.parametrize(("method", "draws"), [("pivot", 20), ("ml", 8)])
+def test_errors_are_as_large_as_claimed(method, draws):
+    """On an orbit, where the motion tells a part of the boresight's error."""
+    path, offset, predicted = [], [], []
+    for seed in range(draws):
+        seen = turning_camera(TIME, PATH, uncertain_rig(), noise=0.02, seed=seed)
+        found = through(seen, method)
+        assert found.status is Status.GOOD
+        path.append(nees(found.position[60] - PATH[60], found.covariance[60]))
+        offset.append(of_offset(found))
+        predicted.append(found.predicted_rmse)
+    low, high = chi2.ppf(BAND, 3 * draws)
+    assert low < sum(path) < high
+    assert low < sum(offset) < high
+    assert np.median(predicted) < 0.026  # of 0.032, 1e-3 · 19 m across the line of sight and 0.01 m of each axis
+
+
+def test_noise_of_the_attitude_alone():
+    """It is 2 cm at the target in every frame, four times that of the features."""
+    rig, sums = Rig(lever_arm=tuple(ARM), attitude_noise=1e-3), []
+    for seed in range(12):
+        found = through(turning_camera(TIME, PATH, rig, noise=0.005, seed=seed), "pivot", process_noise="none")
+        assert found.noise.a_posteriori == pytest.approx(0.005, rel=0.05)
+        sums.append(nees(found.position[60] - PATH[60], found.covariance[60]))
+    low, high = chi2.ppf(BAND, 36)
+    assert low < sum(sums) < high
+
+
+def still(rig):
+    """A camera that turns with known errors, and a centre of mass at rest, almost without noise."""
+    return turning_camera(TIME, at_rest(TIME), rig, noise=1e-4, turn=Rotation.identity(len(TIME)), errors=False)
+
+
+METHODS = ["pivot", "ml", "ekf", "score"]
+
+
+def at_rest_through(rig, method):
+    seen = still(rig)
+    return estimate(seen.tracks, method=method, camera=seen.camera, options=PathOptions(trajectory="fixed"))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_scale_error_stands_along_the_line_of_sight(method):
+    """σ_s² g gᵀ on the path and σ_s² d dᵀ on the offset, where nothing tells the scale."""
+    found = at_rest_through(Rig(scale_deviation=1e-3), method)
+    g = at_rest(TIME)[0]
+    np.testing.assert_allclose(found.covariance[30], 1e-6 * np.outer(g, g), atol=2e-2 * 1e-6 * (g @ g))
+    d = found.clusters[0].centre_of_mass
+    expected = 1e-6 * np.outer(d, d)
+    np.testing.assert_allclose(found.clusters[0].covariance, expected, atol=0.05 * np.trace(expected))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_boresight_error_stands_across_the_line_of_sight(method):
+    """σ² (r² 1 − g gᵀ), where the camera does not turn."""
+    found = at_rest_through(Rig(boresight_deviation=1e-3), method)
+    g = at_rest(TIME)[0]
+    expected = 1e-6 * (g @ g * np.eye(3) - np.outer(g, g))
+    np.testing.assert_allclose(found.covariance[30], expected, atol=2e-2 * np.trace(expected))
+    assert [(one.name, one.unit) for one in found.forces] == [(f"boresight {axis}", "rad") for axis in "xyz"]
+
+
+def test_a_lever_arm_that_is_forgotten_is_an_error_of_its_size():
+    rig = Rig(lever_arm=tuple(ARM), lever_arm_deviation=0.01)
+    seen = still(rig)
+    found = at_rest_through(rig, "pivot")
+    np.testing.assert_allclose(found.position, at_rest(TIME), atol=1e-3)
+    np.testing.assert_allclose(found.covariance[30], 1e-4 * np.eye(3), atol=1e-6)
+    options = PathOptions(trajectory="fixed")
+    forgotten = estimate(seen.tracks, camera=replace(seen.camera, rig=Rig()), options=options)
+    np.testing.assert_allclose(at_rest(TIME) - forgotten.position, np.tile(ARM, (len(TIME), 1)), atol=1e-3)
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_an_attitude_that_is_forgotten_is_announced(method):
+    seen = turning_camera(TIME, PATH, Rig(lever_arm=tuple(ARM)), noise=0.02)
+    found = attempt(seen.tracks, method=method, orbit=ORBIT.model())
+    if isinstance(found, Estimate):
+        departs = any(isinstance(finding, Departure) for finding in found.findings)
+        assert departs or not found.status.trustworthy
+
+
+def test_screws_tell_what_they_do_not_hold():
+    seen = turning_camera(TIME, PATH, uncertain_rig(), noise=0.02)
+    found = estimate(seen.tracks, method="screw-gpa", camera=seen.camera)
+    assert found.covariance is None
+    assert [one.deviation for one in found.forces] == [1e-3] * 3 + [1e-4] + [0.01] * 3
