@@ -11,6 +11,7 @@ W − W H (C⁻¹ + Hᵀ W H)⁻¹ Hᵀ W (Woodbury), which couples its points.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +23,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.ml.blocks import Knots
 
@@ -60,9 +61,9 @@ class FrameNoise:
 class Model:
     """Motion, path and frame noise at the frames, and points, at which the equations are linearised.
 
-    motion and path sampled at the frames, as they are seen; origin (n, 3): the path's positions in C, m; points (m, 3)
-    in B, m.
-    knots: Jacobians for blocks of frames; None: those of every frame.
+    motion and path sampled at the frames, the path as it is seen; origin (n, 3): its positions in C, m; points (m, 3)
+    in B, m. knots: Jacobians for blocks of frames; None: those of every frame. turned (n, 3): the rotation vectors in C
+    by which a camera sees the attitudes turned.
     """
 
     motion: Attitudes
@@ -71,6 +72,13 @@ class Model:
     points: FloatArray
     noise: FrameNoise | None = None
     knots: Knots | None = None
+    turned: FloatArray | None = None
+
+    @cached_property
+    def attitude(self) -> FloatArray:
+        """The attitudes (n, 3, 3) as they are seen."""
+        R = self.motion.attitude
+        return R if self.turned is None else exp_rotation(self.turned) @ R
 
     @property
     def rotation_size(self) -> int:
@@ -194,7 +202,7 @@ class _Sums:
 
 def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> None:
     """Add the frames of a part."""
-    m, attitude = len(model.points), model.motion.attitude[part]
+    m, attitude = len(model.points), model.attitude[part]
     found = pieces(observations.frames(part), attitude, model.origin[part], model.points)
     block, rhs, coupling = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1), None
     sums.point += found.point
@@ -221,7 +229,10 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
         return
     own, p = model.motion.turn[part], model.path.jacobian.shape[2]
     R_B_C = np.swapaxes(attitude, 1, 2)
-    seen = np.zeros((len(own), 3, p)) if model.path.turn is None else R_B_C @ model.path.turn[part]
+    seen = np.zeros((len(own), 3, p))
+    if model.path.turn is not None:
+        half = 0.0 if model.turned is None else cross_matrices(model.turned[part]) / 2
+        seen = R_B_C @ (np.eye(3) + half) @ model.path.turn[part]  # exp(θ + δ) = exp(δ + θ × δ/2 + …) exp(θ)
     turn = np.concatenate([own, seen], axis=2)
     shift = np.concatenate([np.zeros_like(own), R_B_C @ model.path.jacobian[part]], axis=2)
     moves = np.concatenate([turn, shift], axis=1)
@@ -270,7 +281,7 @@ def _squares(observations: Observations, model: Model) -> tuple[FloatArray, floa
     squares, noise_cost = np.empty(observations.weight.shape), 0.0
     n, m = observations.weight.shape
     for part in _chunks(n, m, observations.precision is not None):
-        attitude, own = model.motion.attitude[part], observations.frames(part)
+        attitude, own = model.attitude[part], observations.frames(part)
         residual = own.position - model.origin[part][:, None] - model.points @ np.swapaxes(attitude, 1, 2)
         if model.noise is not None:
             found = pieces(own, attitude, model.origin[part], model.points)

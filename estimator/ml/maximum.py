@@ -14,6 +14,7 @@ from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.rotation import NODE_ANGLE, Attitudes, Rotation
+from baryscope.estimator.dynamics.seen import errors_in
 from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.blocks import Blocks, Knots, blocks_of
@@ -93,12 +94,16 @@ class _Problem:
     floor: float
     stereo: bool
 
-    def equations(self, observations: Observations, state: _State, points: FloatArray) -> Equations:
-        """The normal equations at a state, linearised at points (m, 3)."""
+    def model(self, state: _State, points: FloatArray) -> Model:
+        """What is seen of points (m, 3) at a state."""
         smooth = self.blocks.worthwhile and self.sampled.seen_of is None
         knots = Knots.of(self.blocks, state.motion, self.path) if smooth else None
-        origin = self.sampled.position(state.x)
-        return equations(observations, Model(state.motion, self.sampled, origin, points, self.noise, knots))
+        origin, turned = self.sampled.position(state.x), turned_by(self.sampled, state.x)
+        return Model(state.motion, self.sampled, origin, points, self.noise, knots, turned)
+
+    def equations(self, observations: Observations, state: _State, points: FloatArray) -> Equations:
+        """The normal equations at a state, linearised at points (m, 3)."""
+        return equations(observations, self.model(state, points))
 
     def moved(self, state: _State, change: FloatArray) -> _State | None:
         """The state after a change (q,) of the unknowns; None if the rotation is not possible."""
@@ -112,8 +117,8 @@ class _Problem:
         """The observations, if `stereo` with the covariances of the estimated points (m, 3)."""
         if not self.stereo:
             return observations
-        origin = self.sampled.position(state.x)
-        estimated = points @ np.swapaxes(state.motion.attitude, 1, 2) + origin[:, None]
+        model = self.model(state, points)
+        estimated = points @ np.swapaxes(model.attitude, 1, 2) + model.origin[:, None]
         return moved_to(observations, self.measured, estimated)
 
 
@@ -167,7 +172,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
         path=pivot.path,
         sampled=pivot.sampled,
         blocks=problem.blocks,
-        found=best.found,
+        found=_of_true_size(best.found, pivot.path, errors_of(tracks)),
         priors=problem.priors,
         posterior=posterior(linear, problem.priors.own, best.theta),
         observations=best.observations,
@@ -208,7 +213,8 @@ def _converged(problem: _Problem, start: _Iterate, done: Rounds) -> _Iterate:
         variance = max(found.cost / dof, problem.floor)
         weight = reweighted(found.squares, at.observations.weight, dof, problem.floor)
         unweighted = found.squares / np.where(weight > 0, at.observations.weight, 1.0)
-        steady = abs(float(np.vdot(unweighted, weight)) - found.cost) <= WEIGHT_CHANGE_TOLERANCE * variance * dof
+        reduced = float(np.vdot(unweighted, weight) - found.squares.sum())
+        steady = abs(reduced) <= WEIGHT_CHANGE_TOLERANCE * variance * dof
         converged = steady and float(change @ matrix @ change) <= STEP_TOLERANCE * variance and damping < 1e-2
         observations = at.observations
         if not converged and (problem.stereo or not steady):
@@ -245,6 +251,20 @@ def _richer(best: _Iterate, time: FloatArray, density: float | None) -> Rotation
     if len(orders) <= len(rotation.torque.orders):
         return None
     return replace(rotation, torque=rotation.torque.with_orders(orders))
+
+
+def turned_by(sampled: SampledPath, x: FloatArray) -> FloatArray | None:
+    """The rotation vectors (n, 3) in C by which a camera with errors in x (p,) sees attitudes turned; None without."""
+    return None if sampled.turn is None else sampled.turn @ x
+
+
+def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None) -> Equations:
+    """The equations with the derivatives of the true points, which a camera of a wrong scale s sees times 1 + s."""
+    if errors is None or errors.scale is None:
+        return found
+    by_unknowns = found.by_unknowns.copy()
+    by_unknowns[:, found.rotation_size + errors_in(path).start + errors.scale] += found.points.ravel()
+    return replace(found, by_unknowns=by_unknowns)
 
 
 def _frame_noise(errors: SharedErrors | None, variance: float) -> FrameNoise | None:

@@ -29,11 +29,10 @@ from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.forces import factors_of
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
-from baryscope.estimator.dynamics.seen import errors_in, of_true_size
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.ml.blocks import Jacobians
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
-from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised
+from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised, turned_by
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
@@ -72,10 +71,7 @@ def estimate_by_likelihood(
     origin = itself.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())
     turn = Jacobians.of(best.motion.turn_in_C, tracks.time, best.blocks)
-    scale = None
-    if errors is not None and errors.scale is not None:
-        scale = best.rotation.size + errors_in(best.path).start + errors.scale
-    y, offsets = _covariances(best, turn, [body.features for body in pivot.bodies], distance, scale)
+    y, offsets = _covariances(best, turn, [body.features for body in pivot.bodies], distance)
     of_x = y[best.rotation.size :, best.rotation.size :]
     covariance = itself.covariance(of_x)
     clusters = tuple(
@@ -83,7 +79,9 @@ def estimate_by_likelihood(
         for body, offset in zip(pivot.bodies, offsets, strict=True)
     )
     weight = best.observations.weight
-    residuals = tracks.position - (best.found.points @ np.swapaxes(best.motion.attitude, 1, 2) + seen[:, None])
+    turned = turned_by(best.sampled, best.x)
+    attitude = best.motion.attitude if turned is None else exp_rotation(turned) @ best.motion.attitude
+    residuals = tracks.position - (best.found.points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
     return Estimate(
@@ -190,13 +188,13 @@ def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) 
 
 
 def _covariances(
-    best: Likelihood, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float, scale: int | None
+    best: Likelihood, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float
 ) -> tuple[FloatArray, list[FloatArray]]:
     """The covariances of y (q, q) and of the clusters' offsets (3, 3), without spurious information.
 
     The estimate of a pure spin has a small error of its axis, which adds spurious information on the position along the
     axis, as in `pivot`. Here the attitude errors φ come from those of rate and inertia; the mean of φ over all frames
-    only rotates the axes and is subtracted. scale: the index of a camera's error of scale among the unknowns.
+    only rotates the axes and is subtracted.
     """
     variance = max(best.variance, 1e-300)
     y = _covariance_of_unknowns(best, distance, variance)
@@ -210,11 +208,7 @@ def _covariances(
     for features in clusters:
         offset, crossed = best.found.offset_covariance(y, features)
         of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, variance / distance**2)
-        own = variance * (offset + of_offset @ of_offset.T)
-        if scale is not None:
-            centroid = best.found.points[features].mean(axis=0)
-            own = of_true_size(centroid, own, variance * crossed[:, scale], variance * float(y[scale, scale]))
-        offsets.append(own)
+        offsets.append(variance * (offset + of_offset @ of_offset.T))
         of_y = of_y + of_unknowns @ of_unknowns.T
     return variance * of_y, offsets
 
