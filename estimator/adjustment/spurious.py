@@ -43,19 +43,29 @@ def spurious_information_columns(
     return columns, crossed.T @ information @ columns
 
 
-def spurious_information(body: Body, observations: Observations, origin: FloatArray, variance: float) -> FloatArray:
+def spurious_information(
+    body: Body,
+    observations: Observations,
+    origin: FloatArray,
+    variance: float,
+    shift: FloatArray | None = None,
+) -> FloatArray:
     """The spurious information (3, 3) in S on a body's offset from the noise of its attitudes, in the weights' units.
 
     An attitude error φ changes the offset d in C by φ × d. With C the covariance of φ and Q the frame's information on
     its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The
     next order of φ adds a share of about the greatest variance of φ, in rad².
-    origin (n, 3): the path in C, m; variance: of an observation of weight 1.
+    origin (n, 3): the path in C, m; variance: of an observation of weight 1; shift (n, 3, 3): the covariance of the
+    frames' shifts in C over that variance.
     """
     every = max(1, len(body.frames) // FRAMES)
     frames, attitude = body.frames[::every], body.attitude[::every]
     found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
     inverse = symmetric_inverses(found.turn)
     known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
+    if shift is not None:
+        noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
+        known = known @ np.linalg.inv(np.eye(3) + noise @ known)
     axes = cross_matrices(np.eye(3))
     second_order = 1 + variance * float(np.linalg.eigvalsh(inverse)[:, -1].mean())
     first_order = variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True)

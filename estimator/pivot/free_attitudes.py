@@ -145,10 +145,14 @@ class Linearised:
 
 
 def gauss_newton_step(
-    bodies: tuple[Body, ...], observations: Observations, path: SampledPath, x: FloatArray
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    path: SampledPath,
+    x: FloatArray,
+    shift: FloatArray | None = None,
 ) -> Solution:
     """One Gauss–Newton step without a prior, see `linearised`."""
-    return linearised(bodies, observations, path, x).step()
+    return linearised(bodies, observations, path, x, shift).step()
 
 
 def linearised(

@@ -45,9 +45,10 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
     position, new = found.sampled.position(x)[rows], np.sqrt(len(rows)) * new.reshape(len(rows), 3, -1)
     extended = SampledPath(np.concatenate([own, new], axis=2), lambda y: position + new @ y[len(x) :])
     start = np.concatenate([x, np.zeros(new.shape[2])])
+    shift = None if found.shift is None else found.shift[rows]
     with_cubic, without = (
-        gauss_newton_step(subsample.bodies, few, extended, start),
-        gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x),
+        gauss_newton_step(subsample.bodies, few, extended, start, shift),
+        gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x, shift),
     )
     gain = (with_cubic.step - without.step) / found.variance
     if chi2.sf(gain, new.shape[2]) > SIGNIFICANCE or _is_poorly_observed(found):
@@ -76,7 +77,8 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
     # Jointly for all bodies: spurious information of one body on the path would propagate to the others.
     spurious = block_diag(
         *(
-            three_sigma_factor(len(body.frames)) * spurious_information(body, found.observations, origin, variance)
+            three_sigma_factor(len(body.frames))
+            * spurious_information(body, found.observations, origin, variance, found.shift)
             for body in found.bodies
         )
     )

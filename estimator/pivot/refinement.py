@@ -68,8 +68,8 @@ class Pivot:
     final weights; variance of an observation of weight 1, as given or from the residuals: in m², or as a factor on the
     given covariances; residual_variance: that from the residuals; posterior of x and of the hyperparameters of its
     prior, whose precision (p,) is in 1/m²; path_unknowns: the number of unknowns of x that the observations determine.
-    tie_points between bodies that share features, and those refused as the labels belong to different points; findings
-    against the models.
+    tie_points between bodies that share features, and those refused as the labels belong to different points; shift
+    (n, 3, 3): the covariance of the frames' shifts by the camera, over the variance; findings against the models.
     """
 
     path: Path
@@ -86,6 +86,7 @@ class Pivot:
     rounds: int
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]
+    shift: FloatArray | None = None
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -162,6 +163,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         observations=observations,
         variance=scale,
         residual_variance=variance,
+        shift=shift,
         posterior=found,
         precision=held(linear, path.prior, theta)[0],
         path_unknowns=float(np.vdot(found.covariance, problem.matrix)) / max(scale, floor),
