@@ -13,15 +13,25 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import cluster_of, observability_of
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.camera.rig import Rig
+from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, RATE_AND_INERTIA, Attitudes, Rotation
-from baryscope.estimator.dynamics.trajectory import trajectory_of
+from baryscope.estimator.dynamics.seen import errors_in, of_true_size
+from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.ml.likelihood import Equations, Model, equations
+from baryscope.estimator.limits import LATEST
+from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
+from baryscope.estimator.options import DENSEST, PathOptions
+from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import Observability
+from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.directions import axes_along
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
@@ -29,6 +39,9 @@ from baryscope.models.scenario import Scenario
 from baryscope.models.sensor.tracking import observation_covariance, visible
 
 FloatArray = NDArray[np.float64]
+
+MOST_MODES = 400  # of process noise
+OMITTED = 1e-4  # of the variance: more than that of the modes left out, which count more in the velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +51,8 @@ class Bound:
     time (n,) in s; position_covariance (n, 3, 3) of the CoM in C, m²; offset_covariance (3, 3) of the CoM in axes
     attached to all features, m². In these axes: attitude_covariance (n, 3, 3), rad²; rate_covariance (3, 3), rad²/s²,
     at the middle of the time; inertia_covariance (5, 5), of the coefficients of INERTIA_BASIS for trace 1.
-    observations: their number; observability of the CoM.
+    observations: their number; observability of the CoM;
+    predicted_covariance (6, 6) of position and velocity in C, m and m/s, at the predicted time, or at the last frame.
     """
 
     time: FloatArray
@@ -49,6 +63,12 @@ class Bound:
     inertia_covariance: FloatArray
     observations: int
     observability: Observability
+    predicted_covariance: FloatArray
+
+    @property
+    def predicted_deviation(self) -> float:
+        """Bound of the root mean squared error of the position at the predicted time, m."""
+        return _rms(self.predicted_covariance[None, :3, :3])
 
     @cached_property
     def position_deviation(self) -> float:
@@ -76,33 +96,76 @@ class Bound:
         return _rms(self.inertia_covariance[None])
 
 
-def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bound:
+@dataclass(frozen=True)
+class _Known:
+    """The arguments of `cramer_rao_bound`."""
+
+    trajectory: str | None = None
+    process_noise: float = 0.0
+    acceleration_scale: float = 0.0
+    consider: Rig | None = None
+    predict: float = 0.0
+
+    def __post_init__(self) -> None:
+        limits = {"process_noise": DENSEST, "acceleration_scale": 1.0, "predict": LATEST}
+        for name, most in limits.items():
+            if not 0 <= getattr(self, name) <= most:
+                raise InputError(f"{name} is {getattr(self, name)}, expected 0 to {most:g}")
+
+
+def cramer_rao_bound(
+    scenario: Scenario,
+    *,
+    trajectory: str | None = None,
+    process_noise: float = 0.0,
+    acceleration_scale: float = 0.0,
+    consider: Rig | None = None,
+    predict: float = 0.0,
+) -> Bound:
     """The bound of a scenario for a given path model: relative-orbit unless given, see `PathOptions`.
 
     A polynomial needs its degree. The information is reduced by the shares of dropped, wrong and swapped observations;
-    drifting features are not taken into account.
+    drifting features are not taken into account. A constant acceleration of the chaser is known to the estimator.
+
+    process_noise: density of the white acceleration beside the path's model, m²/s³; acceleration_scale: standard
+    deviation of the scale with which the chaser's acceleration is measured; consider: what is uncertain about the
+    camera, which looks at the target; predict: how long after the last frame `predicted_covariance` is, s. The unknowns
+    they add have priors, so this is the posterior bound (Van Trees 1968), for the mean over their draws.
 
     Raises:
-        InputError: a polynomial without a degree, or an accelerated chaser.
+        InputError: a polynomial without a degree, or a value out of its range.
         ComputationError: no feature is seen, or there is no noise.
     """
-    if np.any(scenario.chaser.acceleration):
-        raise InputError("chaser.acceleration: the bound is that of free relative motion, expected [0, 0, 0]")
+    known = _Known(trajectory, process_noise, acceleration_scale, consider, predict)
     time = scenario.sample_times
-    path = _path(scenario, trajectory, time)
-    sampled = path.at(time)
     rotation, motion, origin = _truth(scenario, time)
     points = np.array([point.position for point in scenario.features.points])
     observations = _expected(scenario, time, motion.attitude, origin, points)
     if not observations.count:
         raise ComputationError("no feature is seen at any time of the scenario", Reason.TOO_FEW_FEATURES)
-    found = equations(observations, Model(motion, sampled, origin, points))
-    y = found.covariance(sampled, float(np.linalg.norm(origin, axis=1).max()))
-    of_path = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
+    distance = float(np.linalg.norm(origin, axis=1).max())
+    errors = None if known.consider is None else _errors(known.consider, origin)
+    noise = (
+        None
+        if errors is None or not errors.noisy
+        else FrameNoise(errors.turn_covariance(), np.zeros((len(time), 3, 3)), errors.place)
+    )
+    path = _path(scenario, known, time, errors)
+    while True:
+        sampled = path.at(time)
+        found = equations(observations, Model(motion, _seen(path, sampled, errors, origin), origin, points, noise))
+        precision = path.prior.precision(np.zeros(0))
+        y = found.covariance(sampled, distance, np.diag(np.concatenate([np.zeros(RATE_AND_INERTIA), precision])))
+        position_covariance = sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
+        if (richer := _richer(path, position_covariance)) is None:
+            break
+        path = richer
     seen = np.nonzero(observations.weight.any(axis=0))[0]
-    offset, _ = found.offset_covariance(y, seen)
+    offset, crossed = found.offset_covariance(y, seen)
+    if errors is not None and errors.scale is not None:
+        scale = RATE_AND_INERTIA + errors_in(path).start + errors.scale
+        offset = of_true_size(points[seen].mean(axis=0), offset, crossed[:, scale], float(y[scale, scale]))
     attitude, rate, inertia = _in_attached_axes(rotation, motion, found, y, seen)
-    position_covariance = sampled.covariance(of_path)
     body = Body(seen, np.arange(len(time)), points[seen], motion.attitude)
     return Bound(
         time,
@@ -113,18 +176,64 @@ def cramer_rao_bound(scenario: Scenario, *, trajectory: str | None = None) -> Bo
         inertia,
         observations.count,
         observability_of([cluster_of(body, points[seen], offset, scenario.features.labels)], position_covariance),
+        _predicted(path, y[RATE_AND_INERTIA:, RATE_AND_INERTIA:], known, time),
     )
+
+
+def _predicted(path: Path, of_x: FloatArray, known: _Known, time: FloatArray) -> FloatArray:
+    """The covariance (6, 6) of position and velocity in C at the time that is asked for, or at the last frame."""
+    begin, end = float(time[0]), float(time[-1])
+    whole = PredictedPath(path, np.zeros(path.size), of_x, begin, end, known.process_noise)
+    at = np.array([end + known.predict])
+    jacobian = np.concatenate([path.at(at).jacobian, path.rate_at(at).jacobian], axis=1)[0]
+    return np.asarray(jacobian @ of_x @ jacobian.T + whole.added(at)[0])
+
+
+def _richer(path: Path, position_covariance: FloatArray) -> Path | None:
+    """The path with twice the modes of process noise if those left out matter; None if they do not."""
+    if not isinstance(path, Disturbed) or path.density is None or path.count >= MOST_MODES:
+        return None
+    typical = float(np.median(np.trace(position_covariance, axis1=1, axis2=2))) / 3
+    return path.with_modes(2 * path.count) if path.omitted_variance(path.density) > OMITTED * typical else None
+
+
+def _errors(rig: Rig, origin: FloatArray) -> SharedErrors:
+    """The errors of a camera that looks at the centre of mass at origin (n, 3) in C."""
+    attitude = axes_along(origin)
+    turned = (
+        attitude if rig.lever_arm_axes == "camera" else attitude @ matrix_from_quaternion(np.array([rig.mounting]))[0].T
+    )
+    return SharedErrors(attitude, turned @ np.array(rig.lever_arm), rig)
+
+
+def _seen(path: Path, sampled: SampledPath, errors: SharedErrors | None, origin: FloatArray) -> SampledPath:
+    """The path as the camera sees it: with the columns of its errors."""
+    index = errors_in(path)
+    if errors is None or index.start == index.stop:
+        return sampled
+    jacobian, turn = sampled.jacobian.copy(), np.zeros_like(sampled.jacobian)
+    jacobian[:, :, index], turn[:, :, index] = errors.shifts(origin), errors.turns()
+    return SampledPath(jacobian, sampled.position, sampled, turn)
 
 
 def _rms(covariance: FloatArray) -> float:
     return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
 
 
-def _path(scenario: Scenario, trajectory: str | None, time: FloatArray) -> Path:
-    kind = trajectory_of(trajectory, scenario.orbit)
+def _path(scenario: Scenario, known: _Known, time: FloatArray, errors: SharedErrors | None) -> Path:
+    kind, logged = trajectory_of(known.trajectory, scenario.orbit), _logged(scenario, known, time)
     if kind.kind == "polynomial" and kind.degree is None:
         raise InputError("trajectory is polynomial, expected its degree for a bound, polynomial:N")
-    return kind.path(scenario.orbit, float(time[0]), float(time[-1]))
+    options = PathOptions(known.trajectory, acceleration=logged, process_noise=known.process_noise or "none")
+    return chosen_path(options, scenario.orbit, float(time[0]), float(time[-1]), errors)
+
+
+def _logged(scenario: Scenario, known: _Known, time: FloatArray) -> KnownAcceleration | None:
+    """The log of the chaser's acceleration, None without one."""
+    value = scenario.chaser.acceleration
+    if not np.any(value):
+        return None
+    return KnownAcceleration([min(0.0, float(time[0]))], [value], "lvlh", scale=known.acceleration_scale)
 
 
 def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, FloatArray]:
@@ -142,8 +251,13 @@ def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, F
     then = start.at(np.array([middle]))
     rotation = Rotation(middle, then.attitude[0], then.rate[0], start.inertia, start.orbit)
     state = np.concatenate([scenario.chaser.position, scenario.chaser.velocity])
-    rho_L = relative_path(scenario.orbit, state, time)[:, :3]
-    origin = -(lvlh_attitude(scenario.orbit, time) @ rho_L[:, :, None])[:, :, 0]
+    logged = _logged(scenario, _Known(), time)
+    if logged is None:
+        rho_L = relative_path(scenario.orbit, state, time)[:, :3]
+        origin = -(lvlh_attitude(scenario.orbit, time) @ rho_L[:, :, None])[:, :, 0]
+    else:
+        x = state / np.repeat([1.0, scenario.orbit.mean_motion], 3)
+        origin = PerturbedOrbit(scenario.orbit, 0.0, logged).at(time).position(x)
     return rotation, rotation.at(time), origin
 
 

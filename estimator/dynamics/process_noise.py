@@ -136,7 +136,8 @@ def wave_numbers(count: int) -> FloatArray:
     odd = (np.arange(1, count + 1) + 0.5) * np.pi
     beta = odd
     for _ in range(4):  # of Newton for cos β = 1/cosh β; only the first few differ from the start
-        beta = beta + (np.cos(beta) - 1 / np.cosh(beta)) / (np.sin(beta) - np.tanh(beta) / np.cosh(beta))
+        sech = 2 * np.exp(-beta) / (1 + np.exp(-2 * beta))  # cosh overflows for many modes
+        beta = beta + (np.cos(beta) - sech) / (np.sin(beta) - np.tanh(beta) * sech)
     return np.asarray(beta)
 
 

@@ -10,13 +10,14 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope.estimator.bound import Bound, cramer_rao_bound
+from baryscope.estimator.camera.rig import load_rig
 from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import Scenario, load_scenario, scenario_path
 from baryscope.scripts.cli.console import Show
 from baryscope.study.bound_files import bound_paths, noise_of, write_bounds
-from baryscope.study.bounds import BoundTable, Cell, Grid, bound_table, usual_grid, variant_of
+from baryscope.study.bounds import BoundTable, Cell, Grid, bound_table, path_in_words, usual_grid, variant_of
 from baryscope.study.progress import stage
 from baryscope.study.table import Table
 
@@ -73,6 +74,10 @@ def bound(
     scenario: str = "envisat",
     lists: Lists | None = None,
     trajectory: str | None = None,
+    process_noise: float = 0.0,
+    acceleration_scale: float = 0.0,
+    rig: Path | None = None,
+    predict: float | None = None,
     table: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
@@ -89,6 +94,14 @@ def bound(
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
     trajectory
         Model of the path that is known: fixed, polynomial:N or relative-orbit. Default: relative-orbit.
+    process_noise
+        Density of the white acceleration that the path's model leaves out, m²/s³.
+    acceleration_scale
+        Standard deviation of the scale with which the scenario's acceleration of the chaser is measured.
+    rig
+        What is uncertain about the camera: a TOML file with a table [rig], see `baryscope estimate`.
+    predict
+        How long after the last frame the position is asked for, s.
     table
         Print the table without any list, too.
     output
@@ -100,17 +113,31 @@ def bound(
         raise InputError(f"{output}: is a file, expected a folder to write to")
     if output is not None:
         refuse_overwriting(bound_paths(output), [scenario_path(scenario)])
+    consider = None if rig is None else load_rig(rig)
     if lists.empty and not table and output is None:
-        _show_own(base, trajectory, show)
+        words = path_in_words(trajectory, process_noise)
+        with show.progress() as progress, stage(progress, "Cramér–Rao bound"):
+            own = cramer_rao_bound(
+                base,
+                trajectory=trajectory,
+                process_noise=process_noise,
+                acceleration_scale=acceleration_scale,
+                consider=consider,
+                predict=predict or 0.0,
+            )
+        _show_own(base, words, own, predict, show)
         return
+    if predict is not None or acceleration_scale:
+        name = "--acceleration-scale" if predict is None else "--predict"
+        raise InputError(f"{name}: found with a table, expected the scenario alone")
     grid = usual_grid(base) if lists.empty else lists.grid()
     with show.progress() as progress:
-        found = bound_table(base, grid, trajectory, progress)
-    words: list[str | Table] = [*found.tables(), *found.notes()]
+        found = bound_table(base, grid, trajectory, progress, process_noise=process_noise, consider=consider)
+    lines: list[str | Table] = [*found.tables(), *found.notes()]
     if output is not None:
         markdown, table_file, *_ = write_bounds(found, output)
-        words.append(f"More in {markdown} and {table_file}")
-    show.result(found.to_json(), *words)
+        lines.append(f"More in {markdown} and {table_file}")
+    show.result(found.to_json(), *lines)
 
 
 def _numbers(name: str, text: str | None, kind: Callable[[str], Number]) -> list[Number] | None:
@@ -127,13 +154,16 @@ def _numbers(name: str, text: str | None, kind: Callable[[str], Number]) -> list
     return values
 
 
-def _show_own(scenario: Scenario, trajectory: str | None, show: Show) -> None:
+def _show_own(scenario: Scenario, known: str, found: Bound, predict: float | None, show: Show) -> None:
     """The bound of the scenario itself, in a few lines."""
-    with show.progress() as progress, stage(progress, "Cramér–Rao bound"):
-        found = cramer_rao_bound(scenario, trajectory=trajectory)
-    known = trajectory or "relative-orbit"
-    data = BoundTable(scenario, known, (Cell(variant_of(scenario), found),)).to_json()
-    show.result(data, *_lines(scenario, known, found))
+    data, lines = (
+        BoundTable(scenario, known, (Cell(variant_of(scenario), found),)).to_json(),
+        _lines(scenario, known, found),
+    )
+    if predict is not None:
+        lines.append(f"  centre of mass {predict:g} s ahead  {1000 * found.predicted_deviation:.3g} mm")
+        data |= {"predict": predict, "predicted_rmse": found.predicted_deviation}
+    show.result(data, *lines)
 
 
 def _lines(scenario: Scenario, trajectory: str, found: Bound) -> list[str]:

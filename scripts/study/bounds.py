@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby, product
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from baryscope import __version__
 from baryscope.estimator.bound import Bound, cramer_rao_bound
+from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.prose import verdict
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath
@@ -244,6 +246,9 @@ def bound_table(
     grid: Grid | None = None,
     trajectory: str | None = None,
     progress: Progress | None = None,
+    *,
+    process_noise: float = 0.0,
+    consider: Rig | None = None,
 ) -> BoundTable:
     """The bound of every variant of a scenario; where some have none, the reason stands instead.
 
@@ -252,25 +257,34 @@ def bound_table(
         grid: what is varied; `usual_grid` unless given.
         trajectory: what is known of the path; relative-orbit unless given, see `PathOptions`.
         progress: told how far the work is.
+        process_noise: density of the white acceleration beside the path's model, m²/s³.
+        consider: what is uncertain about the camera.
 
     Raises:
         InputError, ComputationError: none has a bound, with the first reason.
     """
     base = scenario_of(scenario)
     variants = (usual_grid(base) if grid is None else grid).variants(base)
+    bound_of = partial(cramer_rao_bound, trajectory=trajectory, process_noise=process_noise, consider=consider)
     cells: list[Cell] = []
     first: ComputationError | InputError | None = None
     with stage(progress, f"bounds of {len(variants)} variants") as share:
         for count, variant in enumerate(variants, start=1):
             try:
-                cells.append(Cell(variant, cramer_rao_bound(variant.of(base), trajectory=trajectory)))
+                cells.append(Cell(variant, bound_of(variant.of(base))))
             except (ComputationError, InputError) as error:
                 first = first or error
                 cells.append(Cell(variant, None, str(error)))
             share(count / len(variants))
         if first is not None and all(cell.bound is None for cell in cells):
             raise first
-    return BoundTable(base, trajectory or "relative-orbit", tuple(cells))
+    return BoundTable(base, path_in_words(trajectory, process_noise), tuple(cells))
+
+
+def path_in_words(trajectory: str | None, process_noise: float) -> str:
+    """What is known of the path."""
+    noise = f" with process noise of {process_noise:g} m²/s³" if process_noise else ""
+    return (trajectory or "relative-orbit") + noise
 
 
 def millimetres(metres: float) -> str:

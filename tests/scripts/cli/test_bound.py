@@ -9,6 +9,7 @@ from matplotlib.image import imread
 
 from baryscope import __version__
 from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, load_scenario
@@ -193,3 +194,18 @@ def test_a_target_that_does_not_turn_has_no_rate_to_scale(scenario_file, capsys)
     assert not own.cells[0].observable
     assert app.main(["bound", "--scenario", str(scenario_file), "--table"]) == 0
     assert "0 °/s" in capsys.readouterr().out
+
+
+def test_with_process_noise_a_camera_and_a_prediction(scenario_file, tmp_path, capsys):
+    rig = tmp_path / "camera.toml"
+    rig.write_text("[rig]\nscale_deviation = 1e-3\n", encoding="utf-8")
+    command = ["bound", "--scenario", str(scenario_file), "--process-noise", "1e-8", "--rig", str(rig)]
+    assert app.main([*command, "--predict", "30"]) == 0
+    text = capsys.readouterr().out
+    consider = Rig(scale_deviation=1e-3)
+    found = cramer_rao_bound(load_scenario(str(scenario_file)), process_noise=1e-8, consider=consider, predict=30.0)
+    assert "path relative-orbit with process noise of 1e-08 m²/s³" in text
+    assert f"path RMSE  {1000 * found.position_deviation:.3g} mm" in text
+    assert f"centre of mass 30 s ahead  {1000 * found.predicted_deviation:.3g} mm" in text
+    assert app.main([*command, "--durations", "60", "--predict", "30"]) == 2
+    assert "--predict: found with a table, expected the scenario alone" in capsys.readouterr().err
