@@ -25,6 +25,8 @@ NO_EFFECT = 1e-3  # prior variance times information, at which a hyperparameter'
 RANGE = 1e16  # of the variances, from there
 FIRMEST = 1e6  # prior precision over information: that of an unknown that the prior fixes
 RIDGE = 1e-13  # added to the scaled information, for directions without information and without a prior
+BELOW = 20.0  # of the logarithm of an optional hyperparameter: its range without an effect
+TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its mass
 SCAN = 12  # values of each hyperparameter in the search for a start
 SWEEPS = 2  # of it, where there are several
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
@@ -63,7 +65,7 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     if not len(bounds):
         return np.zeros(0)
     if len(bounds) == 1 and np.all(prior.slopes[prior.slopes != 0] == 1):
-        return _maximum_of_one(linear, prior, bounds[0])
+        return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds)
     if start is None:
         starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
         best = min(starts, key=lambda at: _objective(linear, prior, at)[0])
@@ -76,7 +78,18 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
         return value - least, gradient  # small numbers, so that a relative tolerance means what it says
 
     found = minimize(excess, best, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
-    return np.asarray(found.x)
+    return _spared(linear, prior, np.asarray(found.x), bounds)
+
+
+def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray) -> FloatArray:
+    """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below."""
+    for index, one in enumerate(prior.hyperparameters):
+        if one.optional:
+            without = theta.copy()
+            without[index] = bounds[index, 0]
+            gain = _objective(linear, prior, without)[0] - _objective(linear, prior, theta)[0]
+            theta = theta if gain > 2 * np.log(BELOW / TYPICAL) else without
+    return theta
 
 
 def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatArray:
@@ -118,35 +131,38 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     mean, covariance = conditional(linear, prior, theta)
     bounds, total = ranges(linear, prior), covariance.copy()
     interval, significance, expectation = np.empty((len(theta), 2)), np.empty(len(theta)), np.empty(len(theta))
-    least = _objective(linear, prior, theta)[0]
     for index, (low, high) in enumerate(bounds):
-        values, increases = [theta[index]], [0.0]
-        spread = np.zeros_like(covariance)
-        weights = 1.0
+        optional = prior.hyperparameters[index].optional
+        values, costs, moments = [], [], []
         for sign, end in ((-1.0, low), (1.0, high)):
-            for step in range(1, 60):
+            for step in range(int(sign > 0), 60):
                 at = theta.copy()
                 at[index] += sign * GRID_STEP * step
                 if sign * (at[index] - end) > 0:
                     break
-                increase = _objective(linear, prior, at)[0] - least
-                if increase > GRID_END:
+                cost = _objective(linear, prior, at)[0]
+                if costs and cost > min(costs) + GRID_END:
                     break
                 other_mean, other = conditional(linear, prior, at)
-                weight = float(np.exp(-max(increase, 0.0) / 2))
-                weights += weight
-                spread += weight * (other - covariance + np.outer(other_mean - mean, other_mean - mean))
+                moments.append(other - covariance + np.outer(other_mean - mean, other_mean - mean))
                 values.append(at[index])
-                increases.append(max(increase, 0.0))
-        total += _positive(spread / weights)
-        density = np.exp(-np.array(increases) / 2)
-        centre = np.average(values, weights=density)
-        deviation = np.sqrt(np.average((np.array(values) - centre) ** 2, weights=density))
-        interval[index] = centre - deviation, centre + deviation
-        expectation[index] = np.average(np.exp(values), weights=density)
+                costs.append(cost)
         lowest = theta.copy()
         lowest[index] = low
-        significance[index] = _objective(linear, prior, lowest)[0] - least
+        none = _objective(linear, prior, lowest)[0]
+        significance[index] = none - min(costs)
+        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
+        if optional:  # the room below, where all is as at the lower bound
+            other_mean, other = conditional(linear, prior, lowest)
+            moments.append(other - covariance + np.outer(other_mean - mean, other_mean - mean))
+            values.append(low)
+            weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
+        weight /= weight.sum()
+        total += _positive(np.einsum("k,kij->ij", weight, np.array(moments)))
+        centre = float(weight @ values)
+        deviation = float(np.sqrt(weight @ (np.array(values) - centre) ** 2))
+        interval[index] = centre - deviation, centre + deviation
+        expectation[index] = weight @ np.exp(values)
     return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
 
 

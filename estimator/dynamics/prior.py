@@ -14,12 +14,14 @@ BoolArray = NDArray[np.bool_]
 class Hyperparameter:
     """A parameter of a prior, by its natural logarithm: name, and bounds of the logarithm.
 
-    Bounds of None follow from the observations: from a variance without effect to one without a limit.
+    Bounds of None follow from the observations: from a variance without effect to one without a limit. optional: there
+    may be nothing of it at all, so that its range goes on below, without an effect.
     """
 
     name: str
     lower: float | None = None
     upper: float | None = None
+    optional: bool = False
 
 
 @dataclass(frozen=True, eq=False)

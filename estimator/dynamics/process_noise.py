@@ -56,7 +56,7 @@ class Disturbed:
         span = self.end - self.begin
         offset = np.repeat(np.log(span**3 / wave_numbers(self.count) ** 4), 3)
         lower = float(np.log(self.least)) if self.least > 0 else None
-        own = Prior(offset, np.ones((len(offset), 1)), (Hyperparameter(DENSITY, lower),))
+        own = Prior(offset, np.ones((len(offset), 1)), (Hyperparameter(DENSITY, lower, optional=lower is None),))
         return self.base.prior.joined(own if self.density is None else own.fixed(DENSITY, float(np.log(self.density))))
 
     def with_modes(self, count: int) -> "Disturbed":

@@ -48,7 +48,7 @@ class Priors:
         modes = rotation.size - RATE_AND_INERTIA
         own = Prior.none(RATE_AND_INERTIA)
         if modes:
-            torque = Prior(np.zeros(modes), np.ones((modes, 1)), (Hyperparameter(DENSITY),))
+            torque = Prior(np.zeros(modes), np.ones((modes, 1)), (Hyperparameter(DENSITY, optional=True),))
             own = own.joined(torque if density is None else torque.fixed(DENSITY, float(np.log(density))))
         return cls(
             block_diag(np.zeros((3, 3)), inertia, np.zeros((modes, modes)), of_path),
