@@ -133,7 +133,9 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     interval, significance, expectation = np.empty((len(theta), 2)), np.empty(len(theta)), np.empty(len(theta))
     for index, (low, high) in enumerate(bounds):
         optional = prior.hyperparameters[index].optional
-        values, costs, moments = [], [], []
+        values: list[float] = []
+        costs: list[float] = []
+        moments = []
         for sign, end in ((-1.0, low), (1.0, high)):
             for step in range(int(sign > 0), 60):
                 at = theta.copy()
@@ -145,7 +147,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
                     break
                 other_mean, other = conditional(linear, prior, at)
                 moments.append(other - covariance + np.outer(other_mean - mean, other_mean - mean))
-                values.append(at[index])
+                values.append(float(at[index]))
                 costs.append(cost)
         lowest = theta.copy()
         lowest[index] = low
