@@ -40,8 +40,8 @@ from baryscope.models.sensor.tracking import observation_covariance, visible
 
 FloatArray = NDArray[np.float64]
 
-MOST_MODES = 400  # of process noise
-OMITTED = 1e-4  # of the variance: more than that of the modes left out, which count more in the velocity
+MOST_MODES = 192  # of process noise
+OMITTED = 1e-3  # of the variance: more than that of the modes left out, which count more in the velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,11 +190,12 @@ def _predicted(path: Path, of_x: FloatArray, known: _Known, time: FloatArray) ->
 
 
 def _richer(path: Path, position_covariance: FloatArray) -> Path | None:
-    """The path with twice the modes of process noise if those left out matter; None if they do not."""
+    """The path with the modes of process noise that matter; None if it has them."""
     if not isinstance(path, Disturbed) or path.density is None or path.count >= MOST_MODES:
         return None
-    typical = float(np.median(np.trace(position_covariance, axis1=1, axis2=2))) / 3
-    return path.with_modes(2 * path.count) if path.omitted_variance(path.density) > OMITTED * typical else None
+    most = OMITTED * float(np.median(np.trace(position_covariance, axis1=1, axis2=2))) / 3
+    beyond = path.omitted_variance(path.density) / most
+    return path.with_modes(min(int(np.ceil((path.count + 1) * beyond ** (1 / 3))), MOST_MODES)) if beyond > 1 else None
 
 
 def _errors(rig: Rig, origin: FloatArray) -> SharedErrors:
