@@ -41,7 +41,7 @@ from baryscope.models.sensor.tracking import observation_covariance, visible
 FloatArray = NDArray[np.float64]
 
 MOST_MODES = 192  # of process noise
-OMITTED = 1e-3  # of the variance: more than that of the modes left out, which count more in the velocity
+UNTOLD = 0.01  # prior variance of a mode times the information on it, from which it is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +157,7 @@ def cramer_rao_bound(
         precision = path.prior.precision(np.zeros(0))
         y = found.covariance(sampled, distance, np.diag(np.concatenate([np.zeros(RATE_AND_INERTIA), precision])))
         position_covariance = sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
-        if (richer := _richer(path, position_covariance)) is None:
+        if (richer := _richer(path, found)) is None:
             break
         path = richer
     seen = np.nonzero(observations.weight.any(axis=0))[0]
@@ -189,13 +189,13 @@ def _predicted(path: Path, of_x: FloatArray, known: _Known, time: FloatArray) ->
     return np.asarray(jacobian @ of_x @ jacobian.T + whole.added(at)[0])
 
 
-def _richer(path: Path, position_covariance: FloatArray) -> Path | None:
-    """The path with the modes of process noise that matter; None if it has them."""
-    if not isinstance(path, Disturbed) or path.density is None or path.count >= MOST_MODES:
+def _richer(path: Path, found: Equations) -> Path | None:
+    """The path with all modes of process noise that the observations could tell from none; None if it has them."""
+    if not isinstance(path, Disturbed) or path.density is None:
         return None
-    most = OMITTED * float(np.median(np.trace(position_covariance, axis1=1, axis2=2))) / 3
-    beyond = path.omitted_variance(path.density) / most
-    return path.with_modes(min(int(np.ceil((path.count + 1) * beyond ** (1 / 3))), MOST_MODES)) if beyond > 1 else None
+    told = path.density * (path.end - path.begin) ** 3 * float(found.sizes[-3:].mean()) / UNTOLD
+    count = min(int(np.ceil(told**0.25 / np.pi)), MOST_MODES)
+    return path.with_modes(count) if count > path.count else None
 
 
 def _errors(rig: Rig, origin: FloatArray) -> SharedErrors:
