@@ -171,7 +171,10 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
     sampled, least = path.at(tracks.time[few.rows]), least_variance(measured, ROUNDING)
     bodies, x, simple = linear_start(registered, few, sampled, path.prior, least)
-    start = Start(path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors, simple)
+    slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
+    start = Start(
+        path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors, simple, slips
+    )
     found = with_corrected_orbit(refined(start, options), orbit, start, options)
     findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
     return replace(found, findings=findings)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, Posterior, held, maximise, posterior
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
@@ -29,6 +30,7 @@ IntArray = NDArray[np.intp]
 MAX_ROUNDS = 30
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
+SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
@@ -44,7 +46,8 @@ class Start:
 
     path, and sampled at the tracks' times (n,) in s; bodies with points from the centre of mass, and the path's x;
     measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
-    errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled.
+    errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
+    slips: whether the position may have white noise, as that of a pivot that slips.
     """
 
     path: Path
@@ -57,6 +60,7 @@ class Start:
     inliers: BoolArray
     errors: SharedErrors | None = None
     first_prior: Prior | None = None
+    slips: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +72,9 @@ class Pivot:
     final weights; variance of an observation of weight 1, as given or from the residuals: in m², or as a factor on the
     given covariances; residual_variance: that from the residuals; posterior of x and of the hyperparameters of its
     prior, whose precision (p,) is in 1/m²; path_unknowns: the number of unknowns of x that the observations determine.
-    tie_points between bodies that share features, and those refused as the labels belong to different points; shift
-    (n, 3, 3): the covariance of the frames' shifts by the camera, over the variance; findings against the models.
+    slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
+    refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
+    variance; findings against the models.
     """
 
     path: Path
@@ -84,6 +89,7 @@ class Pivot:
     path_unknowns: float
     converged: bool
     rounds: int
+    slip: float
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]
     shift: FloatArray | None = None
@@ -115,13 +121,14 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     bodies, x = start.bodies, start.x
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
-    simple = start.first_prior
+    simple, slip = start.first_prior, 0.0
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
-        shift = _shift(start.errors, sampled.position(x), max(options.sigma**2 if options.sigma else variance, floor))
+        least = max(options.sigma**2 if options.sigma else variance, floor)
+        shift = _shift(start.errors, sampled.position(x), slip, least)
         problem = linearised(bodies, observations, sampled, x, shift)
         cost = float(problem.squares.sum())
         if np.isnan(variance):
@@ -149,6 +156,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             path, converged = richer, False
             x = np.pad(x, (0, path.size - len(x)))
             sampled = as_seen(path, path.at(start.time), start.errors, x)
+        if converged and start.slips:
+            found_slip = position_variance(bodies, observations, sampled.position(x), least)
+            converged = abs(found_slip - slip) <= SLIP_TOLERANCE * max(found_slip, slip)
+            slip = found_slip
     scale = options.sigma**2 if options.sigma is not None else variance
     linear = scaled(problem, max(scale, floor))
     assert theta is not None  # noqa: S101  there was a round
@@ -169,16 +180,22 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         path_unknowns=float(np.vdot(found.covariance, problem.matrix)) / max(scale, floor),
         converged=converged,
         rounds=rounds,
+        slip=float(np.sqrt(slip)),
         tie_points=tied,
         refused=refused,
     )
 
 
-def _shift(errors: SharedErrors | None, origin: FloatArray, variance: float) -> FloatArray | None:
-    """The covariance (n, 3, 3) of the frames' shifts by noise of the camera's attitude, over a variance in m² or 1."""
-    if errors is None or not errors.noisy or not np.isfinite(variance):
+def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float) -> FloatArray | None:
+    """The covariance (n, 3, 3) of the frames' shifts, over a variance in m² or 1.
+
+    They are due to noise of the camera's attitude and to slip, white noise of the position of this variance in m².
+    """
+    noisy = errors is not None and errors.noisy
+    if not (noisy or slip > 0) or not np.isfinite(variance):
         return None
-    return errors.shift_covariance(origin) / variance
+    slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
+    return (slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)) / variance
 
 
 def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: float) -> Solution:
