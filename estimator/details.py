@@ -18,9 +18,10 @@ class TiedClusters:
 
 @dataclass(frozen=True)
 class PivotDetails:
-    """Of `pivot`: the tie points between clusters."""
+    """Of `pivot`: the tie points between clusters; standard deviation of white noise of the position, m."""
 
     tie_points: tuple[TiedClusters, ...] = ()
+    position_noise: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,7 @@ class PivotPart(Part):
     tie_points: tuple[dict[str, tuple[int, int] | tuple[str, ...]], ...] = Field(
         description="indices of two clusters, and labels of their tie points"
     )
+    position_noise: float = Field(description="standard deviation of white noise of the position, as of a slip, m")
 
 
 class TumblePart(Part):
@@ -111,7 +112,10 @@ def details_part(found: kinds.Details) -> Any:
     """The part of a method's own results."""
     match found:
         case kinds.PivotDetails():
-            return PivotPart(tie_points=tuple({"clusters": t.clusters, "labels": t.labels} for t in found.tie_points))
+            return PivotPart(
+                tie_points=tuple({"clusters": t.clusters, "labels": t.labels} for t in found.tie_points),
+                position_noise=found.position_noise,
+            )
         case kinds.TumbleDetails():
             values, axes = np.linalg.eigh(found.inertia)
             return TumblePart(

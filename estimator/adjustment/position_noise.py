@@ -38,8 +38,8 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
         squares.append(((np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0][known] ** 2) / along[known] / variance)
         values.append(along[known] / variance)
     size, square = np.concatenate(values), np.concatenate(squares)
-    candidates = np.log(np.array(RANGE) / np.median(size))
-    scan = np.linspace(*candidates, SCAN)
+    low, high = np.log(np.array(RANGE) / np.median(size))
+    scan = np.linspace(low, high, SCAN)
     for _ in range(SWEEPS):
         grown = 1 + np.exp(scan)[:, None] * size
         cost = (np.log(grown) + square / grown).sum(axis=1)

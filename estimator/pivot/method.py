@@ -103,7 +103,7 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         method="pivot",
         path=found.path.name,
         options=options,
-        details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points)),
+        details=PivotDetails(tuple(_tied(points, tracks.labels) for points in found.tie_points), found.slip),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(found.path, x, of_x),
         process_noise=process_noise_of(found.path, found.sampled, x, found.path.prior, found.posterior),

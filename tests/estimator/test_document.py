@@ -68,7 +68,8 @@ def test_every_value_is_written(tmp_path):
     assert (sigma["kind"], sigma["given"], sigma["found"]) == ("wrong-sigma", 0.01, 0.02)
     assert (lack["kind"], lack["magnitude"], lack["dof"], lack["labels"]) == ("lack-of-fit", 0.1, 3, None)
     assert (different["kind"], different["labels"], different["clusters"]) == ("different-points", ["a"], [0, 1])
-    assert values["details"] == {"kind": "pivot", "tie_points": [{"clusters": [0, 1], "labels": ["a", "c"]}]}
+    ties = [{"clusters": [0, 1], "labels": ["a", "c"]}]
+    assert values["details"] == {"kind": "pivot", "tie_points": ties, "position_noise": 0.0}
 
 
 def test_rejected_intervals():

@@ -1,0 +1,39 @@
+"""White noise of the position from frame to frame: its variance, and what it costs a pivot that slips."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import PathOptions, estimate
+from free_paths import at_rest, turning
+from synthetic import make_case
+
+POINTS = np.array([[0.05, 0.0, 0.2], [0.0, 0.06, 0.25], [-0.04, 0.02, 0.22], [0.02, -0.05, 0.3]])
+SLIP = 5e-4
+
+
+def cases(slip, draws):
+    time, R = turning(200, 1.0)
+    for seed in range(draws):
+        com = at_rest(time)
+        moved = com + slip * np.random.default_rng([seed, 1]).normal(size=com.shape)
+        yield com, make_case(time, R, moved, POINTS, noise=2e-4, seed=seed)
+
+
+@pytest.mark.parametrize("trajectory", ["fixed", None])
+def test_a_pivot_that_slips_is_found_and_covered(trajectory):
+    squares, noises = [], []
+    for com, case in cases(SLIP, 16):
+        found = estimate(case.tracks, options=PathOptions(trajectory=trajectory))
+        error = found.position[100] - com[100]
+        squares.append(error @ np.linalg.solve(found.covariance[100], error))
+        noises.append(found.details.position_noise)
+        assert found.status.trustworthy
+    # 600 values give the deviation to 3 %; the mean of 16 values of χ²₃ has a standard deviation of √(6/16).
+    assert np.median(noises) == pytest.approx(SLIP, rel=0.1)
+    assert np.mean(squares) < 3 + 4 * np.sqrt(6 / 16)
+
+
+def test_a_pivot_that_does_not_slip_has_no_noise():
+    """2 ln of the likelihood ratio exceeds 9 by chance in less than 1 of 700."""
+    for _, case in cases(0.0, 16):
+        assert estimate(case.tracks, options=PathOptions(trajectory="fixed")).details.position_noise == 0.0
