@@ -32,7 +32,7 @@ def test_number_of_scalars(count):
     }
 
 
-@pytest.mark.parametrize("forces", FORCES, ids=", ".join)
+@pytest.mark.parametrize("forces", FORCES, ids=lambda forces: ", ".join(sorted(forces)))
 def test_forces_add_their_parameters_and_are_found_by_them(forces):
     plain, table = variable_table(3), variable_table(3, forces)
     parameters = [v.name for v in table if v.kind == Kind.PARAMETER]
@@ -45,7 +45,7 @@ def test_forces_add_their_parameters_and_are_found_by_them(forces):
 
 
 @pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("forces", FORCES, ids=", ".join)
+@pytest.mark.parametrize("forces", FORCES, ids=lambda forces: ", ".join(sorted(forces)))
 def test_every_variable_is_described(count, forces):
     for variable in variable_table(count, forces):
         assert variable.unit in UNITS
@@ -58,7 +58,7 @@ def test_every_variable_is_described(count, forces):
             assert "(w, x, y, z)" in variable.description
 
 
-@pytest.mark.parametrize("forces", FORCES, ids=", ".join)
+@pytest.mark.parametrize("forces", FORCES, ids=lambda forces: ", ".join(sorted(forces)))
 def test_a_derivative_stands_for_each_state(forces):
     """Same shape, and the state's unit by the second."""
     table = {variable.name: variable for variable in variable_table(3, forces)}
