@@ -204,7 +204,8 @@ def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray
 
 def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
     """The prior's precision (p,), at most FIRMEST times the information; and whose it is not, nor zero, (p,)."""
-    most = FIRMEST * np.maximum(np.diag(linear.information), np.diag(linear.information).max() * RIDGE)
+    size = np.diag(linear.information)
+    most = np.maximum(FIRMEST * np.maximum(size, size.max() * RIDGE), 1e-200)
     precision = prior.precision(theta)
     return np.minimum(precision, most), ~prior.free & (precision < most)
 

@@ -9,8 +9,8 @@ ROOT = Path(__file__).parents[2]
 FILES = "baryscope.models.scenario", "baryscope.models.sensor", "pydantic"
 ABOVE = "baryscope.estimator", "baryscope.fmu", "baryscope.study", "baryscope.scripts"
 DYNAMICS = sorted((ROOT / "models").glob("*.py"))
-# The bound is that of a scenario, and pydantic makes the schema of the file that an estimate is written to.
-FILED = {"bound.py", "document.py"}
+# The bound is that of a scenario; pydantic makes the schema of the file that an estimate is written to, and reads rigs.
+FILED = {"bound.py", "document.py", "document_details.py", "rig.py"}
 ESTIMATORS = sorted(path for path in (ROOT / "estimator").rglob("*.py") if path.name not in FILED)
 SCENARIO, SENSOR = (sorted((ROOT / "models" / room).glob("*.py")) for room in ("scenario", "sensor"))
 

@@ -156,7 +156,7 @@ def test_more_features_than_a_method_can_take(method, features, guarded, folder)
     text = csv_of(*tumbling(4, 8, features, 0.2))
     code, (line,) = run(guarded, folder, text, "--method", method)
     assert code == 1
-    assert re.search(rf"{features} features.* would take hours.* use at most (1000|200) ", line)
+    assert re.search(rf"{features} features.* would take .*use at most (1000|200) ", line)
 
 
 BEYOND = ["--sigma=1e-300", "--sigma=1e300", "--lag=1e-300", "--lag=1e300", "--cutoff=1e-300"]

@@ -118,7 +118,7 @@ def test_pivot_and_ml_come_near_the_bound_and_say_so(compared, scenario_file):
         error = np.sqrt(np.mean((path_of(rows(compared / f"{stem}.csv")) - truth) ** 2) * 3)
         facts = json.loads((compared / f"{stem}.json").read_text(encoding="utf-8"))
         assert error < 2.5 * worse * bound
-        assert 0.95 * bound < facts["predicted_rmse"] < 1.1 * worse * bound
+        assert 0.95 * bound < facts["predicted_rmse"] < 1.2 * worse * bound
         assert facts["converged"]
         assert facts["observability"]["verdict"].startswith("observable")
 
