@@ -45,8 +45,9 @@ def solve_drift(registered: Registered, weights: list[FloatArray], path: Sampled
     inverse = symmetric_pseudo_inverse(matrix[:d, :d])
     information = matrix[d:, d:] - matrix[d:, :d] @ inverse @ matrix[:d, d:]
     right = rhs[d:] - matrix[d:, :d] @ inverse @ rhs[:d]
+    least = ROUNDING * total
     total -= float(rhs[:d] @ inverse @ rhs[:d])
-    variance, x, theta = max(registered.noise**2, ROUNDING * total), np.zeros(len(right)), None
+    variance, x, theta = max(registered.noise**2, least), np.zeros(len(right)), None
     values = 3 * sum(len(weight) for weight in weights) - d
     for _ in range(NOISE_ROUNDS):
         linear = Linear(information / variance, right / variance, np.zeros_like(x))
@@ -54,7 +55,7 @@ def solve_drift(registered: Registered, weights: list[FloatArray], path: Sampled
         x, covariance = conditional(linear, prior, theta)
         left = values - float(np.vdot(linear.information, covariance))
         squares = total - 2 * float(right @ x) + float(x @ information @ x)
-        variance = max(squares / max(left, 1.0), ROUNDING * total)
+        variance = max(squares / max(left, 1.0), least)
     offsets = inverse @ (rhs[:d] - matrix[:d, d:] @ x)
     return Drift(x, tuple(offsets.reshape(-1, 3)))
 
