@@ -80,7 +80,9 @@ def j2_difference(
     """How much more J₂ accelerates a body at `position + offset` than one at `position`, to the last digits.
 
     Args:
-        orbit, position, pole: as for `j2_acceleration`.
+        orbit: as for `j2_acceleration`.
+        position: as there.
+        pole: as there.
         offset: (n, 3), m, in the same axes.
 
     Returns:
