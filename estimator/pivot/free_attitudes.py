@@ -84,6 +84,19 @@ class _Sums:
     points_rhs: FloatArray
     noise_cost: float = 0.0
 
+    def eliminate(self, rows: FloatArray, solved: FloatArray) -> None:
+        """Subtract what other unknowns of n frames take, three of each.
+
+        rows (n, 3, p + 3 m + 1): their blocks with path and points, and right-hand sides; solved: by their own blocks.
+        """
+        p, size = len(self.path), rows.shape[2]
+        outer = rows.reshape(-1, size).T @ solved.reshape(-1, size)
+        self.path -= outer[:p, :p]
+        self.path_points -= outer[:p, p:-1]
+        self.points -= outer[p:-1, p:-1]
+        self.path_rhs -= outer[:p, -1]
+        self.points_rhs -= outer[p:-1, -1]
+
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
@@ -230,33 +243,23 @@ def _sum(body: Body, own: Observations, path: SampledPath, all_frames: _Frames) 
         total.points_rhs += found.point_rhs.ravel()
         for index, block in enumerate(found.point):
             total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
-        # Eliminate the frames' rotations.
         coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
-        solved = symmetric_inverses(found.turn) @ coupling
-        outer = coupling.reshape(-1, p + q + 1).T @ solved.reshape(-1, p + q + 1)
-        total.path -= outer[:p, :p]
-        total.path_points -= outer[:p, p:-1]
-        total.points -= outer[p:-1, p:-1]
-        total.path_rhs -= outer[:p, -1]
-        total.points_rhs -= outer[p:-1, -1]
+        inverse = symmetric_inverses(found.turn)
+        solved = inverse @ coupling
+        total.eliminate(coupling, solved)  # the frames' rotations
         squares = found.squares
         if all_frames.shift is not None:
             # The rows of a frame's shift τ after the elimination of its rotation; then τ itself, by Woodbury's formula.
             by_turn = np.swapaxes(found.turn_shift, 1, 2)
             rows = np.concatenate([found.shift @ shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
             rows = rows - by_turn @ solved
-            known = found.shift - by_turn @ symmetric_inverses(found.turn) @ found.turn_shift
+            known = found.shift - by_turn @ inverse @ found.turn_shift
             noise = np.swapaxes(attitude, 1, 2) @ all_frames.shift[frames] @ attitude
             gained = noise @ np.linalg.inv(np.eye(3) + known @ noise) @ rows
-            outer = rows.reshape(-1, p + q + 1).T @ gained.reshape(-1, p + q + 1)
-            total.path -= outer[:p, :p]
-            total.path_points -= outer[:p, p:-1]
-            total.points -= outer[p:-1, p:-1]
-            total.path_rhs -= outer[:p, -1]
-            total.points_rhs -= outer[p:-1, -1]
+            total.eliminate(rows, gained)
             moved = gained[:, :, -1]
             total.noise_cost += float(np.vdot(moved, rows[:, :, -1] - (known @ moved[:, :, None])[:, :, 0]))
-            turned = solved[:, :, -1] - (symmetric_inverses(found.turn) @ found.turn_shift @ moved[:, :, None])[:, :, 0]
+            turned = solved[:, :, -1] - (inverse @ found.turn_shift @ moved[:, :, None])[:, :, 0]
             there = origin[frames] + (attitude @ moved[:, :, None])[:, :, 0]
             squares = pieces(own.frames(frames), attitude @ exp_rotation(turned), there, body.points).squares
         all_frames.squares[np.ix_(body.frames[part], body.features)] = squares

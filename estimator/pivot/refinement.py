@@ -71,7 +71,7 @@ class Pivot:
     screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with their
     final weights; variance of an observation of weight 1, as given or from the residuals: in m², or as a factor on the
     given covariances; residual_variance: that from the residuals; posterior of x and of the hyperparameters of its
-    prior, whose precision (p,) is in 1/m²; path_unknowns: the number of unknowns of x that the observations determine.
+    prior; path_unknowns: the number of unknowns of x that the observations determine.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
     refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
     variance; findings against the models.
@@ -85,7 +85,6 @@ class Pivot:
     variance: float
     residual_variance: float
     posterior: Posterior
-    precision: FloatArray
     path_unknowns: float
     converged: bool
     rounds: int
@@ -176,7 +175,6 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         residual_variance=variance,
         shift=shift,
         posterior=found,
-        precision=held(linear, path.prior, theta)[0],
         path_unknowns=float(np.vdot(found.covariance, problem.matrix)) / max(scale, floor),
         converged=converged,
         rounds=rounds,

@@ -46,14 +46,15 @@ def linear_start(
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
     of an observation of weight 1.
     """
-    own = in_subsample(registered, few)
+    own = _in_subsample(registered, few)
     quiet = prior.fixed(DENSITY, NO_NOISE)
-    priors = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if prior.has(DECAY) else [quiet]
+    smooth = prior.index(DECAY) is not None
+    priors = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if smooth else [quiet]
     if prior.hyperparameters:
         priors.append(prior)
     trials = []
     for one in priors:
-        bodies, x = linear_solution(own, few.observations, sampled, one)
+        bodies, x = _linear_solution(own, few.observations, sampled, one)
         trials.append(_Trial(bodies, x, few.observations))
     if len(trials) > 1:
         both = zip(trials, priors, strict=True)
@@ -100,13 +101,13 @@ def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float
     return int(np.argmin(scores))
 
 
-def in_subsample(registered: Registered, few: Subsample) -> Registered:
+def _in_subsample(registered: Registered, few: Subsample) -> Registered:
     """The registered bodies in the frames of a subsample."""
     origins = zip(registered.origins, few.steps, strict=True)
     return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
 
 
-def linear_solution(
+def _linear_solution(
     registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted, then weighted."""
