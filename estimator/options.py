@@ -6,6 +6,7 @@ from typing import Literal
 from baryscope.estimator.limits import COARSEST, FINEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
+from baryscope.models.orbit import Orbit
 
 Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
@@ -58,7 +59,7 @@ class PathOptions:
     acceleration: of the chaser, as its thrusters' log tells, for `pivot` and `ml`; constant_acceleration: an unknown
     one of the target less the chaser, in LVLH axes, away from the Sun, or none, for `pivot` and `ml`.
 
-    None means: relative-orbit if an orbit is given, else a polynomial whose degree the data choose; sigma from the
+    None means: relative-orbit if an orbit is given, else polynomial; sigma from the
     residuals; the torque that fits the tracks better.
 
     Raises:
@@ -85,6 +86,19 @@ class PathOptions:
 
 
 Options = ScrewOptions | PathOptions
+
+
+def torques_of(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, ...]:
+    """The orbits whose gravity-gradient torque is tried; None is no torque.
+
+    Raises:
+        InputError: a gravity gradient without an orbit.
+    """
+    if options.torque == "gravity-gradient" and orbit is None:
+        raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
+    if orbit is None or options.torque == "none":
+        return (None,)
+    return (orbit,) if options.torque == "gravity-gradient" else (None, orbit)
 
 
 def refuse_forces(options: PathOptions, method: str) -> None:

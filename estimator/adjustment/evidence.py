@@ -32,6 +32,7 @@ SWEEPS = 2  # of it, where there are several
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 GRID_STEP = 0.7  # of a hyperparameter's logarithm, in the integration over its uncertainty
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
+NINETY = 1.645  # standard deviations either way that hold 90 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,13 @@ class Posterior:
     expectation: FloatArray
     mean: FloatArray
     covariance: FloatArray
+
+    def bounds(self, index: int) -> tuple[float, float]:
+        """The bounds of exp θ of a hyperparameter that hold 90 %, and its value at the maximum."""
+        centre, deviation = self.interval[index].mean(), np.ptp(self.interval[index]) / 2
+        low, high = np.exp([centre - NINETY * deviation, centre + NINETY * deviation])
+        best = float(np.exp(self.theta[index]))
+        return min(float(low), best), max(float(high), best)
 
 
 def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:

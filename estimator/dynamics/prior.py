@@ -62,15 +62,16 @@ class Prior:
             self.hyperparameters + other.hyperparameters,
         )
 
-    def has(self, name: str) -> bool:
-        """Whether there is a hyperparameter of that name."""
-        return name in [one.name for one in self.hyperparameters]
+    def index(self, name: str) -> int | None:
+        """The index of the hyperparameter of that name, None if there is none."""
+        names = [one.name for one in self.hyperparameters]
+        return names.index(name) if name in names else None
 
     def fixed(self, name: str, value: float) -> "Prior":
         """The prior with the logarithm of one hyperparameter fixed; unchanged if there is none of that name."""
-        if not self.has(name):
+        index = self.index(name)
+        if index is None:
             return self
-        index = [one.name for one in self.hyperparameters].index(name)
         with np.errstate(invalid="ignore"):
             offset = np.where(self.free, np.inf, self.offset + self.slopes[:, index] * value)
         rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]

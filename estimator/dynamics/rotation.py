@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from baryscope.estimator.dynamics.euler import (
     CHUNK,
     FORCED,
+    INERTIA_BASIS,
     advance,
     anomaly_function,
     rate_columns,
     sensitivity_step,
 )
-from baryscope.estimator.dynamics.euler import INERTIA_BASIS as INERTIA_BASIS
 from baryscope.estimator.dynamics.hermite import cubic, cubic_slope, quintic
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
@@ -209,12 +209,12 @@ def _quaternion_derivatives(
     q: FloatArray, rate: FloatArray, acceleration: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """q, q̇ = ½ q ⊗ ω and q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q."""
-    first = 0.5 * quaternion_times_vector(q, rate)
-    second = 0.5 * quaternion_times_vector(q, acceleration) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
+    first = 0.5 * _quaternion_times_vector(q, rate)
+    second = 0.5 * _quaternion_times_vector(q, acceleration) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
     return q, first, second
 
 
-def quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
+def _quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
     """q ⊗ (0, v), quaternions (n, 4) scalar first, vectors (n, 3)."""
     scalar = -np.einsum("ni,ni->n", q[:, 1:], v)
     return np.column_stack([scalar, q[:, :1] * v + np.cross(q[:, 1:], v)])

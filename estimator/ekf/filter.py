@@ -37,11 +37,11 @@ class ProcessNoise:
 class Forward:
     """The result of the filter for k members.
 
-    cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; rounding
-    (k, c, c): how far it was from symmetric, a sample of its rounding errors; log_determinant (k,) of their covariances
-    over those of the observations. For the smoother, at each of n nodes, empty if not kept: predicted (n, k, d, c + d),
-    the affine state and its covariance P before the update; innovations (n, k, 6, c + d), e and −M G P with
-    M = (Λ⁻¹ + S)⁻¹; precision (n, k, 6, 6), M.
+    cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; rounding (k, c, c): how far it was from
+    symmetric, a sample of its rounding errors; log_determinant (k,) of their covariances over those of the
+    observations. For the smoother, at each of n nodes, empty if not kept: predicted (n, k, d, c + d), the affine state
+    and its covariance P before the update; innovations (n, k, 6, c + d), e and −M G P with M = (Λ⁻¹ + S)⁻¹; precision
+    (n, k, 6, 6), M.
     """
 
     cost: FloatArray

@@ -68,10 +68,10 @@ class Reference:
 class Linearised:
     """The linear system of n nodes, with d dynamic unknowns and c − 1 parameters.
 
-    transition (n - 1, d, d); drive (n - 1, d, 6): what a step adds to the columns DRIVEN; first
-    (d, c): the affine state at the first node; observed (n, 6, d): position and attitude in B; information (n, 6, 6) on
-    them and rhs (n, 6, c), affine in θ; static (c, c): the quadratic form of the cost of residuals at the reference;
-    seen (n,): whether a node has observations.
+    transition (n - 1, d, d); drive (n - 1, d, 6): what a step adds to the columns DRIVEN; first (d, c): the affine
+    state at the first node; observed (n, 6, d): position and attitude in B; information (n, 6, 6) on them and rhs
+    (n, 6, c), affine in θ; static (c, c): the quadratic form of the cost of residuals at the reference; seen (n,):
+    whether a node has observations.
     """
 
     transition: FloatArray

@@ -26,14 +26,14 @@ from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, Problem
 from baryscope.estimator.ekf.spurious import spurious_growth
 from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
-from baryscope.estimator.options import PathOptions, refuse_forces
+from baryscope.estimator.options import PathOptions, refuse_forces, torques_of
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
-from baryscope.models.errors import ComputationError, InputError, Reason
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
@@ -58,13 +58,9 @@ def estimate_by_filter(
     begin = clock.perf_counter()
     refuse_forces(options, "ekf")
     trajectory = trajectory_of(options.trajectory, orbit)
-    if options.torque == "gravity-gradient" and orbit is None:
-        raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
+    torques = torques_of(orbit, options)
     inliers = screen(tracks.position, tracks.seen)
     measured = observations_of(tracks, tracks.seen)
-    torques: tuple[Orbit | None, ...] = (None,)
-    if orbit is not None and options.torque != "none":
-        torques = (orbit,) if options.torque == "gravity-gradient" else (None, orbit)
     rounds = Rounds(progress)
     weight = np.where(tracks.seen, np.where(inliers, 1.0, NEGLIGIBLE), 0.0)
     start = start_from(tracks, inliers, measured.weighted(np.where(inliers, 1.0, 0.0)), torques)

@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.dynamics.euler import INERTIA_BASIS
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction

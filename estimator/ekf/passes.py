@@ -129,7 +129,7 @@ def _pass(
     used = problem.sigma or residual_variance
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
     seen = observations.position - after.seen_at(problem.start.nodes)
-    squares = observations.weight * _squares(seen, observations)
+    squares = observations.weight * observations.squares(seen)
     turn = np.linalg.norm(solution.state[system.seen, shift.size : shift.size + 3], axis=1)
     rough = bank is None or float(np.median(turn)) > ROUGH_TURN  # the residuals do not tell outliers yet
     weight = observations.weight if rough else reweighted(squares, observations.weight, dof, problem.floor)
@@ -169,13 +169,6 @@ def _bounded(problem: Problem, reference: Reference, solution: Solution) -> Floa
     rate *= np.minimum(1.0, most / np.maximum(np.linalg.norm(rate, axis=1), 1e-300))[:, None]
     state[:, p + 3 :] = rate - reference.rate
     return state
-
-
-def _squares(residual: FloatArray, observations: Observations) -> FloatArray:
-    """Normalised squares (frames, m) of residuals (frames, m, 3) in C, for weight 1."""
-    if observations.precision is None:
-        return np.asarray(np.einsum("kmi,kmi->km", residual, residual))
-    return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, observations.precision, residual, optimize=True))
 
 
 def _renewed(problem: Problem, last: Pass) -> Observations:

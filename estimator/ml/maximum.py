@@ -246,8 +246,8 @@ def _richer(best: _Iterate, time: FloatArray, density: float | None) -> Rotation
     waves = int(np.ceil(RESOLVED * corner * span / np.pi))
     if waves <= FEWEST_MODES:
         return None
-    turns = int(np.ceil(float(np.linalg.norm(rotation.rate)) * span / np.pi))
-    orders = np.union1d(rotation.torque.orders, np.arange(min(waves + turns, MOST_MODES, len(time) // 4)))
+    highest = min(waves + _half_turns(rotation, span), MOST_MODES, len(time) // 4)
+    orders = np.union1d(rotation.torque.orders, np.arange(highest))
     if len(orders) <= len(rotation.torque.orders):
         return None
     return replace(rotation, torque=rotation.torque.with_orders(orders))
@@ -281,10 +281,9 @@ def _with_modes(rotation: Rotation, time: FloatArray) -> Rotation:
     The latter are as many as half turns; of many, only those that are strong in the elements of the attitude.
     """
     span = float(time[-1] - time[0])
-    turns = int(np.ceil(float(np.linalg.norm(rotation.rate)) * span / np.pi))
-    count = max(min(FEWEST_MODES + turns, len(time) // 4), 1)
     if span <= 0:
         return rotation
+    count = max(min(FEWEST_MODES + _half_turns(rotation, span), len(time) // 4), 1)
     orders = np.arange(count)
     if count > MANY_MODES:
         even = np.linspace(time[0], time[-1], 8 * count)
@@ -292,6 +291,11 @@ def _with_modes(rotation: Rotation, time: FloatArray) -> Rotation:
         strong = np.argsort(power)[::-1][: MANY_MODES - FEWEST_MODES]
         orders = np.union1d(np.arange(FEWEST_MODES), strong)
     return replace(rotation, torque=Torque.none(float(time[0]), float(time[-1]), orders))
+
+
+def _half_turns(rotation: Rotation, span: float) -> int:
+    """The number of half turns in a span in s, at the rate at the epoch."""
+    return int(np.ceil(float(np.linalg.norm(rotation.rate)) * span / np.pi))
 
 
 def _attitude_information(best: _Iterate) -> float:

@@ -23,7 +23,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     residuals_of,
 )
 from baryscope.estimator.adjustment.evidence import conditional, held
-from baryscope.estimator.adjustment.path_noise import NINETY, predicted_path, process_noise_of
+from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
@@ -35,14 +35,14 @@ from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised, turned_by
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.relabelling import relabelled
-from baryscope.estimator.options import PathOptions
+from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
-from baryscope.models.errors import ComputationError, InputError, Reason
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -60,7 +60,7 @@ def estimate_by_likelihood(
         ComputationError: the tracks do not determine the unknowns.
     """
     begin, done = clock.perf_counter(), Rounds(progress)
-    torques = _torques(orbit, options)
+    torques = torques_of(orbit, options)
     tracks, pivot = relabelled(tracks, solve_pivot(tracks, orbit, options))
     done.did(STAGE)
     noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
@@ -245,37 +245,18 @@ def _position_information(best: Likelihood) -> FloatArray:
     return np.asarray(np.swapaxes(best.motion.attitude, 1, 2) @ total @ best.motion.attitude)
 
 
-def _torques(orbit: Orbit | None, options: PathOptions) -> tuple[Orbit | None, ...]:
-    """The orbits whose gravity-gradient torque is tried; None is no torque.
-
-    Raises:
-        InputError: a gravity gradient without an orbit.
-    """
-    if options.torque == "gravity-gradient" and orbit is None:
-        raise InputError("torque is gravity-gradient, which needs the target's orbit; expected an orbit")
-    if orbit is None or options.torque == "none":
-        return (None,)
-    return (orbit,) if options.torque == "gravity-gradient" else (None, orbit)
-
-
 def _torque_density(best: Likelihood, options: PathOptions) -> float:
     """The expected density of the torque noise ahead, rad²/s³."""
     if not isinstance(options.torque_noise, str):
         return options.torque_noise
-    names = [one.name for one in best.priors.own.hyperparameters]
-    return float(best.posterior.expectation[names.index(DENSITY)]) if DENSITY in names else 0.0
+    index = best.priors.own.index(DENSITY)
+    return 0.0 if index is None else float(best.posterior.expectation[index])
 
 
 def _details(best: Likelihood, y: FloatArray) -> TumbleDetails:
     """The rotational state at the epoch, with standard deviations from the covariance of y."""
     rotation, found = best.rotation, best.posterior
-    names = [one.name for one in best.priors.own.hyperparameters]
-    density, bounds = None, None
-    if DENSITY in names:
-        index = names.index(DENSITY)
-        density = float(np.exp(found.theta[index]))
-        centre, deviation = found.interval[index].mean(), np.ptp(found.interval[index]) / 2
-        bounds = float(np.exp(centre - NINETY * deviation)), float(np.exp(centre + NINETY * deviation))
+    index = best.priors.own.index(DENSITY)
     return TumbleDetails(
         epoch=rotation.epoch,
         attitude=rotation.attitude,
@@ -284,6 +265,6 @@ def _details(best: Likelihood, y: FloatArray) -> TumbleDetails:
         inertia=rotation.inertia,
         inertia_deviation=float(np.sqrt(np.trace(y[3:RATE_AND_INERTIA, 3:RATE_AND_INERTIA]))),
         gravity_gradient=rotation.orbit is not None,
-        torque_noise=density,
-        torque_noise_bounds=bounds,
+        torque_noise=None if index is None else float(np.exp(found.theta[index])),
+        torque_noise_bounds=None if index is None else found.bounds(index),
     )

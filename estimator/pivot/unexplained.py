@@ -63,5 +63,5 @@ def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
 
 def _significance(found: Pivot, name: str) -> float:
     """That of a hyperparameter; zero if the path has none of this name."""
-    names = [one.name for one in found.path.prior.hyperparameters]
-    return float(found.posterior.significance[names.index(name)]) if name in names else 0.0
+    index = found.path.prior.index(name)
+    return 0.0 if index is None else float(found.posterior.significance[index])

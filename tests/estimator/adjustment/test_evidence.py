@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baryscope.estimator.adjustment.evidence import Linear, _objective, maximise, posterior
+from baryscope.estimator.adjustment.evidence import NINETY, Linear, Posterior, _objective, maximise, posterior
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -67,3 +67,11 @@ def test_a_fixed_hyperparameter_is_none():
     assert fixed.hyperparameters == ()
     np.testing.assert_allclose(fixed.precision(np.zeros(0)), PRIOR.precision(np.array([0.7])))
     assert PRIOR.fixed("other", 1.0) is PRIOR
+
+
+@pytest.mark.parametrize(("theta", "low", "high"), [(1.0, -NINETY, NINETY), (-3.0, -3.0, NINETY), (4.0, -NINETY, 4.0)])
+def test_the_bounds_of_a_hyperparameter_hold_its_value(theta, low, high):
+    """The interval is that of the mixture; a value at an end of its range may lie outside."""
+    none = np.zeros(0)
+    found = Posterior(np.array([theta]), np.array([[-1.0, 1.0]]), none, none, none, none)
+    assert found.bounds(0) == pytest.approx((np.exp(low), np.exp(high)))
