@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import observability_of
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.forces import Factor
+from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.dynamics.seen import UNITS
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Cluster, Estimate, Motion

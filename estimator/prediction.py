@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, wave_numbers
+from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -133,14 +133,6 @@ class PredictedPath:
         if noise is not None and self.density > 0:
             grown = grown + _of_higher_modes(noise, self.density, time)
         return grown
-
-
-def noise_in(path: Path) -> Disturbed | None:
-    """The part of a path that has process noise, if one has."""
-    inner: object = path
-    while inner is not None and not isinstance(inner, Disturbed):
-        inner = getattr(inner, "base", None)
-    return inner
 
 
 def _of_higher_modes(path: Disturbed, density: float, time: FloatArray) -> FloatArray:

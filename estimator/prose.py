@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
-from baryscope.estimator.dynamics.forces import Factor
+from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.options import ScrewOptions
 from baryscope.estimator.result import (
     FREE_TUMBLE,

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2
 
 from baryscope.estimator.details import Details
-from baryscope.estimator.dynamics.forces import Factor
+from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.options import Options
 from baryscope.estimator.prediction import Point, Prediction, Predictor, times_of
 from baryscope.estimator.registration.intervals import Interval

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import Posterior
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.prediction import PredictedPath, noise_in
+from baryscope.estimator.dynamics.process_noise import DENSITY, noise_in
+from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.result import ProcessNoise
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, LinearMotion, Motion, Panels
+from baryscope.estimator.dynamics.extended import Extended, Factor
+from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, forced
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import ConstantAxes
@@ -48,33 +49,17 @@ class Force:
     scale: Hyperparameter | None = None
 
 
-@dataclass(frozen=True)
-class Factor:
-    """An estimated factor of a force: its name, value, standard deviation and unit ("1", "m/s²" or "m")."""
-
-    name: str
-    value: float
-    deviation: float
-    unit: str
-
-
 @dataclass(frozen=True, eq=False)
-class Forced:
+class Forced(Extended):
     """A path with the response to a force: the unknowns of `base`, and those of the force.
 
     A force's unknown is the rms displacement it causes over begin … end, in m. The response begins at rest in the
     middle.
     """
 
-    base: Path
     force: Force
     begin: float
     end: float
-
-    @property
-    def name(self) -> str:
-        """The model's name, that of the base."""
-        return self.base.name
 
     @property
     def size(self) -> int:
@@ -88,10 +73,6 @@ class Forced:
         if self.force.scale is not None:
             own = Prior(own.offset, np.ones((len(own.offset), 1)), (self.force.scale,))
         return self.base.prior.joined(own)
-
-    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
-        """See `Path`."""
-        return self.base.gravity_gradient(time)
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
@@ -129,22 +110,16 @@ class Forced:
 
 
 @dataclass(frozen=True, eq=False)
-class Thrusted:
+class Thrusted(Extended):
     """A polynomial path on which the chaser's known acceleration acts: it departs from `base` by the response.
 
     The response begins at rest in the middle of begin … end. orbit: for LVLH axes.
     """
 
-    base: Path
     known: KnownAcceleration
     orbit: Orbit | None
     begin: float
     end: float
-
-    @property
-    def name(self) -> str:
-        """The model's name, that of the base."""
-        return self.base.name
 
     @property
     def size(self) -> int:
@@ -155,10 +130,6 @@ class Thrusted:
     def prior(self) -> Prior:
         """That of the base."""
         return self.base.prior
-
-    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
-        """See `Path`."""
-        return self.base.gravity_gradient(time)
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
@@ -176,16 +147,8 @@ class Thrusted:
         return _response(self.base, force, (self.begin + self.end) / 2, time)
 
 
-def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
-    """The factors of all forces on a path, and the camera's errors, from its x (p,) and the covariance (p, p)."""
-    base, factors = getattr(path, "base", None), getattr(path, "factors", None)
-    own: tuple[Factor, ...] = () if factors is None else factors(x, of_x)
-    return own if base is None else factors_of(base, x, of_x) + own
-
-
 def _response(base: Path, force: Force, epoch: float, time: FloatArray) -> Motion:
-    equation = LinearMotion.over(Panels.over(time, epoch, force.longest, force.breaks), base.gravity_gradient)
-    return equation.forced(force.acceleration(equation.panels.points))
+    return forced(time, epoch, base.gravity_gradient, force.acceleration, force.longest, force.breaks)
 
 
 def thrust_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end: float) -> Force:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from baryscope.estimator.dynamics.extended import Extended, parts_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import Density
@@ -26,24 +27,18 @@ STEP = 0.03  # of G's frequency times the step of the response to the gravity gr
 
 
 @dataclass(frozen=True, eq=False)
-class Disturbed:
+class Disturbed(Extended):
     """A path with white acceleration noise: the unknowns of `base` and, in m, three of each of `count` modes.
 
     begin … end in s: the time over which the noise acts. A mode's coefficient is the rms displacement it causes.
     density: of the noise in m²/s³; None if it is unknown; least: what it is at least, such as that of an accelerometer.
     """
 
-    base: Path
     begin: float
     end: float
     count: int = FEWEST_MODES
     density: float | None = None
     least: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """The model's name, that of the base."""
-        return self.base.name
 
     @property
     def size(self) -> int:
@@ -66,10 +61,6 @@ class Disturbed:
     def omitted_variance(self, density: float) -> float:
         """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
-
-    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
-        """See `Path`."""
-        return self.base.gravity_gradient(time)
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
@@ -123,6 +114,11 @@ def disturbed(path: Path, noise: Density, begin: float, end: float, known: float
         return Disturbed(path, begin, end, least=known)
     density = known + (0.0 if isinstance(noise, str) else noise)
     return Disturbed(path, begin, end, density=density) if density > 0 else path
+
+
+def noise_in(path: Path) -> Disturbed | None:
+    """The part of a path that has process noise, if one has."""
+    return next((one for one in parts_of(path) if isinstance(one, Disturbed)), None)
 
 
 def _isotropic(values: FloatArray) -> FloatArray:

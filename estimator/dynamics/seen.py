@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.forces import Factor
+from baryscope.estimator.dynamics.extended import Extended, Factor, parts_of
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 
@@ -22,17 +22,11 @@ UNITS = {"boresight": "rad", "scale": "1", "lever": "m"}  # by the first word of
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPath:
+class SeenPath(Extended):
     """The unknowns of `base`, then k constant errors of standard deviations (k,), which do not move the path."""
 
-    base: Path
     deviations: FloatArray
     names: tuple[str, ...]
-
-    @property
-    def name(self) -> str:
-        """The model's name, that of the base."""
-        return self.base.name
 
     @property
     def size(self) -> int:
@@ -55,10 +49,6 @@ class SeenPath:
         rows = zip(self.names, x[own].tolist(), np.sqrt(np.diag(of_x)[own]).tolist(), strict=True)
         return tuple(Factor(name, value, deviation, UNITS[name.split()[0]]) for name, value, deviation in rows)
 
-    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
-        """See `Path`."""
-        return self.base.gravity_gradient(time)
-
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
         return self.base.at(time).extended(np.zeros((len(time), 3, len(self.deviations))))
@@ -70,10 +60,7 @@ class SeenPath:
 
 def errors_in(path: Path) -> slice:
     """Where the constant errors of a camera are among a path's unknowns; empty if it has none."""
-    inner: object = path
-    while inner is not None and not isinstance(inner, SeenPath):
-        inner = getattr(inner, "base", None)
-    return slice(0, 0) if inner is None else inner.errors
+    return next((one.errors for one in parts_of(path) if isinstance(one, SeenPath)), slice(0, 0))
 
 
 def as_seen(path: Path, own: SampledPath, errors: SharedErrors | None, x: FloatArray) -> SampledPath:

@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.dynamics.interpolation import lagrange_weights
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
@@ -76,5 +78,4 @@ class Torque:
 
 def stage_weights(fraction: float) -> FloatArray:
     """The weights (POINTS,) of the values at GAUSS in the cubic through them, at a fraction of the step."""
-    others = GAUSS[None, :] + np.diag(np.full(POINTS, np.nan))
-    return np.asarray(np.nanprod((fraction - others) / (GAUSS[:, None] - others), axis=1))
+    return np.asarray(lagrange_weights(GAUSS, np.array([fraction]))[0])

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.dynamics.interpolation import lagrange_weights
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.rotation import Attitudes
 
@@ -54,9 +55,7 @@ def blocks_of(time: FloatArray, longest: float) -> Blocks:
     nodes = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)
     middle = time[0] + (index[first] + 0.5) * length
     own = (time - (time[0] + (index + 0.5) * length)) / (length / 2)
-    others = nodes[None, :] + np.diag(np.full(KNOTS, np.nan))
-    weights = np.nanprod((own[:, None, None] - others) / (nodes[:, None] - others), axis=2)
-    return Blocks(first, middle[:, None] + length / 2 * nodes, weights)
+    return Blocks(first, middle[:, None] + length / 2 * nodes, lagrange_weights(nodes, own))
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from baryscope.estimator.adjustment.path_noise import predicted_path, process_no
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
-from baryscope.estimator.dynamics.forces import factors_of
+from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.ml.blocks import Jacobians

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from baryscope.estimator.dynamics.forces import Forced, constant_of, factors_of
+from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.forces import Forced, constant_of
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.process_noise import Disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.forces import factors_of
+from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.orbit_error import with_orbit_error
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states

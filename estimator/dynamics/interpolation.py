@@ -1,10 +1,16 @@
-"""Hermite polynomials between evenly spaced nodes, for many times at once."""
+"""Polynomials through values at nodes: Lagrange's, and Hermite's between evenly spaced ones for many times at once."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+
+
+def lagrange_weights(nodes: FloatArray, at: FloatArray) -> FloatArray:
+    """The weights (n, k) of values at nodes (k,) in the polynomial through them, at (n,)."""
+    others = nodes + np.diag(np.full(len(nodes), np.nan))
+    return np.asarray(np.nanprod((at[:, None, None] - others) / (nodes[:, None] - others), axis=2))
 
 
 def cubic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> FloatArray:

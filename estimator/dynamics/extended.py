@@ -1,0 +1,58 @@
+"""Paths that add something to another one, and the factors that they estimate."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.paths import Path
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """An estimated factor of a force, or error of a camera: name, value, deviation and unit: 1, m/s², m or rad."""
+
+    name: str
+    value: float
+    deviation: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """A path that adds something to another, `base`, whose name and gravity gradient it has.
+
+    Its unknowns are those of the base, then its own.
+    """
+
+    base: Path
+
+    @property
+    def name(self) -> str:
+        """The model's name, that of the base."""
+        return self.base.name
+
+    def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
+        """See `Path`."""
+        return self.base.gravity_gradient(time)
+
+    def factors(self, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
+        """The factors among its own unknowns, from x (p,) and its covariance (p, p); none."""
+        return ()
+
+
+def parts_of(path: Path) -> Iterator[Path]:
+    """The path, that which it is based on, and so on."""
+    yield path
+    while isinstance(path, Extended):
+        path = path.base
+        yield path
+
+
+def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
+    """The factors of all forces on a path, and the camera's errors, from its x (p,) and the covariance (p, p)."""
+    parts = reversed([one for one in parts_of(path) if isinstance(one, Extended)])
+    return tuple(factor for one in parts for factor in one.factors(x, of_x))
