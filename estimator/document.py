@@ -113,7 +113,7 @@ class ProcessNoisePart(Part):
     unit: Literal["m²/s³", "m²"] = Field(description="m²: variance of white noise of a fixed path's position")
     bounds: Interval | None = Field(description="of an estimated density, that hold 90 %")
     significance: float | None = Field(description="2 ln of the likelihood over that without noise")
-    displacement: float | None = Field(description="rms displacement of the path that it explains, m")
+    displacement: float | None = Field(description="rms displacement by it, less what the path's model could do, m")
 
 
 class FindingPart(Part):

@@ -197,7 +197,7 @@ class ProcessNoise:
     source: whether the density is estimated from the tracks, given, or there is no noise; density in m²/s³, or,
     if of_position, variance of white noise of a fixed path's position, m²; 0 for none. If it is estimated: interval,
     the bounds that hold 90 %; significance: 2 ln of the likelihood over that without noise, None if the method does not
-    tell. displacement: rms displacement of the path that it explains, m, None if unknown.
+    tell. displacement: rms displacement of the path that it explains and the model cannot, m, None if unknown.
     """
 
     source: Literal["estimated", "given", "none"]
