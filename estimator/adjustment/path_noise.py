@@ -33,10 +33,11 @@ def process_noise_of(path: Path, sampled: SampledPath, x: FloatArray, prior: Pri
 
 def _departure(path: Path, sampled: SampledPath, x: FloatArray, modes: slice) -> float:
     """The rms displacement by the modes, m, less what the unknowns without a prior could do as well."""
-    moved = (sampled.jacobian[:, :, modes] @ x[modes]).ravel()
-    free = sampled.jacobian.reshape(len(moved), -1)[:, path.prior.free]
-    left = moved - free @ (symmetric_pseudo_inverse(free.T @ free) @ (free.T @ moved))
-    return float(np.linalg.norm(left) / np.sqrt(len(sampled.jacobian)))
+    gram, free = sampled.mean_square(), path.prior.free
+    left = np.zeros_like(x)
+    left[modes] = x[modes]
+    left[free] = -symmetric_pseudo_inverse(gram[free][:, free]) @ (gram[free] @ left)
+    return float(sampled.lengths(left[:, None])[0])
 
 
 def predicted_path(

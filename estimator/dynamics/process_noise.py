@@ -62,6 +62,11 @@ class Disturbed(Extended):
         """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
 
+    @property
+    def frequency(self) -> float:
+        """That of the base or of the highest mode; see `Path`."""
+        return max(self.base.frequency, float(wave_numbers(self.count)[-1]) / (self.end - self.begin))
+
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
         own, response = _isotropic(free_modes(self._scaled(time), self.count)[0]), self._response(time)

@@ -88,7 +88,7 @@ class Model:
     @property
     def size(self) -> int:
         """The number of unknowns y."""
-        return self.rotation_size + int(self.path.jacobian.shape[2])
+        return self.rotation_size + self.path.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
         sums.rhs += right
         sums.coupling += with_points
         return
-    own, p = model.motion.turn[part], model.path.jacobian.shape[2]
+    own, p = model.motion.turn[part], model.path.size
     R_B_C = np.swapaxes(attitude, 1, 2)
     seen = np.zeros((len(own), 3, p))
     if model.path.turn is not None:
