@@ -119,7 +119,15 @@ class ProcessNoisePart(Part):
 class FindingPart(Part):
     """Evidence against a model."""
 
-    kind: Literal["lack-of-fit", "excess-residuals", "different-points", "departure", "wrong-orbit", "wrong-sigma"]
+    kind: Literal[
+        "lack-of-fit",
+        "excess-residuals",
+        "different-points",
+        "departure",
+        "wrong-orbit",
+        "wrong-sigma",
+        "free-attitudes",
+    ]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
     magnitude: float | None = Field(None, description="lack-of-fit, departure: rms departure of the path, m")
@@ -138,6 +146,7 @@ class FindingPart(Part):
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
+    reason: str | None = Field(None, description="free-attitudes: why ml tells no tumble, in words; not to be parsed")
 
 
 class EstimateDocument(Part):

@@ -187,7 +187,14 @@ class WrongSigma:
     found: float
 
 
-Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit | WrongSigma
+@dataclass(frozen=True)
+class FreeAttitudes:
+    """`ml` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
+
+    reason: str
+
+
+Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit | WrongSigma | FreeAttitudes
 
 
 @dataclass(frozen=True)

@@ -71,9 +71,12 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         ComputationError: the tracks do not determine the unknowns.
     """
     begin = clock.perf_counter()
-    errors = errors_of(tracks)
-    found = solve_pivot(tracks, orbit, options)
-    x = found.solution.x
+    return estimate_of(solve_pivot(tracks, orbit, options), tracks, options, begin)
+
+
+def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin: float) -> Estimate:
+    """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter."""
+    errors, x = errors_of(tracks), found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
     of_x, offsets = without_spurious_information(found, seen)
     if errors is not None and errors.scale is not None:
