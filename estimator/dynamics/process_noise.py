@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import Extended, parts_of
-from baryscope.estimator.dynamics.linear_motion import ARC, Motion, forced
+from baryscope.estimator.dynamics.linear_motion import ARC, Motion, forced, highest_frequency
 from baryscope.estimator.dynamics.paths import FIXED, Path, SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import Density
@@ -23,7 +23,6 @@ FloatArray = NDArray[np.float64]
 DENSITY = "process noise"
 FEWEST_MODES, MOST_MODES = 12, 96
 SHORTEST = 1e-6  # s, of the time over which noise acts
-GRADIENT_TIMES = 65  # at which the greatest gravity gradient is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +83,9 @@ class Disturbed(Extended):
     def _response(self, time: FloatArray) -> Motion | None:
         """What the gravity gradient G adds to the modes w: δ with δ̈ = G (δ + w), at rest at zero in the middle."""
         times = np.append(time, [self.begin, self.end])
-        gradient = self.base.gravity_gradient(np.linspace(times.min(), times.max(), GRADIENT_TIMES))
-        if gradient is None:
+        frequency = highest_frequency(self.base.gravity_gradient, float(times.min()), float(times.max()))
+        if frequency == 0:
             return None
-        frequency = float(np.sqrt(np.linalg.norm(gradient, axis=(1, 2)).max()))
         longest = min(ARC / frequency, (self.end - self.begin) / float(wave_numbers(self.count)[-1]))
 
         def pull(at: FloatArray) -> FloatArray:
