@@ -28,6 +28,7 @@ from baryscope.estimator.adjustment.spurious import spurious_information_columns
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.ml.blocks import Jacobians
@@ -207,7 +208,7 @@ def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) 
     turn: the Jacobian of the attitude, as a rotation vector in C, by the rotation's unknowns.
     """
     size, R = best.rotation.size, best.motion.attitude
-    rate, of_rotation = best.path.rate_at(time), y[:size, :size]
+    rate, of_rotation = interpolated(best.path.rate_at, best.path.frequency, time), y[:size, :size]
     by_rate = Jacobians.of(best.motion.rate_sensitivity_in_C, time, best.blocks)
     R_B_C = np.swapaxes(R, 1, 2)
     return Motion(
