@@ -113,7 +113,7 @@ class ProcessNoisePart(Part):
     unit: Literal["m²/s³", "m²"] = Field(description="m²: variance of white noise of a fixed path's position")
     bounds: Interval | None = Field(description="of an estimated density, that hold 90 %")
     significance: float | None = Field(description="2 ln of the likelihood over that without noise")
-    displacement: float | None = Field(description="rms displacement by it, less what the path's model could do, m")
+    displacement: float | None = Field(description="rms displacement of the path that it explains, m")
 
 
 class FindingPart(Part):
@@ -125,8 +125,8 @@ class FindingPart(Part):
         "different-points",
         "departure",
         "wrong-orbit",
+        "unknown-burn",
         "wrong-sigma",
-        "free-attitudes",
     ]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
@@ -144,9 +144,14 @@ class FindingPart(Part):
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
+    begin: float | None = Field(None, description="unknown-burn: when the chaser begins to burn, s")
+    begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
+    end: float | None = Field(None, description="unknown-burn: when it ends, s")
+    end_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
+    change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, LVLH, m/s")
+    change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
-    reason: str | None = Field(None, description="free-attitudes: why ml tells no tumble, in words; not to be parsed")
 
 
 class EstimateDocument(Part):

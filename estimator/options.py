@@ -12,6 +12,7 @@ Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
 Noise = Literal["stereo", "fixed"]
 ConstantAxes = Literal["none", "lvlh", "sun"]
+Burns = Literal["auto", "none"]
 Torque = Literal["none", "gravity-gradient"]
 Density = float | Literal["auto", "none"]
 
@@ -59,6 +60,9 @@ class PathOptions:
     acceleration: of the chaser, as its thrusters' log tells, for `pivot` and `ml`; constant_acceleration: an unknown
     one of the target less the chaser, in LVLH axes, away from the Sun, or none, for `pivot` and `ml`.
 
+    unknown_burns: burns of the chaser that nothing tells of, for `pivot` and `ml` on a relative orbit. auto: found in
+    the tracks where process noise would be estimated; none: there are none.
+
     None means: relative-orbit if an orbit is given, else polynomial; sigma from the
     residuals; the torque that fits the tracks better.
 
@@ -74,6 +78,7 @@ class PathOptions:
     torque_noise: Density = "auto"
     acceleration: KnownAcceleration | None = None
     constant_acceleration: ConstantAxes = "none"
+    unknown_burns: Burns = "auto"
 
     def __post_init__(self) -> None:
         if self.sigma is not None and not (FINEST <= self.sigma <= COARSEST):
@@ -81,6 +86,7 @@ class PathOptions:
         _check_one_of("noise", self.noise, ("stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
         _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "sun"))
+        _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))
         _check_density("process_noise", self.process_noise, "m²/s³")
         _check_density("torque_noise", self.torque_noise, "rad²/s³")
 

@@ -13,11 +13,11 @@ from baryscope.estimator.result import (
     Estimate,
     ExcessResiduals,
     Finding,
-    FreeAttitudes,
     LackOfFit,
     Observability,
     ProcessNoise,
     Status,
+    UnknownBurn,
     WrongOrbit,
     WrongSigma,
 )
@@ -59,12 +59,20 @@ def sentence(finding: Finding) -> str:
             off = ", ".join(f"{value / 1e3:.3g} ± {sd / 1e3:.2g} km {where}" for where, value, sd in parts)
             other = "" if finding.oblate else ", or this is J2, which the orbit file does not tell"
             return f"the target is off its orbit by {off}, for which the estimate is corrected{other}"
+        case UnknownBurn():
+            change = ", ".join(
+                f"{1e3 * value:.3g} ± {1e3 * sd:.2g}"
+                for value, sd in zip(finding.change, finding.change_deviation, strict=True)
+            )
+            return (
+                f"the chaser burned from {finding.begin:.1f} ± {finding.begin_deviation:.1f} to {finding.end:.1f} ± "
+                f"{finding.end_deviation:.1f} s and changed its velocity by ({change}) mm/s in LVLH, which nothing "
+                "told; the estimate allows for it"
+            )
         case WrongSigma():
             return (
                 f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: so all claims are wrong"
             )
-        case FreeAttitudes():
-            return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"
         case DifferentPoints():
             first, second = finding.clusters
             names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"

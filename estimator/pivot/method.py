@@ -26,12 +26,12 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
@@ -71,12 +71,9 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         ComputationError: the tracks do not determine the unknowns.
     """
     begin = clock.perf_counter()
-    return estimate_of(solve_pivot(tracks, orbit, options), tracks, options, begin)
-
-
-def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin: float) -> Estimate:
-    """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter."""
-    errors, x = errors_of(tracks), found.solution.x
+    errors = errors_of(tracks)
+    found = solve_pivot(tracks, orbit, options)
+    x = found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
     of_x, offsets = without_spurious_information(found, seen)
     if errors is not None and errors.scale is not None:
@@ -130,7 +127,7 @@ def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
 
 def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErrors | None) -> Motion:
     """Velocity of the centre of mass, and the attitude of the body with an attitude in the most frames."""
-    rate = interpolated(found.path.rate_at, found.path.frequency, time)
+    rate = found.path.rate_at(time)
     body = max(found.bodies, key=lambda one: len(one.frames))
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
     own = found.observations.features(body.features).frames(body.frames)
@@ -177,20 +174,13 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     bodies, x, simple = linear_start(registered, few, sampled, path.prior, least)
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     start = Start(
-        path,
-        interpolated(path.at, path.frequency, tracks.time),
-        tracks.time,
-        bodies,
-        x,
-        measured,
-        observations,
-        inliers,
-        errors,
-        simple,
-        slips,
+        path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors, simple, slips
     )
     found = with_corrected_orbit(refined(start, options), orbit, start, options)
+    burned = with_unknown_burns(found, registered, orbit, start, options)
+    found = found if burned is found else with_corrected_orbit(burned, orbit, start, options)
     findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
+    findings += unknown_burns(found)
     return replace(found, findings=findings)
 
 

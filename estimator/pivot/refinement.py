@@ -11,7 +11,6 @@ from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
@@ -36,6 +35,7 @@ SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weight
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
+COVARIANCE_TIMES = 64  # at which the covariance is compared with that of the modes left out
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
@@ -99,6 +99,11 @@ class Pivot:
         """The bodies, with points in m from the centre of mass."""
         return self.solution.bodies
 
+    def significance(self, name: str) -> float:
+        """That of a hyperparameter of the path's prior; zero if it has none of this name."""
+        index = self.path.prior.index(name)
+        return 0.0 if index is None else float(self.posterior.significance[index])
+
 
 @dataclass(frozen=True, eq=False)
 class Subsample:
@@ -151,10 +156,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         observations = observations.weighted(weight)
         if simple is not None:
             simple, converged = (None if converged or rounds >= SIMPLE_ROUNDS else simple), False
-        if converged and (richer := _richer(path, solution, theta, least, sampled)) is not None:
+        if converged and rounds < MAX_ROUNDS and (richer := _richer(path, solution, theta, least, sampled)) is not None:
             path, converged = richer, False
             x = np.pad(x, (0, path.size - len(x)))
-            sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
+            sampled = as_seen(path, path.at(start.time), start.errors, x)
         if converged and start.slips:
             found_slip = position_variance(bodies, observations, sampled.position(x), least)
             converged = abs(found_slip - slip) <= SLIP_TOLERANCE * max(found_slip, slip)
@@ -211,8 +216,9 @@ def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, 
     if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    covariance = sampled.covariance(variance * solution.covariance)
-    typical = float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3
+    every = max(1, len(sampled.jacobian) // COVARIANCE_TIMES)
+    few = SampledPath(sampled.jacobian[::every], sampled.position)
+    typical = float(np.median(np.trace(few.covariance(variance * solution.covariance), axis1=1, axis2=2))) / 3
     return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
 
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.options import PathOptions
@@ -26,7 +25,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     path = found.path
     if orbit is None or path.name != "relative-orbit" or not isinstance(path, Disturbed):
         return found
-    if _significance(found, DENSITY) < SIGNIFICANT:
+    if found.significance(DENSITY) < SIGNIFICANT:
         return found
     x, span = found.solution.x, (path.begin, path.end)
     wider = replace(path, base=with_orbit_error(path.base, orbit, lambda time: path.at(time).position(x), *span))
@@ -34,7 +33,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     again = replace(
         start,
         path=wider,
-        sampled=interpolated(wider.at, wider.frequency, start.time),
+        sampled=wider.at(start.time),
         bodies=found.bodies,
         x=np.insert(x, path.base.size, np.zeros(more)),
         observations=found.observations,
@@ -44,12 +43,12 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
         corrected = refined(again, options)
     except ComputationError:
         return found
-    return corrected if corrected.converged and _significance(corrected, ORBIT_ERROR) >= SIGNIFICANT else found
+    return corrected if corrected.converged and corrected.significance(ORBIT_ERROR) >= SIGNIFICANT else found
 
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
     """The finding of a wrong orbit, if the path has an error of it and that is significant."""
-    if orbit is None or _significance(found, ORBIT_ERROR) < SIGNIFICANT:
+    if orbit is None or found.significance(ORBIT_ERROR) < SIGNIFICANT:
         return ()
     factors = factors_of(found.path, found.solution.x, found.posterior.covariance)
     radial, along, across = [factor for factor in factors if factor.name in NAMES][:3]
@@ -60,9 +59,3 @@ def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
             orbit.j2 is not None,
         ),
     )
-
-
-def _significance(found: Pivot, name: str) -> float:
-    """That of a hyperparameter; zero if the path has none of this name."""
-    index = found.path.prior.index(name)
-    return 0.0 if index is None else float(found.posterior.significance[index])

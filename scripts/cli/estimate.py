@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import METHODS, estimate
-from baryscope.estimator.options import Axes, Noise, Options, Reference, Torque
+from baryscope.estimator.options import Axes, Burns, Noise, Options, Reference, Torque
 from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
@@ -51,6 +51,9 @@ class PathChoices:
     process_noise
         What the model of the path leaves out (pivot, ml, ekf), as white acceleration: its density in m²/s³; auto,
         estimated from the tracks; or none, the model holds exactly. Default: auto.
+    unknown_burns
+        Burns of the chaser that no log tells of (pivot, ml; on a relative orbit): auto, found in the tracks and listed,
+        their cost being in the covariance; or none. Default: auto.
     torque_noise
         What the model of the tumble leaves out (ml, ekf), as white angular acceleration: its density in rad²/s³; auto,
         estimated from the tracks; or none. Default: auto.
@@ -61,6 +64,7 @@ class PathChoices:
     noise: Noise | None = None
     torque: Torque | None = None
     process_noise: float | Literal["auto", "none"] | None = None
+    unknown_burns: Burns | None = None
     torque_noise: float | Literal["auto", "none"] | None = None
 
 

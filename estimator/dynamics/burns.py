@@ -1,0 +1,198 @@
+"""Unknown burns of the chaser: a path with further unknowns for what each changes, and for when it begins and ends.
+
+A burn is a constant acceleration in LVLH, or in C without an orbit, over an unknown time. The path is linear in the
+change of velocity Δv = ∫ a dt, and nearly so in small changes of the burn's times. With G(t, s) the displacement at t
+by a unit velocity at s, W = −∫ G(t, s) R(s) ds over begin … end and τ = end − begin, the path moves by W Δv/τ, and its
+derivatives by the times are −G(t, end) R Δv/τ − W Δv/τ² and the same with opposite signs at the begin.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.extended import Extended, parts_of
+from baryscope.estimator.dynamics.forces import longest_on
+from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+UNKNOWNS = 5  # of a burn: the change of velocity, its middle and its duration
+SHORTEST = 1e-3  # s, of a burn's duration
+SETTLED = 0.1  # change of a time, over its deviation
+
+
+@dataclass(frozen=True, eq=False)
+class Burn:
+    """A burn as a path is linearised about it, with its prior.
+
+    begin, end in s; change (3,) of the chaser's velocity in LVLH (in C without an orbit), m/s; deviation of the prior
+    of each of its components about zero, m/s; slack: standard deviations of the prior of its middle and of its
+    duration about those of begin … end, s.
+    """
+
+    begin: float
+    end: float
+    change: FloatArray
+    deviation: float
+    slack: tuple[float, float]
+
+    @property
+    def duration(self) -> float:
+        """The time from begin to end, s."""
+        return self.end - self.begin
+
+    @property
+    def speed(self) -> float:
+        """The magnitude of the change, m/s; not zero."""
+        return max(float(np.linalg.norm(self.change)), 1e-12)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundBurn:
+    """An estimated burn of the chaser: begin and end in s with standard deviations; change (3,) of its velocity, m/s,
+    in LVLH (in C without an orbit), and its covariance (3, 3).
+    """
+
+    begin: float
+    begin_deviation: float
+    end: float
+    end_deviation: float
+    change: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Burned(Extended):
+    """A path with unknown burns of the chaser over first … last in s: the unknowns of `base`, then five of each burn.
+
+    Those are the change of velocity times the span, and the changes of middle and duration times the speed, all in m.
+    """
+
+    orbit: Orbit | None
+    burns: tuple[Burn, ...]
+    first: float
+    last: float
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.base.size + UNKNOWNS * len(self.burns)
+
+    @property
+    def prior(self) -> Prior:
+        """The prior of the base, and those of the burns."""
+        return self.base.prior.joined(Prior.known(self.variances))
+
+    @property
+    def variances(self) -> FloatArray:
+        """The variances (5 k,) of the prior of the burns' unknowns, m²."""
+        deviations = np.array([[burn.deviation] * 3 + list(burn.slack) for burn in self.burns])
+        return np.asarray((self._units * deviations).ravel() ** 2)
+
+    @property
+    def values(self) -> FloatArray:
+        """The unknowns of the burns (5 k,) about which the path is linear, m."""
+        values = np.array([[*burn.change, 0.0, 0.0] for burn in self.burns])
+        return np.asarray(self._units * values).ravel()
+
+    def at(self, time: FloatArray) -> SampledPath:
+        """The path at times (n,) in s."""
+        return self.base.at(time).extended(self.columns(time))
+
+    def rate_at(self, time: FloatArray) -> SampledPath:
+        """The velocity at times (n,) in s."""
+        return self.base.rate_at(time).extended(self.columns(time, rate=True))
+
+    def columns(self, time: FloatArray, *, rate: bool = False) -> FloatArray:
+        """The derivatives (n, 3, 5 k) of position, or of velocity, by the unknowns of the burns."""
+        edges = np.array([[burn.begin, burn.end] for burn in self.burns])
+        equation = self._equation(time, edges.ravel())
+        seen = Motion.velocity if rate else Motion.position
+        now, free = seen(equation.free, time), np.linalg.inv(equation.transition(edges.ravel()))
+        axes = burn_axes(self.orbit, edges.ravel())
+        pushed = seen(equation.forced(self._pushes(equation.panels.points)), time).reshape(len(time), 3, -1, 3)
+        found = np.empty((len(time), 3, len(self.burns), UNKNOWNS))
+        for index, burn in enumerate(self.burns):
+            kicks = [
+                np.where((time >= at)[:, None], now @ (free[row][:, 3:] @ -(axes[row] @ burn.change)), 0.0)
+                for row, at in ((2 * index, burn.begin), (2 * index + 1, burn.end))
+            ]
+            by_begin, by_end = -kicks[0] / burn.duration, kicks[1] / burn.duration
+            by_length = pushed[:, :, index] @ burn.change / burn.duration
+            found[:, :, index, :3] = pushed[:, :, index]
+            found[:, :, index, 3] = by_begin + by_end
+            found[:, :, index, 4] = (by_end - by_begin) / 2 - by_length
+        return (found / self._units).reshape(len(time), 3, -1)
+
+    def settled(self, x: FloatArray, of_x: FloatArray) -> tuple[tuple[Burn, ...], bool]:
+        """The burns at unknowns (5 k,) of theirs with a covariance (5 k, 5 k), and whether their times are as before.
+
+        A time moves by no more than half the duration. The prior's deviation becomes that of the change.
+        """
+        burns, still = [], True
+        for old, one in zip(self.burns, self.found(x, of_x, 0), strict=True):
+            most = max(old.duration, min(old.slack)) / 2
+            begin = max(old.begin + float(np.clip(one.begin - old.begin, -most, most)), self.first)
+            end = min(old.end + float(np.clip(one.end - old.end, -most, most)), self.last)
+            if end - begin < SHORTEST:  # too short to tell: as short as it is now
+                begin, end = old.begin, old.end
+            still = still and abs(begin - old.begin) <= SETTLED * one.begin_deviation
+            still = still and abs(end - old.end) <= SETTLED * one.end_deviation
+            deviation = float(np.sqrt((one.change @ one.change + np.trace(one.covariance)) / 3))
+            burns.append(Burn(begin, end, one.change, deviation, old.slack))
+        return tuple(burns), still
+
+    def found(self, x: FloatArray, of_x: FloatArray, first: int) -> tuple[FoundBurn, ...]:
+        """The burns at unknowns x (p,) of a covariance (p, p), among which those of the burns begin at `first`."""
+        own = slice(first, first + UNKNOWNS * len(self.burns))
+        factor = 1 / self._units.ravel()
+        values = (factor * x[own]).reshape(-1, UNKNOWNS)
+        covariance = of_x[own, own] * np.outer(factor, factor)
+        found = []
+        for index, burn in enumerate(self.burns):
+            part = covariance[UNKNOWNS * index : UNKNOWNS * (index + 1), UNKNOWNS * index : UNKNOWNS * (index + 1)]
+            middle, duration = values[index, 3:]
+            ends = []
+            for sign, at in ((-0.5, burn.begin), (0.5, burn.end)):
+                by = np.array([1.0, sign])
+                ends += [at + middle + sign * duration, float(np.sqrt(max(by @ part[3:, 3:] @ by, 0.0)))]
+            found.append(FoundBurn(*ends, values[index, :3], part[:3, :3]))
+        return tuple(found)
+
+    @cached_property
+    def _units(self) -> FloatArray:
+        """The factors (k, 5) from changes of velocity in m/s and of times in s to unknowns in m."""
+        span = max(self.last - self.first, SHORTEST)
+        return np.array([[span] * 3 + [burn.speed] * 2 for burn in self.burns]).reshape(-1, UNKNOWNS)
+
+    def _equation(self, time: FloatArray, edges: FloatArray) -> LinearMotion:
+        longest = longest_on(self.orbit, self.first, self.last)
+        return LinearMotion.over(Panels.over(time, self.first, longest, edges), self.base.gravity_gradient)
+
+    def _pushes(self, time: FloatArray) -> FloatArray:
+        """The accelerations (k, 3, 3 b) of the centre of mass in C, 1/s, by a unit change of velocity of each burn."""
+        axes = burn_axes(self.orbit, time)
+        on = [((time >= burn.begin) & (time < burn.end)) / burn.duration for burn in self.burns]
+        return np.concatenate([-one[:, None, None] * axes for one in on], axis=2)
+
+
+def burn_axes(orbit: Orbit | None, time: FloatArray) -> FloatArray:
+    """The rotations (k, 3, 3) from the axes of burns to C at times (k,) in s."""
+    return np.tile(np.eye(3), (len(time), 1, 1)) if orbit is None else lvlh_axes(target_states(orbit, time))
+
+
+def burned_in(path: Path) -> Burned | None:
+    """The part of a path that has unknown burns, if one has."""
+    return next((one for one in parts_of(path) if isinstance(one, Burned)), None)
+
+
+def burns_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[FoundBurn, ...]:
+    """The burns on a path, from its x (p,) and the covariance (p, p)."""
+    burned = burned_in(path)
+    return () if burned is None else burned.found(x, of_x, burned.base.size)

@@ -1,0 +1,114 @@
+"""Unknown burns of the chaser as unknowns of the path: found by `burn_search`, refined with free attitudes, and tested.
+
+A burn stays if the tracks are a thousand times likelier with it, at any time and of any duration, with the process
+noise of maximum likelihood in either case.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import Linear, complexity, cost, maximise
+from baryscope.estimator.adjustment.reweighting import GATE
+from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burns_of
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.burn_search import ODDS, BurnFit, burn_search
+from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
+from baryscope.estimator.pivot.refinement import SUBSAMPLE_FRAMES, Pivot, Start, refined, scaled, subsampled
+from baryscope.estimator.registration.clusters import Registered
+from baryscope.estimator.result import UnknownBurn
+from baryscope.models.errors import ComputationError
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+SIGNIFICANT = 15.0  # of process noise, without which there is no burn: 2 ln of its likelihood over that of none
+PRICE = 2 * float(np.log(ODDS))
+
+
+def with_unknown_burns(
+    found: Pivot, registered: Registered, orbit: Orbit | None, start: Start, options: PathOptions
+) -> Pivot:
+    """The solution with the burns among its unknowns that explain what else would be process noise."""
+    path = start.path
+    if options.unknown_burns == "none" or orbit is None or path.name != "relative-orbit":
+        return found
+    if not isinstance(path, Disturbed) or path.density is not None or found.significance(DENSITY) < SIGNIFICANT:
+        return found
+    few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
+    x = found.solution.x[: path.base.size]
+    search = burn_search(registered, few, start.time[few.rows], path.base, x, orbit)
+    fit = search.likeliest()
+    while fit.burns:
+        try:
+            burned = refined(_start(start, registered, fit, orbit), options)
+        except ComputationError:
+            return found
+        gains = _gains(burned)
+        worst = int(np.argmin(gains))
+        if gains[worst] >= PRICE:
+            return burned if burned.converged and _likelier(burned, found) else found
+        fit = search.without(fit, worst)
+    return found
+
+
+def unknown_burns(found: Pivot) -> tuple[UnknownBurn, ...]:
+    """The findings of the burns on a path, from the first to the last."""
+    burns = burns_of(found.path, found.solution.x, found.variance * found.solution.covariance)
+    return tuple(UnknownBurn.of(burn) for burn in sorted(burns, key=lambda one: one.begin))
+
+
+def _start(start: Start, registered: Registered, fit: BurnFit, orbit: Orbit | None) -> Start:
+    """The start of the refinement from the search's solution."""
+    path = start.path
+    assert isinstance(path, Disturbed)  # noqa: S101  as `with_unknown_burns` has seen
+    offsets, rest = np.split(fit.mean, [3 * len(registered.bodies)])
+    both = zip(registered.bodies, offsets.reshape(-1, 3), strict=True)
+    bodies = tuple(replace(body, points=body.points + offset) for body, offset in both)
+    burned = Burned(path.base, orbit, fit.burns, path.begin, path.end)
+    wider = replace(path, base=burned)
+    x = np.concatenate([rest[: path.base.size], burned.values, np.zeros(3 * path.count)])
+    return replace(start, path=wider, sampled=wider.at(start.time), bodies=bodies, x=x, first_prior=None)
+
+
+def _gains(found: Pivot) -> list[float]:
+    """What each burn gains in 2 ln p."""
+    burned = burned_in(found.path)
+    assert burned is not None  # noqa: S101  there are burns
+    linear, prior = scaled(_problem(found), found.variance), found.path.prior
+    whole = cost(linear, prior, maximise(linear, prior, found.posterior.theta))
+    return [
+        _cost_without(linear, prior, np.arange(first, first + UNKNOWNS)) - whole
+        for first in range(burned.base.size, burned.size, UNKNOWNS)
+    ]
+
+
+def _cost_without(linear: Linear, prior: Prior, gone: NDArray[np.intp]) -> float:
+    """−2 ln p at its minimum if some unknowns are zero, beside that with them."""
+    kept = np.setdiff1d(np.arange(len(linear.x)), gone)
+    x = linear.x[gone]
+    across = linear.information[np.ix_(kept, gone)]
+    few = Linear(linear.information[np.ix_(kept, kept)], linear.rhs[kept] + across @ x, linear.x[kept])
+    moved = 2 * float(linear.rhs[gone] @ x) + float(x @ linear.information[np.ix_(gone, gone)] @ x)
+    own = Prior(prior.offset[kept], prior.slopes[kept], prior.hyperparameters)
+    return cost(few, own, maximise(few, own)) + moved
+
+
+def _problem(found: Pivot) -> Linearised:
+    return linearised(found.bodies, found.observations, found.sampled, found.solution.x, found.shift)
+
+
+def _likelier(one: Pivot, other: Pivot) -> bool:
+    """Whether the marginal likelihood of a solution is greater, with outliers of a bounded cost."""
+    variance = min(one.variance, other.variance)
+    scores = []
+    for found in (one, other):
+        problem, weight = _problem(found), found.observations.weight
+        used = weight > 0
+        squares = problem.squares[used] / weight[used]
+        bounded = float(np.minimum(squares / variance, GATE).sum())
+        scores.append(bounded + complexity(scaled(problem, variance), found.path.prior))
+    return scores[0] < scores[1]

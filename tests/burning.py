@@ -1,0 +1,50 @@
+"""The path of the centre of mass as seen from a chaser that burns: both bodies in inertial axes, by DOP853."""
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from synthetic import MU, Orbit
+
+
+def axes(r, v):
+    """R_I_L: radial, along the track, normal to the orbit."""
+    normal = np.cross(r, v) / np.linalg.norm(np.cross(r, v))
+    radial = r / np.linalg.norm(r)
+    return np.stack([radial, np.cross(normal, radial), normal], axis=1)
+
+
+def path_with_burns(time, burns, offset=(0.0, -20.0, 3.0)):
+    """Positions (n, 3) of the target from the chaser in I, m; burns: (begin, end, change of velocity (3,) in LVLH).
+
+    The chaser starts at `offset` in LVLH, m, at rest in it.
+    """
+    orbit = Orbit()
+    R = orbit.R_I_L(np.zeros(1))[0]
+    p = orbit.semi_major_axis * (1 - orbit.eccentricity**2)
+    e, nu = orbit.eccentricity, orbit.anomaly
+    radius = p / (1 + e * np.cos(nu))
+    r = radius * R[:, 0]
+    v = np.sqrt(MU / p) * (e * np.sin(nu) * R[:, 0] + (1 + e * np.cos(nu)) * R[:, 1])
+    turning = np.cross(np.cross(r, v) / radius**2, R @ np.array(offset))
+    state = np.concatenate([r, v, R @ np.array(offset), turning])
+
+    def slope(_, y, push):
+        r, v, d = y[:3], y[3:6], y[6:9]
+        # r/|r|³ − c/|c|³ for a chaser at c = r + d without the difference of large numbers (Battin's f(q)).
+        q = d @ (d + 2 * r) / (r @ r)
+        f = q * (3 + 3 * q + q * q) / (1 + (1 + q) ** 1.5)
+        pull = -MU / np.linalg.norm(r) ** 3 * (d - f / (1 + q) ** 1.5 * (r + d))
+        return np.concatenate([v, -MU * r / np.linalg.norm(r) ** 3, y[9:], pull + axes(r, v) @ push])
+
+    edges = np.unique([0.0, time[-1], *(edge for begin, end, _ in burns for edge in (begin, end) if edge < time[-1])])
+    found = np.empty((len(time), 3))
+    for first, last in pairwise(edges):
+        on = [np.array(change) / (end - begin) for begin, end, change in burns if begin <= first < end]
+        push = sum(on, np.zeros(3))
+        here = (time >= first) & (time <= last)
+        part = solve_ivp(slope, (first, last), state, "DOP853", args=(push,), rtol=1e-12, atol=1e-11, dense_output=True)
+        found[here] = -part.sol(time[here])[6:9].T
+        state = part.y[:, -1]
+    return found

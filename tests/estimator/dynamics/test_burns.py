@@ -1,0 +1,74 @@
+"""A path with burns is that of an integration of both bodies, and its derivatives are those of the path."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.dynamics.burns import Burn, Burned, burns_of
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from burning import path_with_burns
+from synthetic import Orbit
+
+ORBIT = Orbit().model()
+TIME = np.arange(0.0, 600.0, 5.0)
+RHO = np.array([0.0, -20.0, 3.0, 0.0, 0.0, 0.0])
+BURNS = [(100.3, 130.0, (0.01, 0.02, -0.03)), (300.0, 302.5, (-0.01, 0.0, 0.02))]
+
+
+def burned(burns):
+    own = tuple(Burn(begin, end, np.array(change), 0.1, (2.0, 3.0)) for begin, end, change in burns)
+    return Burned(RelativeOrbit(ORBIT, 0.0), ORBIT, own, TIME[0], TIME[-1])
+
+
+def moved(path):
+    return path.at(TIME).position(np.concatenate([RHO, path.values]))
+
+
+def test_the_path_under_burns():
+    # The two bodies' distance is linear in the burns but for 1e-6 of it, (20 m)²/7150 km; they move it by 30 m.
+    np.testing.assert_allclose(moved(burned(BURNS)), path_with_burns(TIME, BURNS), atol=2e-4)
+
+
+@pytest.mark.parametrize(("unknown", "begins", "ends"), [(3, 1.0, 1.0), (4, -0.5, 0.5)])
+def test_the_derivatives_by_middle_and_duration(unknown, begins, ends):
+    step, path = 1e-3, burned(BURNS)
+    ahead, behind = (
+        moved(burned([(begin + sign * begins, end + sign * ends, change) for begin, end, change in BURNS]))
+        for sign in (step, -step)
+    )
+    by_time = path.columns(TIME).reshape(len(TIME), 3, 2, 5)[..., unknown]
+    speeds = [burn.speed for burn in path.burns]
+    np.testing.assert_allclose(by_time @ speeds, (ahead - behind) / (2 * step), atol=2e-6)
+
+
+def test_the_velocity_is_the_derivative_of_the_position():
+    step, path = 0.01, burned(BURNS)
+    time = TIME + 3.1  # no time at which the velocity has a kink
+    ahead, behind = (path.columns(time + sign) for sign in (step, -step))
+    np.testing.assert_allclose(path.columns(time, rate=True), (ahead - behind) / (2 * step), atol=1e-6)
+
+
+def test_estimated_burns_have_their_units():
+    path = burned(BURNS)
+    shift = np.array([0, 0, 0, 2.0, 1.0]) * path.burns[1].speed
+    x = np.concatenate([RHO, path.values]) + np.concatenate([np.zeros(11), shift])
+    of_x = np.diag(np.concatenate([np.ones(6), path.variances]))
+    _, second = burns_of(path, x, of_x)
+    np.testing.assert_allclose([second.begin, second.end], [301.5, 305.0])
+    np.testing.assert_allclose(second.change, BURNS[1][2])
+    np.testing.assert_allclose(second.covariance, 0.01 * np.eye(3))
+    # Middle ± 2 s and duration ± 3 s, independent.
+    np.testing.assert_allclose([second.begin_deviation, second.end_deviation], np.hypot(2.0, 1.5))
+
+
+def test_times_settle_within_the_tracks():
+    path = burned([(1.0, 3.0, (0.01, 0.0, 0.0))])
+    x = path.values + np.array([0, 0, 0, -50.0, 0.0]) * path.burns[0].speed
+    (burn,), still = path.settled(x, 1e-6 * np.eye(5))
+    assert not still
+    assert burn.begin == TIME[0] < burn.end <= 3.0
+    same, still = path.settled(path.values, 1e-6 * np.eye(5))
+    assert still
+    assert (same[0].begin, same[0].end) == (1.0, 3.0)
+    assert replace(same[0], end=4.0).duration == 3.0

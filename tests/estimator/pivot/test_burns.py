@@ -1,0 +1,103 @@
+"""Burns that nothing told are found, bridged and listed; where there are none, none is found."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.result import Status, UnknownBurn
+from burning import path_with_burns
+from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
+
+ORBIT = Orbit().model()
+TIME = np.arange(0.0, 500.0, 2.0)
+LONG, SHORT = (97.0, 121.0, (0.015, -0.03, 0.01)), (330.5, 332.5, (-0.004, 0.006, 0.002))
+BLACKOUT = (80.0, 150.0)
+
+
+@cache
+def turning():
+    return attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME)
+
+
+@cache
+def path(burns):
+    return path_with_burns(TIME, burns)
+
+
+def case(burns, seed=5, seen=None):
+    seen = np.ones(len(TIME), bool) if seen is None else seen
+    features = box_features(8, (10, 4, 4), 1)
+    return make_case(TIME[seen], turning()[seen], path(burns)[seen], features, noise=0.02, seed=seed)
+
+
+def burns_in(found):
+    assert {type(one) for one in found.findings} <= {UnknownBurn}
+    return found.findings
+
+
+def assert_found(found, burns):
+    """The burns, to within 4.5 standard deviations."""
+    assert len(burns_in(found)) == len(burns)
+    for one, (begin, end, change) in zip(burns_in(found), burns, strict=True):
+        assert abs(one.begin - begin) < 4.5 * one.begin_deviation
+        assert abs(one.end - end) < 4.5 * one.end_deviation
+        assert (np.abs(np.subtract(one.change, change)) < 4.5 * np.array(one.change_deviation)).all()
+
+
+def nees(found, com):
+    error = found.position - com
+    return np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_two_burns(method):
+    made = case((LONG, SHORT))
+    found = estimate(made.tracks, method=method, orbit=ORBIT)
+    assert found.status is Status.GOOD
+    assert_found(found, (LONG, SHORT))
+    assert found.process_noise.negligible
+    # χ²/n of one path, all of whose errors hang together, stays below 12 in 99 %.
+    assert nees(found, made.com).mean() < 12
+    assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
+
+
+def test_none_are_looked_for():
+    made = case((LONG,))
+    found = estimate(made.tracks, orbit=ORBIT, options=PathOptions(unknown_burns="none"))
+    assert not any(isinstance(one, UnknownBurn) for one in found.findings)
+    assert found.predicted_rmse > 5 * estimate(made.tracks, orbit=ORBIT).predicted_rmse
+
+
+def test_a_burn_while_nothing_is_seen():
+    """What is seen before and after tells the change of velocity and the middle, not the duration."""
+    seen = ~((BLACKOUT[0] < TIME) & (BLACKOUT[1] > TIME))
+    made = case((LONG,), seen=seen)
+    found = estimate(made.tracks, orbit=ORBIT)
+    (burn,) = burns_in(found)
+    assert_found(found, (LONG,))
+    middle = (burn.begin + burn.end) / 2
+    assert abs(middle - (LONG[0] + LONG[1]) / 2) < 2.0
+    assert burn.end_deviation > 5.0
+    assert nees(found, made.com).mean() < 12
+    dark = TIME[~seen]
+    inside = found.predict(dark)
+    error = inside.position - path((LONG,))[~seen]
+    squares = np.einsum("ni,nij,nj->n", error, np.linalg.inv(inside.covariance[:, :3, :3]), error)
+    assert squares.max() < 25
+
+
+def test_no_burn_is_found_where_there_is_none():
+    """White acceleration of 1e-10 m²/s³, as 25 pushes that last."""
+    rng = np.random.default_rng(8)
+    step = 20.0
+    pushes = tuple(
+        (begin, begin + step, tuple(np.sqrt(1e-10 * step) * rng.standard_normal(3)))
+        for begin in np.arange(0.0, 500.0, step)
+    )
+    found = estimate(case(pushes).tracks, orbit=ORBIT)
+    assert not any(isinstance(one, UnknownBurn) for one in found.findings)
+    assert found.process_noise.significance > 15
+    assert burns_in(estimate(case(()).tracks, orbit=ORBIT)) == ()
