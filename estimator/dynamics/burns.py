@@ -157,12 +157,13 @@ class Burned(Extended):
         found = []
         for index, burn in enumerate(self.burns):
             part = covariance[UNKNOWNS * index : UNKNOWNS * (index + 1), UNKNOWNS * index : UNKNOWNS * (index + 1)]
-            middle, duration = values[index, 3:]
-            ends = []
-            for sign, at in ((-0.5, burn.begin), (0.5, burn.end)):
-                by = np.array([1.0, sign])
-                ends += [at + middle + sign * duration, float(np.sqrt(max(by @ part[3:, 3:] @ by, 0.0)))]
-            found.append(FoundBurn(*ends, values[index, :3], part[:3, :3]))
+            middle, duration = (float(value) for value in values[index, 3:])
+            begin, end = (
+                (at + middle + sign * duration, float(np.sqrt(max(by @ part[3:, 3:] @ by, 0.0))))
+                for sign, at in ((-0.5, burn.begin), (0.5, burn.end))
+                for by in (np.array([1.0, sign]),)
+            )
+            found.append(FoundBurn(*begin, *end, values[index, :3], part[:3, :3]))
         return tuple(found)
 
     @cached_property
