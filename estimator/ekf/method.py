@@ -37,7 +37,8 @@ from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
-ORDERS = (1, 2, 3)  # of the noisy derivative of the path, if the path model is not given
+ORDERS = (1, 2, 3, 4, 5)  # of the noisy derivative of the path, if the path model is not given
+BEHIND = 10.0  # of the logarithm of the evidence: an order that far behind another one does not count
 MAX_FEATURES = 200  # all are among the unknowns
 MAX_MEMORY = 8e9  # bytes
 CREDIBLE = 0.05  # probability on either side of the bounds of a density
@@ -80,16 +81,25 @@ def estimate_by_filter(
 def _converged(problems: list[Problem]) -> list[Passes]:
     """The results for the orders of the path that converge, ordered by their evidence, else the first one.
 
+    Higher orders than two that are far behind a lower one are not tried.
+
     Raises:
         ComputationError: all diverge.
     """
     found: list[Passes] = []
+    best, behind = -np.inf, 0
     for index, problem in enumerate(problems):
+        evidence = -np.inf
         try:
             found.append(passes(problem))
+            evidence = found[-1].evidence if found[-1].converged else -np.inf
         except ComputationError:
             if index == len(problems) - 1 and not found:
                 raise
+        behind = behind + 1 if evidence < best - BEHIND else 0
+        best = max(best, evidence)
+        if behind == 2:
+            break
     return sorted((one for one in found if one.converged), key=lambda one: -one.evidence) or found[:1]
 
 

@@ -1,17 +1,20 @@
 """The iterated extended Kalman filter on tracks that are simulated without any of its models."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
+from baryscope.estimator.ekf import method
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 from synthetic import ENVISAT, Case, Orbit, attitude, box_features, make_case
 
 FAST, SLOW = (3.38, 0.45, 0.77), (1.0, 0.3, 0.5)  # °/s
@@ -289,3 +292,26 @@ def test_insufficient_first_frames_are_refused_in_one_sentence(tracked):
         estimate(tracks, method="ekf", options=PathOptions(torque="gravity-gradient"))
     with pytest.raises(InputError, match="expected fixed, polynomial"):
         estimate(tracks, method="ekf", options=PathOptions(trajectory="parabola"))
+
+
+@pytest.mark.parametrize(
+    ("evidence", "tried", "kept"),
+    [
+        ((0.0, -11.0, -30.0, 50.0, 0.0), 3, [0.0, -11.0, -30.0]),
+        ((0.0, -11.0, 30.0, 32.0, None), 5, [32.0, 30.0, 0.0, -11.0]),
+        ((None, None, None, 3.0, 0.0), 5, [3.0, 0.0]),
+    ],
+)
+def test_orders_of_the_path_are_tried_until_two_are_far_behind(monkeypatch, evidence, tried, kept):
+    """None: the passes of that order diverge."""
+    counted = []
+
+    def passes(value):
+        counted.append(value)
+        if value is None:
+            raise ComputationError("diverges", Reason.DIVERGED)
+        return SimpleNamespace(evidence=value, converged=True)
+
+    monkeypatch.setattr(method, "passes", passes)
+    assert [one.evidence for one in method._converged(list(evidence))] == kept
+    assert len(counted) == tried
