@@ -11,12 +11,23 @@ from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
 
+FARTHEST_RADII = 3.0  # standard deviation of a centre of mass that is not observed, in radii of the features
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 
 
 def three_sigma_factor(values: int) -> float:
     """The 3σ bound of a mean of squares of Gaussian values over its expectation, for the number of values."""
     return float(1 + 3 * np.sqrt(2 / values))
+
+
+def farthest(points: FloatArray) -> float:
+    """The standard deviation, m, of the centre of mass in a direction that is not observed, for points (m, 3) from it.
+
+    That is FARTHEST_RADII of the points about their centroid, or the distance to which spurious information has led.
+    """
+    centroid = points.mean(axis=0)
+    radius = np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=1)))
+    return float(max(FARTHEST_RADII * radius, np.linalg.norm(centroid), 1e-150))
 
 
 def spurious_information_columns(

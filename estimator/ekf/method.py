@@ -17,12 +17,13 @@ import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, observability_of, rejected_by
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.spurious import farthest
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.trajectory import trajectory_of
 from baryscope.estimator.ekf.linearised import points_from
 from baryscope.estimator.ekf.passes import Passes, passes
-from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, Problem
+from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.spurious import spurious_growth
 from baryscope.estimator.ekf.start import Start, start_from
 from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
@@ -238,8 +239,7 @@ def _answer(found: Passes, start: Start) -> _Answer:
     attached = np.zeros((3, 3 * len(at.points)))
     attached.reshape(3, -1, 3)[:, features] = offset_by_points(at.points[features]).reshape(3, -1, 3)
     offset = at.points[features].mean(axis=0)
-    unknown = max(PRIOR_EXTENTS * start.radius, float(np.linalg.norm(offset)))  # spurious information may lead far away
-    of_offset, growth = spurious_growth(found, attached, 1 / unknown**2)
+    of_offset, growth = spurious_growth(found, attached, 1 / farthest(at.points[features]) ** 2)
     points, growth = slice(points_from(p) - 1, None), growth[frames, :p]
     of_path = solution.of_state[frames, :p, :p] + growth @ np.swapaxes(growth, 1, 2)
     H, H_rate = at.path.observed[frames], at.path.observed_rate[frames]

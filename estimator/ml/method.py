@@ -24,7 +24,7 @@ from baryscope.estimator.adjustment.diagnostics import (
 )
 from baryscope.estimator.adjustment.evidence import conditional, held
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
-from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
@@ -205,9 +205,10 @@ def _covariances(
         "iba,kbc,jcd,kda->ij", axes, position_information, axes, spread, optimize=True
     )
     of_y, offsets = y, []
+    least = variance / max(farthest(best.found.points[features]) for features in clusters) ** 2
     for features in clusters:
         offset, crossed = best.found.offset_covariance(y, features)
-        of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, variance / distance**2)
+        of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, least)
         offsets.append(variance * (offset + of_offset @ of_offset.T))
         of_y = of_y + of_unknowns @ of_unknowns.T
     return variance * of_y, offsets

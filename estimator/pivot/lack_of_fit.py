@@ -6,6 +6,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.spurious import (
+    farthest,
     spurious_information,
     spurious_information_columns,
     three_sigma_factor,
@@ -70,7 +71,8 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
 
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
     information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, with a margin of three standard
-    deviations. Unobserved directions get a standard deviation of the greatest distance of origin (n, 3) in m.
+    deviations; what remains is that of `farthest`. Directions without any information get a standard deviation of the
+    greatest distance of origin (n, 3) in m.
     """
     variance, solution = found.variance, found.solution
     distance = float(np.linalg.norm(origin, axis=1).max())
@@ -82,9 +84,8 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
             for body in found.bodies
         )
     )
-    of_offsets, of_x = spurious_information_columns(
-        solution.offset_covariance, solution.offset_path, spurious, variance / distance**2
-    )
+    least = variance / max(farthest(body.points) for body in found.bodies) ** 2
+    of_offsets, of_x = spurious_information_columns(solution.offset_covariance, solution.offset_path, spurious, least)
     spread = distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300)
     covariance = (
         variance * (solution.covariance + of_x @ of_x.T) + (solution.null_space * spread**2) @ solution.null_space.T
