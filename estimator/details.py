@@ -31,7 +31,7 @@ class TumbleDetails:
     epoch in s; attitude (3, 3) R_C_B; angular_rate (3,) in B, rad/s, and its standard deviations (3,); inertia (3, 3)
     in B over its trace, and its standard deviation (Frobenius norm); gravity_gradient: whether the model has this
     torque. torque_noise: estimated density of the white angular acceleration, rad²/s³, None if it is given or there is
-    none; torque_noise_bounds: that hold 90 %.
+    none; torque_noise_bounds: that hold 90 %. position_noise: standard deviation of white noise of the position, m.
     """
 
     epoch: float
@@ -43,6 +43,7 @@ class TumbleDetails:
     gravity_gradient: bool
     torque_noise: float | None = None
     torque_noise_bounds: tuple[float, float] | None = None
+    position_noise: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,6 +44,7 @@ class TumblePart(Part):
     gravity_gradient: bool
     torque_noise: float | None = Field(None, description="estimated density of the angular acceleration, rad²/s³")
     torque_noise_bounds: tuple[float, float] | None = Field(None, description="that hold 90 %")
+    position_noise: float = Field(description="standard deviation of white noise of the position, as of a slip, m")
 
 
 class FilterPart(Part):
@@ -130,6 +131,7 @@ def details_part(found: kinds.Details) -> Any:
                 gravity_gradient=found.gravity_gradient,
                 torque_noise=found.torque_noise,
                 torque_noise_bounds=found.torque_noise_bounds,
+                position_noise=found.position_noise,
             )
         case kinds.FilterDetails():
             return FilterPart(

@@ -144,7 +144,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
     stereo = measured.precision is not None and options.noise == "stereo"
-    noise = _frame_noise(errors_of(tracks), max(pivot.variance, floor))
+    noise = _frame_noise(errors_of(tracks), pivot.slip, len(tracks.time), max(pivot.variance, floor))
 
     def problem_of(rotation: Rotation) -> _Problem:
         priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
@@ -267,12 +267,18 @@ def _of_true_size(found: Equations, path: Path, errors: SharedErrors | None) -> 
     return replace(found, by_unknowns=by_unknowns)
 
 
-def _frame_noise(errors: SharedErrors | None, variance: float) -> FrameNoise | None:
-    """That of the camera's attitude, for a variance of an observation of weight 1."""
-    if errors is None or not errors.noisy:
+def _frame_noise(errors: SharedErrors | None, slip: float, frames: int, variance: float) -> FrameNoise | None:
+    """That of the camera's attitude, and of a position that slips, for a variance of an observation of weight 1.
+
+    slip: standard deviation of the position's white noise, m.
+    """
+    noisy = errors is not None and errors.noisy
+    if not noisy and slip == 0:
         return None
-    turn = errors.turn_covariance() / variance
-    return FrameNoise(turn, np.zeros_like(turn), errors.place)
+    shift = np.tile(slip**2 / variance * np.eye(3), (frames, 1, 1))
+    if errors is None or not noisy:
+        return FrameNoise(np.zeros_like(shift), shift, np.zeros((frames, 3)))
+    return FrameNoise(errors.turn_covariance() / variance, shift, errors.place)
 
 
 def _with_modes(rotation: Rotation, time: FloatArray) -> Rotation:

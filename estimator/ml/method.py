@@ -103,7 +103,7 @@ def estimate_by_likelihood(
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
-        details=_details(best, y),
+        details=_details(best, y, pivot.slip),
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(best.path, best.x, of_x),
         process_noise=process_noise_of(best.path, itself, best.x, prior, own),
@@ -144,9 +144,9 @@ def _excess_residuals(
     """A finding if the residuals (n, m, 3) of ml are greater than with free attitudes by more than noise explains.
 
     Both are compared where `pivot` uses observations, with the same weights (F test of the two nested models). Noise of
-    the camera's attitude would be in the first, but not in the second: there is no test then.
+    the camera's attitude, or of the position, is in the first, but not in the second: there is no test then.
     """
-    if errors is not None and errors.noisy:
+    if pivot.slip > 0 or (errors is not None and errors.noisy):
         return ()
     free = pivot.observations
     weight = np.minimum(free.weight, best.observations.weight)
@@ -254,8 +254,8 @@ def _torque_density(best: Likelihood, options: PathOptions) -> float:
     return 0.0 if index is None else float(best.posterior.expectation[index])
 
 
-def _details(best: Likelihood, y: FloatArray) -> TumbleDetails:
-    """The rotational state at the epoch, with standard deviations from the covariance of y."""
+def _details(best: Likelihood, y: FloatArray, slip: float) -> TumbleDetails:
+    """The rotational state at the epoch, with standard deviations from the covariance of y; slip: of the position."""
     rotation, found = best.rotation, best.posterior
     index = best.priors.own.index(DENSITY)
     return TumbleDetails(

@@ -19,18 +19,20 @@ def cases(slip, draws):
         yield com, make_case(time, R, moved, POINTS, noise=2e-4, seed=seed)
 
 
-@pytest.mark.parametrize("trajectory", ["fixed", None])
-def test_a_pivot_that_slips_is_found_and_covered(trajectory):
+@pytest.mark.parametrize(
+    ("method", "trajectory", "draws"), [("pivot", "fixed", 16), ("pivot", None, 16), ("ml", "fixed", 8)]
+)
+def test_a_pivot_that_slips_is_found_and_covered(method, trajectory, draws):
     squares, noises = [], []
-    for com, case in cases(SLIP, 16):
-        found = estimate(case.tracks, options=PathOptions(trajectory=trajectory))
+    for com, case in cases(SLIP, draws):
+        found = estimate(case.tracks, method=method, options=PathOptions(trajectory=trajectory))
         error = found.position[100] - com[100]
         squares.append(error @ np.linalg.solve(found.covariance[100], error))
         noises.append(found.details.position_noise)
         assert found.status.trustworthy
-    # 600 values give the deviation to 3 %; the mean of 16 values of χ²₃ has a standard deviation of √(6/16).
+    # 600 values give the deviation to 3 %; the mean of n values of χ²₃ has a standard deviation of √(6/n).
     assert np.median(noises) == pytest.approx(SLIP, rel=0.1)
-    assert np.mean(squares) < 3 + 4 * np.sqrt(6 / 16)
+    assert np.mean(squares) < 3 + 4 * np.sqrt(6 / draws)
 
 
 def test_a_pivot_that_does_not_slip_has_no_noise():
