@@ -268,4 +268,5 @@ def _details(best: Likelihood, y: FloatArray, slip: float) -> TumbleDetails:
         gravity_gradient=rotation.orbit is not None,
         torque_noise=None if index is None else float(np.exp(found.theta[index])),
         torque_noise_bounds=None if index is None else found.bounds(index),
+        position_noise=slip,
     )
