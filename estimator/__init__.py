@@ -1,10 +1,12 @@
 """From tracks of features to the path of the centre of mass; the arrows name modules in the order of the data.
 
 - screws: tracks → intervals → procrustes → screws of a method → low_pass → intersection → polynomial → result.
-- pivot: tracks → screening → clusters → drift → refinement → tie_points → lack_of_fit → diagnostics → result.
-- ml: pivot → relabelling → initial_tumble → likelihood → diagnostics → result.
-- ekf: tracks → screening → start → guess → passes of a bank of filters → smoother → diagnostics → result.
-- score: tracks → screening → clusters → least squares of a fixed centre → diagnostics → result.
+- pivot: tracks → screening → clusters → start → refinement → tie_points → unexplained → lack_of_fit → result.
+- ml: pivot → relabelling → initial_tumble → maximum → result.
+- ekf: tracks → screening → clusters → initial_tumble → passes → bank → filter → solution → spurious → result.
+- score: tracks → screening → clusters → least squares of a fixed centre → result.
+
+Before, camera turns the tracks that are in its axes. After, consider and claims widen what is claimed, where needed.
 """
 
 from baryscope.estimator.camera.attitude import AttitudeSeries

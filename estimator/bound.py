@@ -20,7 +20,7 @@ from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.process_noise import Disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
-from baryscope.estimator.dynamics.seen import errors_in, of_true_size
+from baryscope.estimator.dynamics.seen import as_seen, errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.geometry.gauge import turn_by_points
@@ -145,7 +145,7 @@ def cramer_rao_bound(
     if not observations.count:
         raise ComputationError("no feature is seen at any time of the scenario", Reason.TOO_FEW_FEATURES)
     distance = float(np.linalg.norm(origin, axis=1).max())
-    errors = None if known.consider is None else _errors(known.consider, origin)
+    errors = None if known.consider is None else SharedErrors.of(axes_along(origin), known.consider)
     noise = (
         None
         if errors is None or not errors.noisy
@@ -154,7 +154,9 @@ def cramer_rao_bound(
     path = _path(scenario, known, time, errors)
     while True:
         sampled = path.at(time)
-        found = equations(observations, Model(motion, _seen(path, sampled, errors, origin), origin, points, noise))
+        true = SampledPath(sampled.jacobian, lambda _: origin)
+        seen_path = as_seen(path, true, errors, np.zeros(path.size))
+        found = equations(observations, Model(motion, seen_path, origin, points, noise))
         precision = path.prior.precision(np.zeros(0))
         y = found.covariance(sampled, distance, np.diag(np.concatenate([np.zeros(RATE_AND_INERTIA), precision])))
         position_covariance = sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
@@ -197,25 +199,6 @@ def _richer(path: Path, found: Equations) -> Path | None:
     told = path.density * (path.end - path.begin) ** 3 * float(found.sizes[-3:].mean()) / UNTOLD
     count = min(int(np.ceil(told**0.25 / np.pi)), MOST_MODES)
     return path.with_modes(count) if count > path.count else None
-
-
-def _errors(rig: Rig, origin: FloatArray) -> SharedErrors:
-    """The errors of a camera that looks at the centre of mass at origin (n, 3) in C."""
-    attitude = axes_along(origin)
-    turned = (
-        attitude if rig.lever_arm_axes == "camera" else attitude @ matrix_from_quaternion(np.array([rig.mounting]))[0].T
-    )
-    return SharedErrors(attitude, turned @ np.array(rig.lever_arm), rig)
-
-
-def _seen(path: Path, sampled: SampledPath, errors: SharedErrors | None, origin: FloatArray) -> SampledPath:
-    """The path as the camera sees it: with the columns of its errors."""
-    index = errors_in(path)
-    if errors is None or index.start == index.stop:
-        return sampled
-    jacobian, turn = sampled.jacobian.copy(), np.zeros_like(sampled.jacobian)
-    jacobian[:, :, index], turn[:, :, index] = errors.shifts(origin), errors.turns()
-    return SampledPath(jacobian, sampled.position, sampled, turn)
 
 
 def _rms(covariance: FloatArray) -> float:

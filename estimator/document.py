@@ -113,7 +113,7 @@ class ProcessNoisePart(Part):
     unit: Literal["m²/s³", "m²"] = Field(description="m²: variance of white noise of a fixed path's position")
     bounds: Interval | None = Field(description="of an estimated density, that hold 90 %")
     significance: float | None = Field(description="2 ln of the likelihood over that without noise")
-    displacement: float | None = Field(description="rms displacement of the path that it explains, m")
+    displacement: float | None = Field(description="rms displacement by it, less what the path's model could do, m")
 
 
 class FindingPart(Part):
@@ -127,6 +127,7 @@ class FindingPart(Part):
         "wrong-orbit",
         "unknown-burn",
         "wrong-sigma",
+        "free-attitudes",
     ]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
@@ -152,6 +153,7 @@ class FindingPart(Part):
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
+    reason: str | None = Field(None, description="free-attitudes: why ml tells no tumble, in words; not to be parsed")
 
 
 class EstimateDocument(Part):

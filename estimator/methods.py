@@ -133,8 +133,8 @@ def estimate(
     """The path of the centre of mass in C at every time of the tracks, by the method of that name in METHODS.
 
     options: ScrewOptions for the screw methods, PathOptions for the others. camera: of tracks in camera axes, which it
-    turns into C. progress: told the share that is done, by
-    `ml` and `ekf`, which may take long; their rounds are not known beforehand, so it is a rough one.
+    turns into C. progress: told the share that is done, by `ml` and `ekf`, which may take long; their rounds are not
+    known beforehand, so it is a rough one.
 
     Raises:
         InputError: an unknown method, an invalid combination of options, or tracks that are not of one body in metres.

@@ -92,7 +92,7 @@ class PredictedPath:
     """The posterior of a path over the tracks from begin to end, in s.
 
     x (p,) and its covariance (p, p); density of the process noise, m²/s³, the mean over its posterior; wider:
-    what a misfit adds; without: what to say of a point if there is no rotation.
+    what a misfit adds.
     """
 
     path: Path
@@ -102,7 +102,6 @@ class PredictedPath:
     end: float
     density: float = 0.0
     wider: Widening = Widening()
-    without: str = "pivot has attitudes in its frames only, not between and after them, expected the method ml or ekf"
 
     def widened(self, by: Widening) -> "PredictedPath":
         """See `Predictor`."""
@@ -115,7 +114,9 @@ class PredictedPath:
             InputError: a point is asked for, without a rotation.
         """
         if point is not None:
-            raise InputError(f"point: {self.without}")
+            raise InputError(
+                "point: pivot has attitudes in its frames only, not between and after them, expected the method ml"
+            )
         place, speed, by_x = self.sampled(time)
         covariance = by_x @ self.covariance @ np.swapaxes(by_x, 1, 2) + self.added(time)
         return Prediction(time, place, speed, self.wider.of_both(covariance, time - self.end))

@@ -13,6 +13,7 @@ from baryscope.estimator.result import (
     Estimate,
     ExcessResiduals,
     Finding,
+    FreeAttitudes,
     LackOfFit,
     Observability,
     ProcessNoise,
@@ -73,6 +74,8 @@ def sentence(finding: Finding) -> str:
             return (
                 f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: so all claims are wrong"
             )
+        case FreeAttitudes():
+            return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"
         case DifferentPoints():
             first, second = finding.clusters
             names, no_ties = ", ".join(finding.labels), "no tie point" if len(finding.labels) == 1 else "no tie points"

@@ -19,7 +19,7 @@ from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.options import Options
 from baryscope.estimator.prediction import Point, Prediction, Predictor, times_of
 from baryscope.estimator.registration.intervals import Interval
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -209,7 +209,16 @@ class WrongSigma:
     found: float
 
 
-Finding = LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit | UnknownBurn | WrongSigma
+@dataclass(frozen=True)
+class FreeAttitudes:
+    """`ml` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
+
+    reason: str
+
+
+Finding = (
+    LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit | UnknownBurn | WrongSigma | FreeAttitudes
+)
 
 
 @dataclass(frozen=True)
@@ -219,7 +228,7 @@ class ProcessNoise:
     source: whether the density is estimated from the tracks, given, or there is no noise; density in m²/s³, or,
     if of_position, variance of white noise of a fixed path's position, m²; 0 for none. If it is estimated: interval,
     the bounds that hold 90 %; significance: 2 ln of the likelihood over that without noise, None if the method does not
-    tell. displacement: rms displacement of the path that it explains, m, None if unknown.
+    tell. displacement: rms displacement of the path that it explains and the model cannot, m, None if unknown.
     """
 
     source: Literal["estimated", "given", "none"]
@@ -249,8 +258,8 @@ class Motion:
 
     velocity (n, 3) of the centre of mass in C, m/s. attitude (n, 3, 3) R_C_B of the axes of the cluster of most frames,
     NaN where it has no attitude; angular_rate (n, 3), rad/s in B. Covariances (n, 3, 3): of the velocity in C, (m/s)²;
-    of the attitude, a small rotation vector in B, rad²; of the rate in B, (rad/s)². They do not include the uncertainty
-    of the points that define the axes B.
+    of the attitude, a small rotation vector in B, rad²; of the rate in B, (rad/s)². With `pivot` and `ml` they do not
+    include the uncertainty of the points that define the axes B.
     """
 
     velocity: FloatArray | None = None
@@ -321,15 +330,18 @@ class Estimate:
         Args:
             times: (n,) in s, in any order.
             point: the label of a feature, or coordinates (3,) in m in the axes of the cluster of most frames, from the
-                centroid of its features, as those of `Cluster.points`; None: the centre of mass. A point needs `ml` or
-                `ekf`; its covariance is that of attitude, rate, path and point together.
+                centroid of its features, as those of `Cluster.points`; None: the centre of mass. A point needs
+                `ml`; its covariance is that of attitude, rate, path and point together.
 
         Raises:
             InputError: times before the first frame, no such point, or a method without predictions of it.
-            ComputationError: the rotation cannot be followed so far.
+            ComputationError: `ml` has found no tumble that a point could follow, or none that can be followed so far.
         """
         if self.predictor is None:
-            raise InputError(f"the method {self.method} has no covariance to predict with, expected pivot, ml or ekf")
+            raise InputError(f"the method {self.method} predicts nothing, expected pivot or ml")
+        free = next((finding for finding in self.findings if isinstance(finding, FreeAttitudes)), None)
+        if point is not None and free is not None:
+            raise ComputationError(f"{free.reason}: no point can be predicted without a tumble", Reason.DIVERGED)
         return self.predictor.at(times_of(times, float(self.time[0])), point)
 
     @property

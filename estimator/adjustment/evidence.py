@@ -48,8 +48,8 @@ class Linear:
 class Posterior:
     """Hyperparameters θ (h,) at the maximum, with bounds (h, 2) of a standard deviation, and the posterior of x.
 
-    mean (p,) for these; covariance (p, p) about it, with the uncertainty of θ; significance (h,): 2 ln p less that at
-    the lower bound of the range, where the hyperparameter has no effect; expectation (h,): the mean of exp θ.
+    mean (p,) for these; covariance (p, p) about it, with the uncertainty of θ; significance (h,): 2 ln p of θ less that
+    at the lower bound of the range, where the hyperparameter has no effect; expectation (h,): the mean of exp θ.
     """
 
     theta: FloatArray
@@ -165,7 +165,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         lowest = theta.copy()
         lowest[index] = low
         none = _objective(linear, prior, lowest)[0]
-        significance[index] = none - min(costs)
+        significance[index] = none - costs[0]  # the first is that of θ
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         if optional:  # the room below, where all is as at the lower bound
             other_mean, other = conditional(linear, prior, lowest)

@@ -7,6 +7,7 @@ from baryscope.estimator.adjustment.evidence import Posterior
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, noise_in
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.result import ProcessNoise
 
@@ -21,14 +22,22 @@ def process_noise_of(path: Path, sampled: SampledPath, x: FloatArray, prior: Pri
     noise = noise_in(path)
     if noise is None:
         return ProcessNoise("none", 0.0)
-    modes = slice(noise.base.size, noise.size)
-    displacement = float(np.sqrt(np.mean(np.sum((sampled.jacobian[:, :, modes] @ x[modes]) ** 2, axis=1))))
+    displacement = _departure(path, sampled, x, slice(noise.base.size, noise.size))
     if noise.density is not None:
         return ProcessNoise("given", noise.density, displacement=displacement)
     index = prior.index(DENSITY)
     assert index is not None  # noqa: S101  the density is unknown
     density, significance = float(np.exp(found.theta[index])), float(max(found.significance[index], 0.0))
     return ProcessNoise("estimated", density, found.bounds(index), significance, displacement)
+
+
+def _departure(path: Path, sampled: SampledPath, x: FloatArray, modes: slice) -> float:
+    """The rms displacement by the modes, m, less what the unknowns without a prior could do as well."""
+    gram, free = sampled.mean_square(), path.prior.free
+    left = np.zeros_like(x)
+    left[modes] = x[modes]
+    left[free] = -symmetric_pseudo_inverse(gram[free][:, free]) @ (gram[free] @ left)
+    return float(sampled.lengths(left[:, None])[0])
 
 
 def predicted_path(

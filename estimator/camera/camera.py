@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.rig import Rig, load_rig
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 
@@ -59,9 +58,7 @@ class Camera:
         Raises:
             InputError: the camera's attitude at one of the times is not known.
         """
-        attitude = self.attitude.at(time, epoch)
-        arm = matrix_from_quaternion(np.array([self.rig.mounting]))[0].T @ np.array(self.rig.lever_arm)
-        return SharedErrors(attitude, attitude @ arm, self.rig)
+        return SharedErrors.of(self.attitude.at(time, epoch), self.rig)
 
     def inertial(self, tracks: T) -> T:
         """Tracks of positions and covariances in camera axes as tracks in C, whose `camera` this one is.

@@ -1,12 +1,11 @@
 """The rig of a camera: its lever arm, and the standard deviations of what calibration leaves uncertain."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
-from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario.schema import FileModel, Unit, read_toml
 
@@ -14,6 +13,7 @@ LONGEST_ARM = 1e4  # m
 WIDEST_ANGLE = 0.2  # rad: to first order, an angle's error is its sine
 WIDEST_SCALE = 0.2
 UNIT_TOLERANCE = 1e-3  # of a quaternion's length
+NOT_TURNED = (1.0, 0.0, 0.0, 0.0)
 
 Triple = tuple[float, float, float]
 Arm = Annotated[float, Field(ge=-LONGEST_ARM, le=LONGEST_ARM)]
@@ -26,7 +26,7 @@ class RigTable(FileModel):
 
     lever_arm: Annotated[tuple[Arm, Arm, Arm], Unit("m")] = (0.0, 0.0, 0.0)
     lever_arm_axes: Literal["camera", "chaser"] = "camera"
-    mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    mounting: tuple[float, float, float, float] = NOT_TURNED
     lever_arm_deviation: Annotated[tuple[Length, Length, Length], Unit("m")] = (0.0, 0.0, 0.0)
     boresight_deviation: Annotated[tuple[Angle, Angle, Angle], Unit("rad")] = (0.0, 0.0, 0.0)
     scale_deviation: Annotated[float, Field(ge=0, le=WIDEST_SCALE)] = 0.0
@@ -54,6 +54,16 @@ class RigFile(FileModel):
 
     rig: RigTable
 
+    @model_validator(mode="after")
+    def _mounted(self) -> Self:
+        """A mounting if and only if the lever arm is in the chaser's axes."""
+        rig = self.rig
+        if rig.mounting != NOT_TURNED and rig.lever_arm_axes == "camera":
+            raise ValueError('rig.mounting: found beside a lever arm in camera axes, expected axes "chaser"')
+        if rig.lever_arm_axes == "chaser" and "mounting" not in rig.model_fields_set:
+            raise ValueError('rig.mounting: missing, expected a quaternion beside lever_arm_axes = "chaser"')
+        return self
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -71,7 +81,7 @@ class Rig:
 
     lever_arm: Triple = (0.0, 0.0, 0.0)
     lever_arm_axes: Literal["camera", "chaser"] = "camera"
-    mounting: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    mounting: tuple[float, float, float, float] = NOT_TURNED
     lever_arm_deviation: float | Triple = 0.0
     boresight_deviation: float | Triple = 0.0
     scale_deviation: float = 0.0
@@ -90,10 +100,6 @@ def load_rig(path: AnyPath) -> Rig:
         InputError: one line that says where, what was found, what was expected.
     """
     table = RigFile.parse(read_toml(path, "a camera's rig in TOML"), str(path)).rig
-    if table.mounting != (1.0, 0.0, 0.0, 0.0) and table.lever_arm_axes == "camera":
-        raise InputError(f'{path}: rig.mounting: found beside a lever arm in camera axes, expected axes "chaser"')
-    if table.lever_arm_axes == "chaser" and "mounting" not in table.model_fields_set:
-        raise InputError(f'{path}: rig.mounting: missing, expected a quaternion beside lever_arm_axes = "chaser"')
     return Rig(**table.model_dump())
 
 

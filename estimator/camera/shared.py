@@ -35,6 +35,11 @@ class SharedErrors:
     place: FloatArray
     rig: Rig
 
+    @classmethod
+    def of(cls, attitude: FloatArray, rig: Rig) -> "SharedErrors":
+        """Those of a rig with the attitude (n, 3, 3), placed by its lever arm from the chaser's centre of mass."""
+        return cls(attitude, attitude @ (_lever_axes(rig) @ np.array(rig.lever_arm)), rig)
+
     @cached_property
     def deviations(self) -> FloatArray:
         """The standard deviations (k,) of the constant errors."""
@@ -59,7 +64,7 @@ class SharedErrors:
         """The derivatives (n, 3, k) of what is seen of points at origin (n, 3) in C, m, by the constant errors."""
         arm = origin - self.place
         by_turn = -cross_matrices(arm) @ self.attitude
-        by_place = self.attitude @ self._lever_axes
+        by_place = self.attitude @ _lever_axes(self.rig)
         found = np.concatenate([by_turn, arm[:, :, None], by_place], axis=2)
         return np.asarray(found[:, :, self._uncertain])
 
@@ -97,7 +102,7 @@ class SharedErrors:
     def _uncertain(self) -> NDArray[np.bool_]:
         return self._all > 0
 
-    @property
-    def _lever_axes(self) -> FloatArray:
-        """The rotation (3, 3) from the axes of the lever arm to the camera's."""
-        return np.asarray(matrix_from_quaternion(np.array([self.rig.mounting]))[0].T)
+
+def _lever_axes(rig: Rig) -> FloatArray:
+    """The rotation (3, 3) from the axes of the lever arm to the camera's."""
+    return np.asarray(matrix_from_quaternion(np.array([rig.mounting]))[0].T)

@@ -35,6 +35,11 @@ class Extended:
         """The model's name, that of the base."""
         return self.base.name
 
+    @property
+    def frequency(self) -> float:
+        """That of the base; see `Path`."""
+        return self.base.frequency
+
     def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
         """See `Path`."""
         return self.base.gravity_gradient(time)

@@ -74,6 +74,11 @@ class Forced(Extended):
             own = Prior(own.offset, np.ones((len(own.offset), 1)), (self.force.scale,))
         return self.base.prior.joined(own)
 
+    @property
+    def frequency(self) -> float:
+        """Infinite: accelerations may jump."""
+        return np.inf
+
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
         return self.base.at(time).extended(self._response(time).position(time) / self._displacement)
@@ -130,6 +135,11 @@ class Thrusted(Extended):
     def prior(self) -> Prior:
         """That of the base."""
         return self.base.prior
+
+    @property
+    def frequency(self) -> float:
+        """Infinite: accelerations may jump."""
+        return np.inf
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.dynamics.linear_motion import highest_frequency
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -25,8 +26,7 @@ def path_growth(path: Path, density: float, end: float, time: FloatArray) -> Flo
 
     time (n,) in s; before `end` it is zero. The gravity gradient acts on what the noise has caused.
     """
-    first = path.gravity_gradient(np.array([end, max(end, float(time.max()))]))
-    frequency = 0.0 if first is None else float(np.sqrt(np.linalg.norm(first, axis=(1, 2)).max()))
+    frequency = highest_frequency(path.gravity_gradient, end, max(end, float(time.max())))
 
     def rates(at: FloatArray) -> FloatArray:
         found = np.zeros((len(at), 6, 6))

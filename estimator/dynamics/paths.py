@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+Frames = slice | IntArray | BoolArray
 
 FIXED = "fixed"
 DECAY = "decay"
@@ -35,6 +38,11 @@ class Path(Protocol):
 
     def at(self, time: FloatArray) -> "SampledPath":
         """The path at times (n,) in s."""
+        ...
+
+    @property
+    def frequency(self) -> float:
+        """The highest angular frequency of the Jacobian and of the path, rad/s; infinite if they are not smooth."""
         ...
 
     @property
@@ -69,18 +77,47 @@ class SampledPath:
         """The path itself, whatever a camera sees."""
         return self if self.seen_of is None else self.seen_of
 
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return int(self.jacobian.shape[2])
+
+    @property
+    def frames(self) -> int:
+        """The number of times n."""
+        return len(self.jacobian)
+
     def covariance(self, of_x: FloatArray) -> FloatArray:
         """The covariance (n, 3, 3) of the positions, m², for the covariance (p, p) of x."""
         return np.asarray(self.jacobian @ of_x @ np.swapaxes(self.jacobian, 1, 2))
 
+    def times(self, columns: FloatArray) -> FloatArray:
+        """The products (n, 3, k) of the Jacobian with columns (p, k)."""
+        return np.asarray(self.jacobian @ columns)
+
+    def grams(self, frames: Frames, weights: FloatArray) -> FloatArray:
+        """Σ Jᵀ W J (s, p, p) over k ascending frames, for several weights (k, s, 3, 3)."""
+        own = self.jacobian[frames]
+        flat = own.reshape(-1, self.size)
+        return np.array([flat.T @ (weight @ own).reshape(-1, self.size) for weight in weights.swapaxes(0, 1)])
+
+    def mean_square(self) -> FloatArray:
+        """The mean (p, p) of Jᵀ J over the frames."""
+        one = np.broadcast_to(np.eye(3), (self.frames, 1, 3, 3))
+        return np.asarray(self.grams(slice(0, self.frames), one)[0] / self.frames)
+
+    def moment(self, frames: Frames, values: FloatArray) -> FloatArray:
+        """Σ Jᵀ v (p, c) over k ascending frames, for values (k, 3, c)."""
+        return np.asarray(self.jacobian[frames].reshape(-1, self.size).T @ values.reshape(-1, values.shape[2]))
+
     @property
     def offset(self) -> FloatArray:
         """The position (n, 3) at x = 0, where known accelerations alone bring it, m."""
-        return self.position(np.zeros(self.jacobian.shape[2]))
+        return self.position(np.zeros(self.size))
 
     def extended(self, columns: FloatArray) -> "SampledPath":
         """The path with further unknowns, of which it is a linear function with columns (n, 3, k)."""
-        size = self.jacobian.shape[2]
+        size = self.size
         return SampledPath(
             np.concatenate([self.jacobian, columns], axis=2),
             lambda x: self.position(x[:size]) + columns @ x[size:],
@@ -88,7 +125,7 @@ class SampledPath:
 
     def lengths(self, directions: FloatArray) -> FloatArray:
         """The rms displacement (k,) of the path, m, for changes (p, k) of x."""
-        return np.asarray(np.sqrt(np.mean(np.sum((self.jacobian @ directions) ** 2, axis=1), axis=0)))
+        return np.asarray(np.sqrt(np.mean(np.sum(self.times(directions) ** 2, axis=1), axis=0)))
 
 
 @dataclass(frozen=True)
@@ -113,6 +150,14 @@ class Polynomial:
     def prior(self) -> Prior:
         """No prior."""
         return Prior.none(self.size)
+
+    @property
+    def frequency(self) -> float:
+        """That of the highest polynomial T_d, in the middle or at the ends, where T_d(1 − y) ≈ cos √(2 d² y).
+
+        A wave of d²/6 has there the same terms of seventh and higher order in a panel of `interpolated`.
+        """
+        return max(self.degree, self.degree**2 / 6) / self._half
 
     def gravity_gradient(self, time: FloatArray) -> None:
         """None: a polynomial knows no forces."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from baryscope.estimator.dynamics.extended import Extended, parts_of
+from baryscope.estimator.dynamics.linear_motion import ARC, Motion, forced, highest_frequency
 from baryscope.estimator.dynamics.paths import FIXED, Path, SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import Density
@@ -23,7 +23,6 @@ FloatArray = NDArray[np.float64]
 DENSITY = "process noise"
 FEWEST_MODES, MOST_MODES = 12, 96
 SHORTEST = 1e-6  # s, of the time over which noise acts
-STEP = 0.03  # of G's frequency times the step of the response to the gravity gradient: errors of (0.03)⁴ of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,46 +61,39 @@ class Disturbed(Extended):
         """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
 
+    @property
+    def frequency(self) -> float:
+        """That of the base or of the highest mode; see `Path`."""
+        return max(self.base.frequency, float(wave_numbers(self.count)[-1]) / (self.end - self.begin))
+
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        own = _isotropic(free_modes(self._scaled(time), self.count)[0]) + self._response(time, 0)
-        return self.base.at(time).extended(own)
+        own, response = _isotropic(free_modes(self._scaled(time), self.count)[0]), self._response(time)
+        return self.base.at(time).extended(own if response is None else own + response.position(time))
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
         own = _isotropic(free_modes(self._scaled(time), self.count)[1] / (self.end - self.begin))
-        return self.base.rate_at(time).extended(own + self._response(time, 1))
+        response = self._response(time)
+        return self.base.rate_at(time).extended(own if response is None else own + response.velocity(time))
 
     def _scaled(self, time: FloatArray) -> FloatArray:
         return np.asarray((time - self.begin) / (self.end - self.begin))
 
-    def _response(self, time: FloatArray, derivative: int) -> FloatArray | float:
-        """The response (n, 3, 3 count) to the gravity gradient along the modes, or a derivative of it."""
-        spline = self._splines(float(min(time.min(), self.begin)), float(max(time.max(), self.end)))
-        if spline is None:
-            return 0.0
-        return np.reshape(np.asarray(spline(time, derivative), np.float64), (len(time), 3, 3 * self.count))
-
-    def _splines(self, begin: float, end: float) -> CubicSpline | None:
-        """δ from δ̈ = G (δ + w) for every mode's w, by Numerov's method; its initial values do not matter."""
-        ends = self.base.gravity_gradient(np.linspace(begin, end, 65))
-        if ends is None:
+    def _response(self, time: FloatArray) -> Motion | None:
+        """What the gravity gradient G adds to the modes w: δ with δ̈ = G (δ + w), at rest at zero in the middle."""
+        times = np.append(time, [self.begin, self.end])
+        frequency = highest_frequency(self.base.gravity_gradient, float(times.min()), float(times.max()))
+        if frequency == 0:
             return None
-        frequency = np.sqrt(np.linalg.norm(ends, axis=(1, 2)).max())
-        steps = max(int(np.ceil(frequency * (end - begin) / STEP)), 8 * self.count, 32)
-        time, step = np.linspace(begin, end, steps + 1, retstep=True)
-        gradient = self.base.gravity_gradient(time)
-        assert gradient is not None  # noqa: S101  as at the times above
-        forcing = gradient @ _isotropic(free_modes(self._scaled(time), self.count)[0]) * (step**2 / 12)
-        scaled = gradient * (step**2 / 12)
-        inverse = np.linalg.inv(np.eye(3) - scaled)
-        found = np.zeros((steps + 1, 3, 3 * self.count))
-        found[1] = 6 * forcing[0]
-        for k in range(1, steps):
-            past = 2 * found[k] - found[k - 1] + forcing[k + 1] + 10 * forcing[k] + forcing[k - 1]
-            past += 10 * scaled[k] @ found[k] + scaled[k - 1] @ found[k - 1]
-            found[k + 1] = inverse[k + 1] @ past
-        return CubicSpline(time, found.reshape(steps + 1, -1))
+        longest = min(ARC / frequency, (self.end - self.begin) / float(wave_numbers(self.count)[-1]))
+
+        def pull(at: FloatArray) -> FloatArray:
+            found = self.base.gravity_gradient(at)
+            assert found is not None  # noqa: S101  as at the times above
+            return found @ _isotropic(free_modes(self._scaled(at), self.count)[0])
+
+        return forced(times, (self.begin + self.end) / 2, self.base.gravity_gradient, pull, longest)
 
 
 def disturbed(path: Path, noise: Density, begin: float, end: float, known: float = 0.0) -> Path:

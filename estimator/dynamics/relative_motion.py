@@ -28,6 +28,7 @@ from baryscope.models.relative_orbit import relative_path, relative_transition
 FloatArray = NDArray[np.float64]
 
 NODE_ARC = 0.01  # rad of true anomaly between nodes: the spline's error is 5/384 arc⁴ of the distance, 3 nm at 20 m
+HARMONIC = 4.0  # of the rate at periapsis: the highest frequency of relative motion
 MOST_ITERATIONS = 60
 CONVERGED = 1e-13  # of the largest distance
 
@@ -49,6 +50,11 @@ class RelativeOrbit:
     def prior(self) -> Prior:
         """No prior."""
         return Prior.none(self.size)
+
+    @property
+    def frequency(self) -> float:
+        """HARMONIC times the rate at periapsis."""
+        return HARMONIC * self.orbit.periapsis_rate
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray:
         """The gravity gradient (n, 3, 3) at the target in C, 1/s²: μ/r³ (3 u uᵀ − 1), u the radial direction."""
@@ -126,6 +132,11 @@ class PerturbedOrbit:
     def longest(self) -> float:
         """The longest panel of an integration, in s."""
         return ARC / self.orbit.periapsis_rate
+
+    @property
+    def frequency(self) -> float:
+        """HARMONIC times the rate at periapsis; infinite with an ephemeris or known accelerations, which may jump."""
+        return HARMONIC * self.orbit.periapsis_rate if self.orbit.ephemeris is None and self.known is None else np.inf
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray:
         """The gravity gradient (n, 3, 3) at the target in C, 1/s², at times (n,) in s."""

@@ -141,7 +141,11 @@ class Attitudes:
 
         The attitude at the epoch is none of them; a rotation by φ there rotates the attitude at t by R(t)ᵀ R(epoch) φ.
         """
-        return np.asarray(np.swapaxes(self.attitude, 1, 2) @ self._nodes.turn_at(self.time))
+        return self.turn_of(slice(None))
+
+    def turn_of(self, part: slice) -> FloatArray:
+        """The same (k, 3, size) at a part of the times."""
+        return np.asarray(np.swapaxes(self.attitude[part], 1, 2) @ self._nodes.turn_at(self.time[part]))
 
     @cached_property
     def rate_sensitivity(self) -> FloatArray:
@@ -186,17 +190,20 @@ class _Nodes:
 
     def turn_at(self, time: FloatArray) -> FloatArray:
         """The rotation's Jacobian (n, 3, size) in C."""
-        h, k = self.time[1] - self.time[0], len(self.time)
-        left, s = self._locate(time)
-        found = cubic(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1))
-        return np.asarray(found.reshape(len(time), 3, -1))
+        return cubic(*self._turn_around(time)).reshape(len(time), 3, -1)
 
     def turn_rate_at(self, time: FloatArray) -> FloatArray:
         """The derivative (n, 3, size) of that by time."""
-        h, k = self.time[1] - self.time[0], len(self.time)
-        left, s = self._locate(time)
-        slope = cubic_slope(s, left, self.turn.reshape(k, -1), h * self.turn_rate.reshape(k, -1)) / h
+        slope = cubic_slope(*self._turn_around(time)) / (self.time[1] - self.time[0])
         return np.asarray(slope.reshape(len(time), 3, -1))
+
+    def _turn_around(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray, FloatArray]:
+        """What `cubic` needs for the Jacobian at times (n,), of the nodes around them only."""
+        left, s = self._locate(time)
+        first = int(left.min(initial=len(self.time)))
+        around, h = slice(first, int(left.max(initial=0)) + 2), self.time[1] - self.time[0]
+        values, slopes = self.turn[around], h * self.turn_rate[around]
+        return s, left - first, values.reshape(len(values), -1), slopes.reshape(len(values), -1)
 
     def _locate(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """The index of the node before each time, and the fraction of the interval from there, 0 to 1."""

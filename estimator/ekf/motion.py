@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.euler import INERTIA_BASIS
+from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
@@ -22,7 +23,6 @@ FloatArray = NDArray[np.float64]
 
 STEP_ANGLE = 0.1  # rad in a step of the integration: its error is 1e-7 rad, and 1e-4 of the errors' transition
 MAX_INERTIA_CHANGE = 1.0  # of the inertia's logarithm in one correction
-THINNEST = 1e-3  # least second moment of the mass over the inertia's trace
 ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
 
 
@@ -202,18 +202,6 @@ def changed_inertia(inertia: FloatArray, error: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(np.tensordot(error, INERTIA_BASIS, 1))
     half = root @ vectors * np.exp(values / 2)
     return of_a_body(half @ half.T)
-
-
-def of_a_body(inertia: FloatArray) -> FloatArray:
-    """The inertia (3, 3) of trace 1 whose principal moments obey the triangle inequality, nearest to the given one.
-
-    The second moments of the mass, ½ tr J − J, get eigenvalues of at least THINNEST. Where the tracks do not determine
-    the inertia, a fitted one may cone many times as fast as any body.
-    """
-    values, vectors = np.linalg.eigh(inertia / np.trace(inertia))
-    mass = np.maximum(0.5 - values, THINNEST)
-    mass *= 0.5 / mass.sum()
-    return np.asarray((vectors * (0.5 - mass)) @ vectors.T)
 
 
 def logarithm_of_inertia(inertia: FloatArray) -> FloatArray:

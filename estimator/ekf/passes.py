@@ -10,9 +10,10 @@ from scipy.stats import multivariate_normal
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
+from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import DECADES, GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised, Reference, linearised, moved, points_from
-from baryscope.estimator.ekf.motion import gravity_gradient_axis, of_a_body
+from baryscope.estimator.ekf.motion import gravity_gradient_axis
 from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, ROUNDING, Problem
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.tracks import FloatArray

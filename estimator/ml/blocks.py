@@ -4,7 +4,7 @@ The sum over frames Σ Jᵀ B J, with Jacobians J (6, q) that are cubics in a bl
 6 × 6 matrices B only the sums with products of the cubics' weights are needed. So the cost of q² is that of the blocks.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,7 @@ IntArray = NDArray[np.intp]
 
 KNOTS = 4  # times of a block, Chebyshev's: the error of a wave is 3e-4 (ωT)⁴ of it, T the block's length
 WORTHWHILE = 2 * KNOTS  # frames of a block, on average, from which sums over blocks are faster
+PART = 256  # frames whose Jacobians are evaluated together
 SHORTEST = 1e-9  # s, of a block
 
 
@@ -60,51 +61,57 @@ def blocks_of(time: FloatArray, longest: float) -> Blocks:
 
 @dataclass(frozen=True, eq=False)
 class Jacobians:
-    """A Jacobian (3, q) that changes smoothly in time, at n frames: values at the times of blocks, or at all frames.
+    """A Jacobian (k, 3, q) that is a function of times (k,) in s, at n times; with blocks it is smooth within each."""
 
-    values (k, KNOTS, 3, q) with blocks, (n, 1, 3, q) without.
-    """
-
-    values: FloatArray
+    function: Callable[[FloatArray], FloatArray]
+    time: FloatArray
     blocks: Blocks | None
 
     @classmethod
     def of(cls, function: Callable[[FloatArray], FloatArray], time: FloatArray, blocks: Blocks) -> "Jacobians":
-        """Those that a function gives for times (k,) in s, at times (n,)."""
-        if not blocks.worthwhile:
-            return cls(function(time)[:, None], None)
-        found = function(blocks.time.ravel())
-        return cls(found.reshape(*blocks.time.shape, *found.shape[1:]), blocks)
+        """Those at times (n,); with the blocks if that is faster."""
+        return cls(function, time, blocks if blocks.worthwhile else None)
 
     def times(self, matrix: FloatArray) -> FloatArray:
         """The products (n, 3, p) with a matrix (q, p)."""
-        return self._at_frames(self.values @ matrix)
+        if self.blocks is None:
+            return np.concatenate([own @ matrix for _, own in self._parts()])
+        values = (self._at_blocks @ matrix)[self.blocks.of_frame]
+        return np.asarray(np.einsum("nc,ncip->nip", self.blocks.weights, values, optimize=True))
 
     def covariances(self, covariance: FloatArray) -> FloatArray:
         """J C Jᵀ (n, 3, 3) for a covariance C (q, q)."""
-        moved = self.values @ covariance
         if self.blocks is None:
-            return np.asarray(moved[:, 0] @ np.swapaxes(self.values[:, 0], 1, 2))
+            return np.concatenate([own @ covariance @ np.swapaxes(own, 1, 2) for _, own in self._parts()])
+        moved = self._at_blocks @ covariance
         total = np.zeros((len(self.blocks.weights), 3, 3))
         for i in range(KNOTS):
             for j in range(KNOTS):
-                pair = (moved[:, i] @ np.swapaxes(self.values[:, j], 1, 2))[self.blocks.of_frame]
+                pair = (moved[:, i] @ np.swapaxes(self._at_blocks[:, j], 1, 2))[self.blocks.of_frame]
                 total += (self.blocks.weights[:, i] * self.blocks.weights[:, j])[:, None, None] * pair
         return total
 
     def mean(self, factors: FloatArray) -> FloatArray:
         """The mean (3, q) over the frames of factors (n, 3, 3) times the Jacobian."""
+        n = len(factors)
         if self.blocks is None:
-            return np.asarray(np.einsum("nij,njq->iq", factors, self.values[:, 0], optimize=True) / len(factors))
-        weighted = (self.blocks.weights[:, :, None, None] * factors[:, None]).reshape(len(factors), -1)
-        sums = np.add.reduceat(weighted, self.blocks.first).reshape(-1, KNOTS, 3, 3)
-        return np.asarray(np.einsum("kcij,kcjq->iq", sums, self.values, optimize=True) / len(factors))
+            sums = [np.einsum("nij,njq->iq", factors[part], own, optimize=True) for part, own in self._parts()]
+            return np.asarray(np.sum(sums, axis=0) / n)
+        weighted = (self.blocks.weights[:, :, None, None] * factors[:, None]).reshape(n, -1)
+        by_block = np.add.reduceat(weighted, self.blocks.first).reshape(-1, KNOTS, 3, 3)
+        return np.asarray(np.einsum("kcij,kcjq->iq", by_block, self._at_blocks, optimize=True) / n)
 
-    def _at_frames(self, values: FloatArray) -> FloatArray:
-        """The values (n, 3, p) at frames of values (k, KNOTS, 3, p) at the times of blocks."""
-        if self.blocks is None:
-            return values[:, 0]
-        return np.asarray(np.einsum("nc,ncip->nip", self.blocks.weights, values[self.blocks.of_frame], optimize=True))
+    @cached_property
+    def _at_blocks(self) -> FloatArray:
+        """The values (k, KNOTS, 3, q) at the times of the blocks."""
+        assert self.blocks is not None  # noqa: S101  the callers have them
+        found = self.function(self.blocks.time.ravel())
+        return found.reshape(*self.blocks.time.shape, *found.shape[1:])
+
+    def _parts(self) -> Iterator[tuple[slice, FloatArray]]:
+        """Parts of the frames whose Jacobians fit the processor's cache, with these."""
+        parts = (slice(first, first + PART) for first in range(0, len(self.time), PART))
+        return ((part, self.function(self.time[part])) for part in parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,7 +88,7 @@ class Model:
     @property
     def size(self) -> int:
         """The number of unknowns y."""
-        return self.rotation_size + int(self.path.jacobian.shape[2])
+        return self.rotation_size + self.path.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
         sums.rhs += right
         sums.coupling += with_points
         return
-    own, p = model.motion.turn[part], model.path.jacobian.shape[2]
+    own, p = model.motion.turn_of(part), model.path.size
     R_B_C = np.swapaxes(attitude, 1, 2)
     seen = np.zeros((len(own), 3, p))
     if model.path.turn is not None:
@@ -300,7 +300,8 @@ def _parts(observations: Observations, model: Model) -> list[slice]:
     """Chunks of frames that fit the processor's cache; with blocks, of whole ones."""
     n, m = observations.weight.shape
     if model.knots is None:
-        return _chunks(n, m, observations.precision is not None)
+        size = max(64, CHUNK_SIZE // max(9 * m, 6 * model.size))
+        return [slice(first, first + size) for first in range(0, n, size)]
     first = model.knots.blocks.first
     starts = first[np.searchsorted(first, [chunk.start for chunk in _chunks(n, m, True)], side="right") - 1]
     return [slice(a, b) for a, b in pairwise([*np.unique(starts).tolist(), n])]

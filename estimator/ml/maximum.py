@@ -11,6 +11,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.rotation import NODE_ANGLE, Attitudes, Rotation
@@ -28,8 +29,8 @@ from baryscope.estimator.tracks import FeatureTracks, errors_of
 
 FloatArray = NDArray[np.float64]
 
-MAX_ROUNDS = 40
-STEP_TOLERANCE = 1e-4  # squared length of the last step, in units of the covariance
+MAX_ROUNDS = 25
+STEP_TOLERANCE = 1e-2  # squared length of the last step, in units of the covariance
 ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 STAGE = 0.5  # of the unit of progress, that the start, the tumble and each round take
@@ -109,7 +110,9 @@ class _Problem:
         """The state after a change (q,) of the unknowns; None if the rotation is not possible."""
         size = state.rotation.size
         rotation = state.rotation.changed(np.zeros(3), change[:size])
-        near = rotation.possible and rotation.reaches(self.time, MAX_NODES + NODES_PER_FRAME * len(self.time))
+        if not rotation.possible:
+            rotation = replace(rotation, inertia=of_a_body(rotation.inertia))
+        near = rotation.reaches(self.time, MAX_NODES + NODES_PER_FRAME * len(self.time))
         motion = rotation.try_at(self.time) if near else None
         return None if motion is None else _State(rotation, motion, state.x + change[size:])
 

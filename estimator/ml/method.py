@@ -28,6 +28,7 @@ from baryscope.estimator.adjustment.spurious import farthest, spurious_informati
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.ml.blocks import Jacobians
@@ -36,11 +37,12 @@ from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximise
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions, torques_of
-from baryscope.estimator.pivot.method import solve_pivot
+from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
-from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, Motion, Noise
+from baryscope.estimator.prose import sentence
+from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, FreeAttitudes, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
@@ -55,14 +57,46 @@ def estimate_by_likelihood(
 ) -> Estimate:
     """The maximum a posteriori estimate of the centre of mass.
 
+    Where the attitudes are of no tumble, or of one that is not found, it is the estimate of `pivot`, and says so.
+
     Raises:
         InputError: an invalid combination of options, or a singular covariance.
         ComputationError: the tracks do not determine the unknowns.
     """
     begin, done = clock.perf_counter(), Rounds(progress)
     torques = torques_of(orbit, options)
-    tracks, pivot = relabelled(tracks, solve_pivot(tracks, orbit, options))
+    pivot = solve_pivot(tracks, orbit, options)
     done.did(STAGE)
+    try:
+        found = _tumbling(tracks, pivot, torques, options, done)
+        reason = _without_tumble(found, options)
+    except ComputationError as error:
+        reason = str(error)
+    if reason is None:
+        return replace(found, wall_time=clock.perf_counter() - begin)
+    free = estimate_of(pivot, tracks, options, begin)
+    return replace(free, method="ml", findings=(*free.findings, FreeAttitudes(reason)))
+
+
+def _without_tumble(found: Estimate, options: PathOptions) -> str | None:
+    """Why an estimate with a tumble is worse than one with free attitudes, if it is."""
+    if not found.converged:
+        return "the steps to a tumble do not converge"
+    if options.torque_noise == "none":
+        return None  # a tumble without noise is what is asked for, whether it fits or not
+    misfits = [one for one in found.findings if isinstance(one, ExcessResiduals) and one.model == FREE_TUMBLE]
+    return sentence(misfits[0]) if misfits else None
+
+
+def _tumbling(
+    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
+) -> Estimate:
+    """The estimate with a tumble, from the solution of `pivot`, without the time it took.
+
+    Raises:
+        ComputationError: no tumble is found.
+    """
+    tracks, pivot = relabelled(tracks, solved)
     noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     done.did(STAGE)
@@ -104,7 +138,7 @@ def estimate_by_likelihood(
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=_details(best, y, pivot.slip),
-        wall_time=clock.perf_counter() - begin,
+        wall_time=0.0,
         forces=factors_of(best.path, best.x, of_x),
         process_noise=process_noise_of(best.path, itself, best.x, prior, own),
         predictor=PredictedBody(
@@ -174,7 +208,7 @@ def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) 
     turn: the Jacobian of the attitude, as a rotation vector in C, by the rotation's unknowns.
     """
     size, R = best.rotation.size, best.motion.attitude
-    rate, of_rotation = best.path.rate_at(time), y[:size, :size]
+    rate, of_rotation = interpolated(best.path.rate_at, best.path.frequency, time), y[:size, :size]
     by_rate = Jacobians.of(best.motion.rate_sensitivity_in_C, time, best.blocks)
     R_B_C = np.swapaxes(R, 1, 2)
     return Motion(

@@ -44,8 +44,7 @@ class Priors:
         """Those of a rotation and a path with the weak mean x0 (p,); density of the torque noise, None if unknown."""
         distance = np.linalg.norm(sampled.position(x0), axis=1).max()
         inertia = np.eye(RATE_AND_INERTIA - 3) / INERTIA_DEVIATION**2
-        flat = sampled.jacobian.reshape(-1, sampled.jacobian.shape[2])
-        of_path = flat.T @ flat / (len(sampled.jacobian) * distance**2)
+        of_path = sampled.mean_square() / distance**2
         modes = rotation.size - RATE_AND_INERTIA
         own = Prior.none(RATE_AND_INERTIA)
         if modes:

@@ -64,7 +64,7 @@ def _normal_equations(
     registered: Registered, weights: list[FloatArray], path: SampledPath
 ) -> tuple[FloatArray, FloatArray, float]:
     """Matrix (3 k + p, 3 k + p) and right-hand side for the k bodies' offsets and then x, and the weighted Σ c_k²."""
-    p, d = path.jacobian.shape[2], 3 * len(registered.bodies)
+    p, d = path.size, 3 * len(registered.bodies)
     matrix, rhs, total, known = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0, path.offset
     for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
         parallel_axis = slice(3 * index, 3 * index + 3)

@@ -85,17 +85,15 @@ class _Sums:
     noise_cost: float = 0.0
 
     def eliminate(self, rows: FloatArray, solved: FloatArray) -> None:
-        """Subtract what other unknowns of n frames take, three of each.
+        """Subtract from the points' equations what other unknowns of n frames take, three of each.
 
-        rows (n, 3, p + 3 m + 1): their blocks with path and points, and right-hand sides; solved: by their own blocks.
+        rows (n, 3, 3 + 3 m + 1): their blocks with the frames' shifts and the points, and right-hand sides; solved: by
+        their own blocks.
         """
-        p, size = len(self.path), rows.shape[2]
-        outer = rows.reshape(-1, size).T @ solved.reshape(-1, size)
-        self.path -= outer[:p, :p]
-        self.path_points -= outer[:p, p:-1]
-        self.points -= outer[p:-1, p:-1]
-        self.path_rhs -= outer[:p, -1]
-        self.points_rhs -= outer[p:-1, -1]
+        size = rows.shape[2] - 3
+        outer = rows[:, :, 3:].reshape(-1, size).T @ solved[:, :, 3:].reshape(-1, size)
+        self.points -= outer[:-1, :-1]
+        self.points_rhs -= outer[:-1, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,44 +222,47 @@ class _Frames:
 
 def _sum(body: Body, own: Observations, path: SampledPath, all_frames: _Frames) -> _Sums:
     origin = all_frames.origin
-    p, q = path.jacobian.shape[2], 3 * len(body.features)
+    p, q = path.size, 3 * len(body.features)
     total = _Sums(
         np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
     )
     for part in _chunks(body):
         frames = as_slice(body.frames[part])
         attitude = body.attitude[part]
+        R_B_C = np.swapaxes(attitude, 1, 2)
         found = pieces(own.frames(frames), attitude, origin[frames], body.points)
-        shift = np.swapaxes(attitude, 1, 2) @ path.jacobian[frames]
-        flat = shift.reshape(-1, p)
-        path_part = flat.T @ (found.shift @ shift).reshape(-1, p)
-        total.path += path_part
-        total.path_sizes += np.diag(path_part)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
-        total.path_points += found.unknowns_points(None, shift)
-        total.path_rhs += flat.T @ found.shift_rhs.ravel()
         total.points_rhs += found.point_rhs.ravel()
         for index, block in enumerate(found.point):
             total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
-        coupling = np.concatenate([found.turn_shift @ shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
-        inverse = symmetric_inverses(found.turn)
+        # Rows of the frames' shifts τ: by τ, by the points, and the right-hand side. Eliminate the frames' rotations.
+        coupling = np.concatenate([found.turn_shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
+        inverse, by_turn = symmetric_inverses(found.turn), np.swapaxes(found.turn_shift, 1, 2)
         solved = inverse @ coupling
-        total.eliminate(coupling, solved)  # the frames' rotations
+        total.eliminate(coupling, solved)
+        rows = np.concatenate([found.shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
+        rows -= by_turn @ solved
         squares = found.squares
         if all_frames.shift is not None:
-            # The rows of a frame's shift τ after the elimination of its rotation; then τ itself, by Woodbury's formula.
-            by_turn = np.swapaxes(found.turn_shift, 1, 2)
-            rows = np.concatenate([found.shift @ shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
-            rows = rows - by_turn @ solved
-            known = found.shift - by_turn @ inverse @ found.turn_shift
-            noise = np.swapaxes(attitude, 1, 2) @ all_frames.shift[frames] @ attitude
+            # Eliminate τ itself, by Woodbury's formula.
+            known = rows[:, :, :3]
+            noise = R_B_C @ all_frames.shift[frames] @ attitude
             gained = noise @ np.linalg.inv(np.eye(3) + known @ noise) @ rows
             total.eliminate(rows, gained)
-            moved = gained[:, :, -1]
-            total.noise_cost += float(np.vdot(moved, rows[:, :, -1] - (known @ moved[:, :, None])[:, :, 0]))
+            moved, rhs = gained[:, :, -1], rows[:, :, -1]
+            total.noise_cost += float(np.vdot(moved, rhs - (known @ moved[:, :, None])[:, :, 0]))
             turned = solved[:, :, -1] - (inverse @ found.turn_shift @ moved[:, :, None])[:, :, 0]
             there = origin[frames] + (attitude @ moved[:, :, None])[:, :, 0]
             squares = pieces(own.frames(frames), attitude @ exp_rotation(turned), there, body.points).squares
+            rows = rows - known @ gained
+        rows = attitude @ rows
+        both = np.stack([attitude @ found.shift, rows[:, :, :3]], axis=1) @ R_B_C[:, None]
+        alone, eliminated = path.grams(frames, both)
+        total.path_sizes += np.diag(alone)
+        total.path += eliminated
+        of_path = path.moment(frames, rows[:, :, 3:])
+        total.path_points += of_path[:, :-1]
+        total.path_rhs += of_path[:, -1]
         all_frames.squares[np.ix_(body.frames[part], body.features)] = squares
     return total
 

@@ -26,6 +26,7 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
@@ -71,9 +72,12 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         ComputationError: the tracks do not determine the unknowns.
     """
     begin = clock.perf_counter()
-    errors = errors_of(tracks)
-    found = solve_pivot(tracks, orbit, options)
-    x = found.solution.x
+    return estimate_of(solve_pivot(tracks, orbit, options), tracks, options, begin)
+
+
+def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin: float) -> Estimate:
+    """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter."""
+    errors, x = errors_of(tracks), found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
     of_x, offsets = without_spurious_information(found, seen)
     if errors is not None and errors.scale is not None:
@@ -127,7 +131,7 @@ def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
 
 def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErrors | None) -> Motion:
     """Velocity of the centre of mass, and the attitude of the body with an attitude in the most frames."""
-    rate = found.path.rate_at(time)
+    rate = interpolated(found.path.rate_at, found.path.frequency, time)
     body = max(found.bodies, key=lambda one: len(one.frames))
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
     own = found.observations.features(body.features).frames(body.frames)
@@ -174,7 +178,17 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     bodies, x, simple = linear_start(registered, few, sampled, path.prior, least)
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     start = Start(
-        path, path.at(tracks.time), tracks.time, bodies, x, measured, observations, inliers, errors, simple, slips
+        path,
+        interpolated(path.at, path.frequency, tracks.time),
+        tracks.time,
+        bodies,
+        x,
+        measured,
+        observations,
+        inliers,
+        errors,
+        simple,
+        slips,
     )
     found = with_corrected_orbit(refined(start, options), orbit, start, options)
     burned = with_unknown_burns(found, registered, orbit, start, options)

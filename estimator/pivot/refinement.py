@@ -11,6 +11,7 @@ from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
@@ -35,7 +36,6 @@ SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weight
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
-COVARIANCE_TIMES = 64  # at which the covariance is compared with that of the modes left out
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
@@ -159,7 +159,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         if converged and rounds < MAX_ROUNDS and (richer := _richer(path, solution, theta, least, sampled)) is not None:
             path, converged = richer, False
             x = np.pad(x, (0, path.size - len(x)))
-            sampled = as_seen(path, path.at(start.time), start.errors, x)
+            sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
         if converged and start.slips:
             found_slip = position_variance(bodies, observations, sampled.position(x), least)
             converged = abs(found_slip - slip) <= SLIP_TOLERANCE * max(found_slip, slip)
@@ -216,9 +216,8 @@ def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, 
     if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    every = max(1, len(sampled.jacobian) // COVARIANCE_TIMES)
-    few = SampledPath(sampled.jacobian[::every], sampled.position)
-    typical = float(np.median(np.trace(few.covariance(variance * solution.covariance), axis1=1, axis2=2))) / 3
+    covariance = sampled.covariance(variance * solution.covariance)
+    typical = float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3
     return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.options import PathOptions
@@ -33,7 +34,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     again = replace(
         start,
         path=wider,
-        sampled=wider.at(start.time),
+        sampled=interpolated(wider.at, wider.frequency, start.time),
         bodies=found.bodies,
         x=np.insert(x, path.base.size, np.zeros(more)),
         observations=found.observations,

@@ -1,11 +1,14 @@
 """Predictions in gaps and ahead: errors of draws with process noise agree with the covariances, points included."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
-from baryscope.models.errors import InputError
+from baryscope.estimator.result import FreeAttitudes
+from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turning
 from synthetic import make_case
 
@@ -130,8 +133,11 @@ def test_what_cannot_be_predicted_is_said_in_a_line():
     ml = found_by("ml", tracks, "fixed")
     with pytest.raises(InputError, match=r"point: pivot has attitudes in its frames only, .*, expected the method ml"):
         pivot.predict([70.0], "F1")
-    with pytest.raises(InputError, match="screw-gpa has no covariance to predict with, expected pivot, ml or ekf"):
+    with pytest.raises(InputError, match="screw-gpa predicts nothing, expected pivot or ml"):
         screws.predict([70.0])
+    free = replace(ml, predictor=pivot.predictor, findings=(FreeAttitudes("the steps do not converge"),))
+    with pytest.raises(ComputationError, match="the steps do not converge: no point can be predicted without a tumble"):
+        free.predict([70.0], "F1")
     with pytest.raises(InputError, match="point is 'hinge', expected a feature's label or three coordinates"):
         ml.predict([70.0], "hinge")
     with pytest.raises(InputError, match=r"point is .*, expected a feature's label or three coordinates within"):

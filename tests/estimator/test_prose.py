@@ -7,6 +7,7 @@ from baryscope.estimator.result import (
     Departure,
     DifferentPoints,
     ExcessResiduals,
+    FreeAttitudes,
     LackOfFit,
     Noise,
     ProcessNoise,
@@ -57,6 +58,10 @@ def test_verdict_names_a_skew_axis():
             "the covariance allows for it",
         ),
         (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the bodies alone show 0.0204: so all claims are wrong"),
+        (
+            FreeAttitudes("the steps to a tumble do not converge"),
+            "the steps to a tumble do not converge: this is the estimate with free attitudes, as of pivot",
+        ),
         (DifferentPoints(("a",), (0, 2)), "a: not the same in clusters 0 and 2, no tie point"),
         (DifferentPoints(("a", "b"), (0, 2)), "a, b: not the same in clusters 0 and 2, no tie points"),
     ],

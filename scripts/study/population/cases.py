@@ -24,7 +24,7 @@ class Case:
     seed, index: what it is drawn from; kind: words that name what is special; time (n,) s; orbit; path (n, 3): the
     centre of mass in C, m; path_jacobian (n, 3, 6) by the chaser's state at the first time; attitude (n, 3, 3) R_C_B;
     rate (n, 3) rad/s in B; turn (n, 3, 8): rotation vectors in B by the rate and five parameters of the inertia at the
-    first time; points and normals (m, 3) in B, m; seen (n, m): what is seen but for dropouts; sensor: its errors.
+    first time; points (m, 3) in B, m; seen (n, m): what is seen but for dropouts; sensor: its errors.
     """
 
     seed: int
@@ -38,7 +38,6 @@ class Case:
     rate: FloatArray
     turn: FloatArray
     points: FloatArray
-    normals: FloatArray
     seen: BoolArray
     sensor: "Sensor"
 
@@ -87,9 +86,7 @@ def drawn(seed: int, index: int) -> Case:
     sensor = _sensor(streams[2], path)
     words = [orbit_kind, chaser_kind, tumble_kind, shape_kind, view_kind, *_words(sensor)]
     kind = " ".join(word for word in words if word)
-    return Case(
-        seed, index, kind, time, orbit, path, path_jacobian, attitude, rates, turn, points, normals, seen, sensor
-    )
+    return Case(seed, index, kind, time, orbit, path, path_jacobian, attitude, rates, turn, points, seen, sensor)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:

@@ -10,19 +10,33 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
+from baryscope.models.errors import InputError
+
 Task = tuple[Any, ...]
 Line = dict[str, Any]
 
 
 def lines_of(path: Path) -> list[Line]:
-    """The lines of a file of results; a last one that is not complete is left out."""
+    """The lines of a file of results, none if there is none; a last one that is not complete is left out.
+
+    Raises:
+        InputError: a line is not JSON.
+    """
     if not path.exists():
         return []
-    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines(keepends=True) if line[-1] == "\n"]
+    found = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(keepends=True), 1):
+        if line[-1] == "\n":
+            try:
+                found.append(json.loads(line))
+            except ValueError as error:
+                raise InputError(f"{path}, line {number}: {error}, expected a result in JSON") from error
+    return found
 
 
 def append(path: Path, line: Line) -> None:
-    """Add a line to a file of results, after the last complete one."""
+    """Add a line to a file of results, after the last complete one; its folder is made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a+b") as stream:
         end = stream.seek(0, 2)
         while end and (stream.seek(end - 1), stream.read(1))[1] != b"\n":

@@ -32,7 +32,7 @@ def _row(world: str, method: str, group: list[Line]) -> tuple[str, ...]:
     answers = [line for line in group if "rmse" in line]
     refused = str(len(group) - len(answers))
     if not answers:
-        return (world, method, str(len(group)), *["-"] * 8, refused, "-", "-")[:13]
+        return (world, method, str(len(group)), *["-"] * 7, refused, "-", "-")
     error, claimed, bound = (_rms([line[key] for line in answers]) for key in ("rmse", "predicted_rmse", "bound"))
     every = np.array([line["nees"] for line in answers])
     low, high = band(len(answers))

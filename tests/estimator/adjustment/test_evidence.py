@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baryscope.estimator.adjustment.evidence import NINETY, Linear, Posterior, _objective, maximise, posterior
+from baryscope.estimator.adjustment.evidence import NINETY, Linear, Posterior, _objective, maximise, posterior, ranges
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -67,6 +67,20 @@ def test_a_fixed_hyperparameter_is_none():
     assert fixed.hyperparameters == ()
     np.testing.assert_allclose(fixed.precision(np.zeros(0)), PRIOR.precision(np.array([0.7])))
     assert PRIOR.fixed("other", 1.0) is PRIOR
+
+
+def test_an_optional_hyperparameter_without_an_effect_is_not_significant():
+    """Others of its values may be a little more likely than none, but not by what its range has below."""
+    unknown = Prior.none(2).joined(Prior(PRIOR.offset[2:], PRIOR.slopes[2:], (Hyperparameter("scale", optional=True),)))
+    found = []
+    for seed in range(20):
+        H, _, y = observed(seed, 1e-3)
+        linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+        theta = maximise(linear, unknown)
+        if theta[0] == ranges(linear, unknown)[0, 0]:
+            found.append(posterior(linear, unknown, theta).significance[0])
+    assert len(found) > 10
+    assert found == [0.0] * len(found)
 
 
 @pytest.mark.parametrize(("theta", "low", "high"), [(1.0, -NINETY, NINETY), (-3.0, -3.0, NINETY), (4.0, -NINETY, 4.0)])

@@ -55,3 +55,5 @@ def test_values_in_python_are_checked():
     assert Rig(lever_arm=np.array([1, 2, 3]), attitude_noise=np.float64(1e-4)).attitude_noise == (1e-4,) * 3
     with pytest.raises(InputError, match=r"rig: rig.scale_deviation: found 2.0"):
         Rig(scale_deviation=2.0)
+    with pytest.raises(InputError, match=r"rig: rig.mounting: found beside a lever arm in camera axes"):
+        Rig((1.0, 0.0, 0.0), mounting=(0.0, 1.0, 0.0, 0.0))

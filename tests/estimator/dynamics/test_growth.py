@@ -1,6 +1,7 @@
 """What noise after the last observation adds: closed forms, and integrals over independently integrated responses."""
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation as ScipyRotation
 
@@ -9,6 +10,7 @@ from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.models.orbit import Orbit
+from baryscope.models.relative_orbit import relative_transition
 from free_paths import RATE
 from oracles import propagate_kepler
 from synthetic import ENVISAT, MU, attitude
@@ -45,6 +47,20 @@ def test_on_an_orbit_it_is_the_integral_of_responses_to_pushes():
     found = path_growth(orbit, DENSITY, END, np.array([END + T]))[0]
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=5e-4)
+
+
+def test_from_apoapsis_to_apoapsis_the_steps_are_those_of_the_periapsis():
+    """tr P = q ∫ ‖∂r/∂v‖² ds, by Yamanaka and Ankersen's closed form, in which ‖∂r/∂v‖ is the same as in LVLH."""
+    orbit = Orbit(26e6, 0.7, 1.0, true_anomaly=np.pi)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    edges = np.linspace(0.0, orbit.period, 61)
+    pushed = (edges[:-1, None] + (nodes + 1) / 2 * edges[1]).ravel()
+    T = orbit.period
+    responses = [relative_transition(orbit, np.array([T]), s)[0, :3, 3:] for s in pushed]
+    sizes = np.array([np.sum(response**2) for response in responses])
+    expected = DENSITY * np.sum(np.tile(weights, 60) * sizes) * edges[1] / 2
+    found = path_growth(RelativeOrbit(orbit, 0.0), DENSITY, 0.0, np.array([T]))[0]
+    assert np.trace(found[:3, :3]) == pytest.approx(expected, rel=0.02)
 
 
 def test_of_a_rotation_it_is_the_integral_of_responses_to_kicks():

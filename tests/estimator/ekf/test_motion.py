@@ -11,7 +11,6 @@ from baryscope.estimator.ekf.motion import (
     changed_inertia,
     derivatives,
     logarithm_of_inertia,
-    of_a_body,
     rotated,
     turning_noise,
     white_noise,
@@ -56,17 +55,6 @@ def test_inertia_changes_by_the_exponential_of_its_errors():
     root = np.linalg.cholesky(J)
     expected = root @ expm(np.tensordot(change, INERTIA_BASIS, 1)) @ root.T
     np.testing.assert_allclose(changed_inertia(J, change), expected / np.trace(expected), atol=1e-12)
-
-
-def test_an_inertia_no_body_has_becomes_that_of_a_thin_one():
-    """Principal moments 0.002, 0.118 and 0.88 break the triangle inequality; Envisat's obey it."""
-    turn = Rotation.from_rotvec([0.3, -0.5, 0.2]).as_matrix()
-    found = of_a_body(turn @ np.diag([0.002, 0.118, 0.88]) @ turn.T)
-    moments = np.linalg.eigvalsh(found)
-    assert moments.sum() == pytest.approx(1)
-    assert moments[2] < moments[0] + moments[1]
-    assert np.abs(found @ turn - turn @ np.diag(moments)).max() < 1e-12
-    np.testing.assert_allclose(of_a_body(7 * ENVISAT), J, atol=1e-12)
 
 
 def test_the_logarithm_of_an_inertia_leads_to_a_sphere():

@@ -9,7 +9,7 @@ from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import Status
+from baryscope.estimator.result import FreeAttitudes, Status
 from baryscope.models.errors import InputError
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 
@@ -93,8 +93,12 @@ def test_the_gravity_gradient_is_chosen_if_it_fits_better(gravity_gradient):
     assert found.findings == ()
     error = found.position[0] - case.com[0]
     assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
-    free = estimate(case.tracks, method="ml", orbit=orbit, options=PathOptions(trajectory="fixed", torque="none"))
-    assert free.options.torque == "none"
+    noisy = estimate(case.tracks, method="ml", orbit=orbit, options=PathOptions(trajectory="fixed", torque="none"))
+    assert noisy.options.torque == "none"
+    error = noisy.position[0] - case.com[0]
+    assert error @ np.linalg.solve(noisy.covariance[0], error) < 4.5**2
+    rigid = PathOptions(trajectory="fixed", torque="none", torque_noise="none")
+    free = estimate(case.tracks, method="ml", orbit=orbit, options=rigid)
     assert any(remark.startswith("no free tumble fits") for remark in [sentence(finding) for finding in free.findings])
 
 
@@ -188,3 +192,18 @@ def test_free_tumbles_hardly_pay_for_the_search_of_a_torque():
     assert auto.predicted_rmse < 1.05 * free.predicted_rmse
     np.testing.assert_allclose(auto.position, free.position, atol=0.3 * free.predicted_rmse)
     assert free.details.torque_noise is None
+
+
+def test_attitudes_of_no_tumble_give_the_estimate_of_pivot():
+    """The body turns by a random angle about a random axis from frame to frame."""
+    time = np.arange(80.0)
+    R = Rotation.random(80, random_state=7).as_matrix()
+    case = make_case(time, R, at_rest(time), FEATURES, noise=NOISE, seed=4)
+    found = estimate(case.tracks, method="ml", options=PathOptions(trajectory="fixed"))
+    plain = estimate(case.tracks, method="pivot", options=PathOptions(trajectory="fixed"))
+    assert [type(finding) for finding in found.findings] == [FreeAttitudes]
+    assert found.method == "ml"
+    assert found.status is plain.status
+    np.testing.assert_array_equal(found.position, plain.position)
+    error = found.position[0] - case.com[0]
+    assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2

@@ -72,3 +72,22 @@ def test_a_run_is_resumed_and_reported(tmp_path, capsys):
         main(["run", "--cases", "1", "--first", "1", "--methods", "score", "-o", output])
     assert main(["report", output, "--failing"]) == 0
     assert capsys.readouterr().out.count("| score |") == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "--methods", "pivot,nothing", "-o", "x"], "found 'nothing', expected some of screw-raw"),
+        (["run", "--workers", "0", "-o", "x"], "found 0, expected a whole number above it"),
+        (["run", "--seed", "-1", "-o", "x"], "found '-1', expected a whole number from 0 on"),
+        (["report", "no.jsonl"], "no.jsonl: not found, expected a file of results"),
+        (["report", "broken.jsonl"], "broken.jsonl, line 1: Expecting value"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "broken.jsonl").write_text("what\n", encoding="utf-8")
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert message in capsys.readouterr().err.splitlines()[-1]

@@ -58,6 +58,13 @@ def test_a_row_is_the_mean_of_its_lines():
     assert float(row["NEES"]) == pytest.approx(np.mean([line["nees"] for line in lines]), rel=5e-3)
 
 
+def test_a_world_without_answers_has_a_row():
+    refusal = {"world": "J2", "method": "ml", "failure": "other", "wall": 1.0, "bound": 1e-3}
+    made = table([refusal, refusal])
+    row = dict(zip(made.headings, made.rows[0], strict=True))
+    assert (row["draws"], row["refused"], row["rms error mm"], row["announced"]) == ("2", "2", "-", "-")
+
+
 def test_a_run_is_resumed_and_reported(tmp_path, capsys):
     output = str(tmp_path / "worlds.jsonl")
     for _ in range(2):

@@ -1,0 +1,82 @@
+"""A path interpolated between the points of panels, against the same path sampled at every frame."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.dynamics.interpolated import InterpolatedPath, interpolated
+from baryscope.estimator.dynamics.paths import Polynomial, SampledPath, Smooth
+from baryscope.estimator.dynamics.process_noise import disturbed
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
+from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
+
+TIME = np.sort(np.random.default_rng(0).uniform(-100.0, 5900.0, 20_000))
+ORBIT = Orbit(semi_major_axis=7.15e6, eccentricity=0.02, inclination=1.7)
+ECCENTRIC = replace(ORBIT, semi_major_axis=2.4e7, eccentricity=0.7)
+OBLATE = replace(ORBIT, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
+MIDDLE = 2900.0
+# A wave over a panel has an error of 1e-11; that of RelativeOrbit.at, of its own spline, is 5/384 (0.01 rad)⁴, and that
+# of the response to process noise, of another spline, 5/384 (0.03 rad)⁴. Slopes lose an order, 0.01 or 0.03 rad.
+NOISY = 3e-8
+CASES = {
+    "fixed": (Polynomial(0, -100.0, 5900.0), 1e-11),
+    "polynomial": (Smooth(20, -100.0, 5900.0), 1e-11),
+    "orbit": (RelativeOrbit(ORBIT, MIDDLE), 1e-9),
+    "eccentric": (RelativeOrbit(ECCENTRIC, MIDDLE), 1e-9),
+    "J2": (PerturbedOrbit(OBLATE, MIDDLE), 1e-10),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("noisy", [False, True])
+def test_interpolation_agrees_with_the_path_itself(name, noisy):
+    path, tolerance = CASES[name]
+    if noisy:
+        path = disturbed(path, 1e-10, -100.0, 5900.0)
+        tolerance = max(tolerance, NOISY)
+    for at, accuracy in ((path.at, tolerance), (path.rate_at, 100 * tolerance)):
+        few, every = interpolated(at, path.frequency, TIME), at(TIME)
+        assert isinstance(few, InterpolatedPath)
+        assert len(few.panels.points) < len(TIME) / 4
+        size = np.maximum(np.abs(every.jacobian).max(axis=(0, 1)), 1e-300)
+        np.testing.assert_allclose(few.jacobian / size, every.jacobian / size, atol=accuracy)
+        x = 20.0 * np.random.default_rng(1).normal(size=few.size)
+        expected = every.position(x)
+        np.testing.assert_allclose(few.position(x), expected, atol=10 * accuracy * np.abs(expected).max())
+
+
+@pytest.fixture(scope="module")
+def few():
+    path = disturbed(RelativeOrbit(ORBIT, MIDDLE), 1e-10, -100.0, 5900.0)
+    return interpolated(path.at, path.frequency, TIME)
+
+
+@pytest.mark.parametrize(
+    "frames", [slice(0, 20_000), slice(3_111, 9_998), np.flatnonzero(np.arange(20_000) % 7 > 2), np.arange(40, 45)]
+)
+def test_sums_over_panels_are_those_over_frames(few, frames):
+    every = SampledPath(few.jacobian, few.position)
+    count = len(np.arange(20_000)[frames])
+    rng = np.random.default_rng(2)
+    weights, values = rng.normal(size=(count, 2, 3, 3)), rng.normal(size=(count, 3, 5))
+    for found, expected in zip(few.grams(frames, weights), every.grams(frames, weights), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-12 * count * np.abs(few.jacobian).max() ** 2)
+    np.testing.assert_allclose(few.moment(frames, values), every.moment(frames, values), rtol=1e-9, atol=1e-8)
+
+
+def test_covariances_are_those_of_every_frame(few):
+    root = np.random.default_rng(3).normal(size=(few.size, 4))
+    every = SampledPath(few.jacobian, few.position)
+    expected = every.covariance(root @ root.T)
+    np.testing.assert_allclose(few.covariance(root @ root.T), expected, atol=1e-12 * np.abs(expected).max())
+    assert np.linalg.eigvalsh(few.covariance(root @ root.T)).min() > -1e-12 * np.abs(expected).max()
+    directions = np.random.default_rng(4).normal(size=(few.size, 2))
+    np.testing.assert_allclose(few.lengths(directions), every.lengths(directions), rtol=1e-12)
+
+
+def test_few_frames_are_not_interpolated():
+    path = RelativeOrbit(ORBIT, MIDDLE)
+    assert not isinstance(interpolated(path.at, path.frequency, TIME[::400]), InterpolatedPath)
+    assert not isinstance(interpolated(path.at, np.inf, TIME), InterpolatedPath)
+    assert not isinstance(interpolated(path.at, path.frequency, TIME[:1]), InterpolatedPath)
