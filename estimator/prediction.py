@@ -5,7 +5,7 @@ whose deviation for a change δu is −N δu beside an own one. A point b of the
 ġ + R (ω × b). After the last observation, process and torque noise add what they cause from there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 Point = str | Sequence[float] | FloatArray | None
 
-CHUNK = 1000  # times at once
+CHUNK = 4000  # times at once: a few hundred megabytes
 BEYOND = 8  # modes of process noise that count, over those that are estimated
 FARTHEST = 1e4  # m from the centroid of the features
 
@@ -117,9 +117,13 @@ class PredictedPath:
             raise InputError(
                 "point: pivot has attitudes in its frames only, not between and after them, expected the method ml"
             )
+        place, speed, covariance = _by_chunks(self._chunk, time)
+        return Prediction(time, place, speed, self.wider.of_both(covariance + self.added(time), time - self.end))
+
+    def _chunk(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Position, velocity (n, 3) and covariance (n, 6, 6) by that of x."""
         place, speed, by_x = self.sampled(time)
-        covariance = by_x @ self.covariance @ np.swapaxes(by_x, 1, 2) + self.added(time)
-        return Prediction(time, place, speed, self.wider.of_both(covariance, time - self.end))
+        return place, speed, by_x @ self.covariance @ np.swapaxes(by_x, 1, 2)
 
     def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position and velocity (n, 3) in C, and the Jacobian (n, 6, p) of both by x."""
@@ -132,8 +136,14 @@ class PredictedPath:
         grown = path_growth(self.path, self.density, self.end, time)
         noise = noise_in(self.path)
         if noise is not None and self.density > 0:
-            grown = grown + _of_higher_modes(noise, self.density, time)
+            grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
         return grown
+
+
+def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: FloatArray) -> tuple[FloatArray, ...]:
+    """What a function makes of times (n,), for CHUNK of them after the other."""
+    parts = [function(time[first : first + CHUNK]) for first in range(0, len(time), CHUNK)]
+    return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
 def _of_higher_modes(path: Disturbed, density: float, time: FloatArray) -> FloatArray:
@@ -180,9 +190,8 @@ class PredictedBody:
             return self.path.at(time, None)
         b, by_points = self._point(point)
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ self._own_covariance() @ by_points.T
-        parts = [self._chunk(time[first : first + CHUNK], b, by_unknowns, own) for first in range(0, len(time), CHUNK)]
-        covariance = np.concatenate([part[2] for part in parts]) + self._grown(time, b)
-        place, speed = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+        place, speed, covariance = _by_chunks(lambda part: self._chunk(part, b, by_unknowns, own), time)
+        covariance = covariance + self._grown(time, b)
         return Prediction(time, place, speed, self.path.wider.of_both(covariance, time - self.path.end))
 
     def _chunk(

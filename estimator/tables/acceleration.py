@@ -5,6 +5,7 @@ import numpy as np
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.tables.form import FloatArray, Form
 from baryscope.estimator.tables.table import read_table
+from baryscope.estimator.thrust import STRONGEST
 from baryscope.models.ephemeris.utc import seconds_between, utc_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
@@ -25,7 +26,7 @@ def read_acceleration(path: AnyPath, epoch: str | None = None) -> tuple[FloatArr
     columns = table.columns
     for name in COLUMNS:
         values = columns.numbers[name]
-        limit, unit = (LATEST, "s") if name == "time" else (1e3, "m/s²")
+        limit, unit = (LATEST, "s") if name == "time" else (STRONGEST, "m/s²")
         wrong = ~(np.abs(values) <= limit)
         if wrong.any():
             row = int(np.argmax(wrong))

@@ -60,9 +60,9 @@ class MeanElements:
         Raises:
             InputError: SGP4 has no position then, as after the satellite's decay.
         """
-        days = seconds_between(utc_of("1950-01-01", ""), self.begin) / DAY
-        whole = np.floor(days)
-        parts = (seconds_between(utc_of("1950-01-01", ""), self.begin) - whole * DAY + time) / DAY
+        elapsed = seconds_between(utc_of("1950-01-01", ""), self.begin)
+        whole = np.floor(elapsed / DAY)
+        parts = (elapsed - whole * DAY + time) / DAY
         errors, position, velocity = self.satellite.sgp4_array(np.full(len(time), JULIAN_1950 + whole), parts)
         if errors.any():
             bad = int(np.argmax(errors != 0))

@@ -4,10 +4,8 @@ Seconds between two times are those of a clock without leap seconds, which were 
 """
 
 import re
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baryscope.models.errors import InputError
 
@@ -54,12 +52,3 @@ def seconds_between(begin: Moment, end: Moment) -> float:
     """From `begin` to `end`, in s."""
     difference = end.astype("datetime64[ns]") - begin.astype("datetime64[ns]")
     return int(difference.astype(np.int64)) / 1e9
-
-
-def seconds_from(epoch: Moment, texts: Sequence[str], places: Sequence[str]) -> NDArray[np.float64]:
-    """Times (n,) in s from the epoch, of texts with the names of their places.
-
-    Raises:
-        InputError: a text that is no time.
-    """
-    return np.array([seconds_between(epoch, utc_of(text, place)) for text, place in zip(texts, places, strict=True)])

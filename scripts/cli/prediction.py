@@ -14,7 +14,7 @@ from baryscope.estimator.prediction import Point, Prediction
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
-MOST_ROWS = 1_000_000
+MOST_ROWS = 100_000
 
 
 @Parameter(name="*")
