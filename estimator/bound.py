@@ -27,10 +27,10 @@ from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
+from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import DENSEST, PathOptions
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.result import Observability
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import ComputationError, InputError, Reason

@@ -24,14 +24,13 @@ from baryscope.estimator.document_details import (
     number,
     vector,
 )
+from baryscope.estimator.observability import Observability, PrincipalAxes
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import sentence, verdict
 from baryscope.estimator.result import (
     Cluster,
     Estimate,
     Finding,
-    Observability,
-    PrincipalAxes,
     ProcessNoise,
     Status,
 )

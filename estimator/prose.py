@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.dynamics.extended import Factor
+from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import ScrewOptions
 from baryscope.estimator.result import (
     FREE_TUMBLE,
@@ -15,7 +16,6 @@ from baryscope.estimator.result import (
     Finding,
     FreeAttitudes,
     LackOfFit,
-    Observability,
     ProcessNoise,
     Status,
     UnknownBurn,

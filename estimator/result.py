@@ -16,6 +16,7 @@ from scipy.stats import chi2
 from baryscope.estimator.details import Details
 from baryscope.estimator.dynamics.burns import FoundBurn
 from baryscope.estimator.dynamics.extended import Factor
+from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
 from baryscope.estimator.prediction import Point, Prediction, Predictor, times_of
 from baryscope.estimator.registration.intervals import Interval
@@ -27,7 +28,6 @@ IntArray = NDArray[np.intp]
 
 FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a path
 VERSION = version("baryscope")
-UNOBSERVABLE = 0.25  # standard deviation over the features' radius, above which a direction is not observable
 NEGLIGIBLE = 0.05  # probability by chance, above which process noise does not differ from zero
 PERSISTENT = 0.5  # share of a feature's observations that are rejected, above which the feature is rejected
 
@@ -44,48 +44,6 @@ class Status(StrEnum):
     def trustworthy(self) -> bool:
         """Whether the covariance describes the position's error; this includes directions that are not observable."""
         return self in (Status.GOOD, Status.NOT_OBSERVABLE)
-
-
-@dataclass(frozen=True, eq=False)
-class PrincipalAxes:
-    """Principal axes of a covariance: standard deviations (3,) in m, ascending, and directions (3, 3), a unit vector a
-    row.
-    """
-
-    deviations: FloatArray
-    directions: FloatArray
-
-    @classmethod
-    def of(cls, covariance: FloatArray) -> Self:
-        """The principal axes of a covariance (3, 3) in m²."""
-        values, vectors = np.linalg.eigh(covariance)
-        return cls(np.sqrt(np.maximum(values, 0.0)), vectors.T)
-
-
-@dataclass(frozen=True, eq=False)
-class Observability:
-    """The observability of the centre of mass.
-
-    body: covariance in the axes of the cluster with an attitude in the most frames; cluster: its index; inertial: the
-    mean over all times of the path's covariance in C; threshold: standard deviation in m above which a direction is not
-    observable.
-    """
-
-    body: PrincipalAxes
-    inertial: PrincipalAxes
-    cluster: int
-    threshold: float
-
-    @property
-    def observable(self) -> BoolArray:
-        """Which of the directions in body axes are observable, (3,)."""
-        return np.asarray(self.body.deviations <= self.threshold)
-
-    @property
-    def condition_number(self) -> float:
-        """Greatest over least variance in body axes; infinite if the least is zero."""
-        least, _, greatest = self.body.deviations
-        return float((greatest / least) ** 2) if least > 0 else np.inf
 
 
 @dataclass(frozen=True, eq=False)

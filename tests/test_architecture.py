@@ -18,7 +18,7 @@ LAYERS = [
     ["models.sensor"],
     ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],
     ["estimator.thrust"],
-    ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.tables"],
+    ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],
     ["fmu.check", "estimator.camera"],
     ["estimator.tracks"],
     ["estimator.registration", "estimator.plausibility"],

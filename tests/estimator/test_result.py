@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.methods import estimate
-from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, PrincipalAxes, Status, WrongSigma
+from baryscope.estimator.observability import PrincipalAxes
+from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, Status, WrongSigma
 from results import a_cluster, an_estimate
 
 
