@@ -137,10 +137,7 @@ class WrongOrbit:
 
 @dataclass(frozen=True)
 class UnknownBurn:
-    """A burn of the chaser that nothing told, from begin to end in s, with their standard deviations.
-
-    change (3,): of its velocity in LVLH, m/s, with standard deviations (3,). The result allows for it.
-    """
+    """A burn that nothing told, in s, changes the chaser's velocity in LVLH, m/s; with deviations. It is allowed for."""
 
     begin: float
     begin_deviation: float

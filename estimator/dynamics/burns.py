@@ -101,6 +101,11 @@ class Burned(Extended):
         values = np.array([[*burn.change, 0.0, 0.0] for burn in self.burns])
         return np.asarray(self._units * values).ravel()
 
+    @property
+    def frequency(self) -> float:
+        """Infinite: accelerations jump; see `Path`."""
+        return np.inf
+
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
         return self.base.at(time).extended(self.columns(time))
