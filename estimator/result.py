@@ -137,7 +137,7 @@ class WrongOrbit:
 
 @dataclass(frozen=True)
 class UnknownBurn:
-    """A burn that nothing told, in s, changes the chaser's velocity in LVLH, m/s; with deviations. It is allowed for."""
+    """A burn that nothing told, in s, changes the chaser's velocity in LVLH, m/s; with deviations."""
 
     begin: float
     begin_deviation: float

@@ -2,8 +2,9 @@
 
     make benchmark        or        python scripts/benchmarks/benchmark.py [--peers all|NAME,…]
 
-Peers: fmpy's own `simulate_fmu`, scipy's DOP853, CasADi's cvodes, one call of scipy's `Rotation.align_vectors` a frame;
-and, where they are installed (pip install -e '.[bench]'), heyoka, Basilisk and a pythonfmu unit of the same model.
+Peers: fmpy's own `simulate_fmu`, scipy's DOP853, CasADi's cvodes, one call of scipy's `Rotation.align_vectors` a frame,
+scipy's `least_squares`; and, where they are installed (pip install -e '.[bench]'), heyoka, Basilisk, GTSAM and a
+pythonfmu unit of the same model.
 Accuracies are measured against the closed forms of the tests: Jacobi's functions with one quadrature for the
 attitude, the difference of two Kepler orbits for the position. Times are the best of several runs.
 
@@ -21,6 +22,7 @@ from rich.console import Console
 
 from baryscope import __version__
 from baryscope.models.scenario import load_scenario
+from baryscope.scripts.benchmarks.adjusting import adjusting
 from baryscope.scripts.benchmarks.estimating import estimating, reading
 from baryscope.scripts.benchmarks.orbit import whole_orbit
 from baryscope.scripts.benchmarks.report import Part, rows_table
@@ -34,6 +36,7 @@ PARTS: Mapping[str, Callable[[Setting], Part]] = {
     "stepping": stepping,
     "reading tables": reading,
     "estimating": estimating,
+    "the same least squares": adjusting,
     "one orbit in one step": whole_orbit,
 }
 

@@ -16,7 +16,12 @@ from scipy.spatial.transform import Rotation
 from baryscope.models.scenario import Scenario
 
 STEP = 0.1  # s
-PEERS = {"heyoka": "heyoka", "basilisk": "Basilisk", "pythonfmu": "pythonfmu"}  # optional ones, and their packages
+PEERS = {
+    "heyoka": "heyoka",
+    "basilisk": "Basilisk",
+    "pythonfmu": "pythonfmu",
+    "gtsam": "gtsam",
+}  # optional ones, and their packages
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.scripts.benchmarks import benchmark, estimating, orbit, setting, stepping
+from baryscope.scripts.benchmarks import adjusting, benchmark, estimating, orbit, setting, stepping
 from baryscope.scripts.benchmarks.report import Part, Row, differs, exceeds
 
 STEPS = 100  # of 0.1 s
@@ -48,14 +48,14 @@ def test_of_the_peers_that_are_there_those_that_were_asked_for_are_measured(monk
     seen = []
     for arguments in ((), ("--peers", "heyoka,pythonfmu")):
         benchmark.main(arguments, {"a part": lambda setting: seen.append(set(setting.peers)) or Part()})
-    assert seen == [{"heyoka", "basilisk", "pythonfmu"}, {"heyoka", "pythonfmu"}]
+    assert seen == [{"heyoka", "basilisk", "pythonfmu", "gtsam"}, {"heyoka", "pythonfmu"}]
 
 
 def test_an_unknown_peer_is_named(capsys):
     with pytest.raises(SystemExit) as raised:
         run(Part(), "--peers", "heyoka,simulink")
     assert raised.value.code == 2
-    assert "found simulink, expected all or some of heyoka, basilisk, pythonfmu" in capsys.readouterr().err
+    assert "found simulink, expected all or some of heyoka, basilisk, pythonfmu, gtsam" in capsys.readouterr().err
 
 
 # ---- the judgements ----
@@ -155,6 +155,28 @@ def test_the_cost_of_a_method_comes_with_its_error(short, monkeypatch):
     moved = estimating.Seen(seen.tracks, seen.path + np.array([3.0, 4.0, 0.0]))
     assert estimating.cost_of(short, "pivot", seen).rmse < 0.1
     assert estimating.cost_of(short, "pivot", moved).rmse == pytest.approx(5.0, abs=0.1)
+
+
+def test_other_programs_find_the_same_path(short):
+    part = adjusting.adjusting(short, ((120, 8, 1.0),))
+    assert part.faults == ()
+    assert part.tables[0].row_count == 3  # pivot, with and without process noise, and scipy
+
+
+@pytest.mark.parametrize("peer", ["scipy", "gtsam"])
+def test_another_program_that_disagrees_is_a_fault(short, monkeypatch, peer):
+    usual = adjusting.by_scipy
+
+    def broken(problem):
+        x, of_x = usual(problem)
+        return x + np.array([0.01, 0, 0, 0, 0, 0]), 2 * of_x
+
+    monkeypatch.setattr(adjusting, f"by_{peer}", broken)
+    faults = adjusting.adjusting(replace(short, peers=frozenset({"gtsam"} & {peer})), ((120, 8, 1.0),)).faults
+    assert [fault.split(":")[1].strip() for fault in faults] == [
+        "path, against pivot",
+        "predicted error, against pivot's",
+    ]
 
 
 def test_tables_that_are_not_read_as_written_are_a_fault(short, monkeypatch):
