@@ -85,10 +85,10 @@ METHODS: dict[str, Method] = {
 """All methods by their names on the command line, in the order of its tables."""
 
 
-PREDICTING = ("pivot", "ml")
+PREDICTING = ("pivot", "ml", "ekf")
 """The methods whose results predict the centre of mass at other times, see `Estimate.predict`."""
 
-TURNING = ("ml",)
+TURNING = ("ml", "ekf")
 """Those that predict points of the body, too."""
 
 

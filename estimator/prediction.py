@@ -24,6 +24,7 @@ from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
 Point = str | Sequence[float] | FloatArray | None
 
 CHUNK = 4000  # times at once: a few hundred megabytes
@@ -75,6 +76,9 @@ class Widening:
         return found
 
 
+UNCHANGED = Widening()
+
+
 class Predictor(Protocol):
     """What a method leaves for predictions."""
 
@@ -101,7 +105,7 @@ class PredictedPath:
     begin: float
     end: float
     density: float = 0.0
-    wider: Widening = Widening()
+    wider: Widening = UNCHANGED
 
     def widened(self, by: Widening) -> "PredictedPath":
         """See `Predictor`."""
@@ -115,7 +119,7 @@ class PredictedPath:
         """
         if point is not None:
             raise InputError(
-                "point: pivot has attitudes in its frames only, not between and after them, expected the method ml"
+                "point: pivot has attitudes in its frames only, not between and after them, expected the method ml or ekf"
             )
         place, speed, covariance = _by_chunks(self._chunk, time)
         return Prediction(time, place, speed, self.wider.of_both(covariance + self.added(time), time - self.end))
@@ -188,8 +192,10 @@ class PredictedBody:
         """
         if point is None:
             return self.path.at(time, None)
-        b, by_points = self._point(point)
-        by_unknowns, own = by_points @ self.by_unknowns, by_points @ self._own_covariance() @ by_points.T
+        own_covariance = self._own_covariance()
+        seen = np.diag(own_covariance)[::3] > 0
+        b, by_points = point_in_body(point, self.labels, self.points, seen, self.attached)
+        by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
         place, speed, covariance = _by_chunks(lambda part: self._chunk(part, b, by_unknowns, own), time)
         covariance = covariance + self._grown(time, b)
         return Prediction(time, place, speed, self.path.wider.of_both(covariance, time - self.path.end))
@@ -201,10 +207,10 @@ class PredictedBody:
         place, speed, by_x = self.path.sampled(time)
         motion = self.rotation.at(time)
         R, size = motion.attitude, self.rotation.size
-        by_state = self._by_state(R, motion.rate, b)
+        by_motion = by_state(R, motion.rate, b)
         by_b = np.concatenate([R, R @ cross_matrices(motion.rate)], axis=1)
         total = -by_b @ by_unknowns
-        total[:, :, :size] += by_state @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
+        total[:, :, :size] += by_motion @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
         total[:, :, size:] += by_x
         covariance = total @ self.covariance @ np.swapaxes(total, 1, 2) + by_b @ own @ np.swapaxes(by_b, 1, 2)
         return place + R @ b, speed + np.einsum("nij,nj->ni", R, np.cross(motion.rate, b)), covariance
@@ -215,45 +221,59 @@ class PredictedBody:
         ahead = time > self.path.end
         if self.torque_density > 0 and ahead.any():
             motion = self.rotation.at(time[ahead])
-            by_state = self._by_state(motion.attitude, motion.rate, b)
+            by_motion = by_state(motion.attitude, motion.rate, b)
             turned = rotation_growth(self.rotation, self.torque_density, self.path.end, time[ahead])
-            grown[ahead] += by_state @ turned @ np.swapaxes(by_state, 1, 2)
+            grown[ahead] += by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
         return grown
-
-    @staticmethod
-    def _by_state(R: FloatArray, rate: FloatArray, b: FloatArray) -> FloatArray:
-        """The Jacobian (n, 6, 6) of position and velocity of b (3,) by attitude (a rotation vector in B) and rate."""
-        arm = np.broadcast_to(cross_matrices(b[None]), R.shape)
-        by_turn = np.concatenate([-R @ arm, -R @ cross_matrices(np.cross(rate, b))], axis=1)
-        return np.concatenate([by_turn, np.concatenate([np.zeros_like(R), -R @ arm], axis=1)], axis=2)
-
-    def _point(self, point: str | Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The point (3,) in B from the centre of mass, m, and its Jacobian (3, 3 m) by the features."""
-        m = len(self.points)
-        if isinstance(point, str):
-            if point not in self.labels:
-                raise InputError(f"point is {point!r}, expected a feature's label or three coordinates in m")
-            index = self.labels.index(point)
-            if not np.any(self._own_covariance()[3 * index, 3 * index]):
-                raise InputError(f"point is {point!r}, which is not seen, expected a feature of the result")
-            return self.points[index], np.eye(3 * m)[3 * index : 3 * index + 3]
-        coordinates = np.asarray(point, dtype=np.float64)
-        if coordinates.shape != (3,) or not (np.abs(coordinates) <= FARTHEST).all():
-            raise InputError(
-                f"point is {point!r}, expected a feature's label or three coordinates within {FARTHEST:g} m"
-            )
-        own = self.points[self.attached]
-        turned = -cross_matrices(coordinates[None])[0] @ turn_by_points(own)
-        by_own = np.tile(np.eye(3), len(own)) / len(own) + turned
-        by_points = np.zeros((3, m, 3))
-        by_points[:, self.attached] = by_own.reshape(3, -1, 3)
-        return own.mean(axis=0) + coordinates, by_points.reshape(3, 3 * m)
 
     def _own_covariance(self) -> FloatArray:
         """The covariance (3 m, 3 m) of the points for known u."""
         if self.points_covariance.ndim == 2:
             return self.points_covariance
         return np.asarray(block_diag(*self.points_covariance))
+
+
+def by_state(R: FloatArray, rate: FloatArray, b: FloatArray) -> FloatArray:
+    """The Jacobian (n, 6, 6) of position and velocity in C of a point b (3,) in B by attitude and rate.
+
+    R (n, 3, 3) R_C_B, of which a change is a rotation vector in B; rate (n, 3), rad/s in B.
+    """
+    arm = np.broadcast_to(cross_matrices(b[None]), R.shape)
+    by_turn = np.concatenate([-R @ arm, -R @ cross_matrices(np.cross(rate, b))], axis=1)
+    return np.concatenate([by_turn, np.concatenate([np.zeros_like(R), -R @ arm], axis=1)], axis=2)
+
+
+def point_in_body(
+    point: str | Sequence[float] | FloatArray,
+    labels: tuple[str, ...],
+    points: FloatArray,
+    seen: BoolArray,
+    attached: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """A point (3,) in B from the centre of mass, m, and its Jacobian (3, 3 m) by the features' points (m, 3).
+
+    seen (m,): which features are; attached: those whose axes and centroid body coordinates refer to.
+
+    Raises:
+        InputError: no such feature, or no such point.
+    """
+    m = len(points)
+    if isinstance(point, str):
+        if point not in labels:
+            raise InputError(f"point is {point!r}, expected a feature's label or three coordinates in m")
+        index = labels.index(point)
+        if not seen[index]:
+            raise InputError(f"point is {point!r}, which is not seen, expected a feature of the result")
+        return points[index], np.eye(3 * m)[3 * index : 3 * index + 3]
+    coordinates = np.asarray(point, dtype=np.float64)
+    if coordinates.shape != (3,) or not (np.abs(coordinates) <= FARTHEST).all():
+        raise InputError(f"point is {point!r}, expected a feature's label or three coordinates within {FARTHEST:g} m")
+    own = points[attached]
+    turned = -cross_matrices(coordinates[None])[0] @ turn_by_points(own)
+    by_own = np.tile(np.eye(3), len(own)) / len(own) + turned
+    by_points = np.zeros((3, m, 3))
+    by_points[:, attached] = by_own.reshape(3, -1, 3)
+    return own.mean(axis=0) + coordinates, by_points.reshape(3, 3 * m)
 
 
 def times_of(time: ArrayLike, begin: float) -> FloatArray:

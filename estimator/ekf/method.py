@@ -17,16 +17,16 @@ import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, observability_of, rejected_by
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
-from baryscope.estimator.adjustment.spurious import farthest
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.trajectory import trajectory_of
 from baryscope.estimator.ekf.linearised import points_from
 from baryscope.estimator.ekf.passes import Passes, passes
+from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
-from baryscope.estimator.ekf.spurious import spurious_growth
+from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
 from baryscope.estimator.ekf.start import Start, start_from
-from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
+from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.options import PathOptions, refuse_forces, torques_of
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
@@ -133,10 +133,8 @@ class _Answer:
     offset_covariance: FloatArray
 
 
-def _mean_of(answers: list[_Answer], evidence: FloatArray) -> _Answer:
-    """The mean and covariance of a mixture."""
-    weight = np.exp(evidence - evidence.max())
-    weight /= weight.sum()
+def _mean_of(answers: list[_Answer], weight: FloatArray) -> _Answer:
+    """The mean and covariance of a mixture with probabilities (k,)."""
 
     def mean(name: str, covariance: str) -> tuple[FloatArray, FloatArray]:
         values = np.array([getattr(answer, name) for answer in answers])
@@ -156,7 +154,9 @@ def _result(
     """The result of the most probable order, with the mean path of all of them."""
     found, frames = orders[0], start.nodes.frames
     last, at, features = found.last, found.reference, _features(found)
-    answer = _mean_of([_answer(one, start) for one in orders], np.array([one.evidence for one in orders]))
+    probability = np.exp(np.array([one.evidence for one in orders]) - found.evidence)
+    probability = np.where(len(orders) > 1, probability / probability.sum(), 1.0)
+    answer = _mean_of([_answer(one, start) for one in orders], probability)
     cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
     order, gravity_gradient = at.deviation.shape[1] // 3 - 1, start.rotation.orbit is not None
@@ -195,6 +195,7 @@ def _result(
         ),
         wall_time=clock.perf_counter() - begin,
         process_noise=_process_noise(found, options, order),
+        predictor=PredictedTumble(tuple(orders), probability, tracks.labels, features),
     )
 
 
@@ -236,10 +237,8 @@ def _answer(found: Passes, start: Start) -> _Answer:
     """The path for one order, with covariances without spurious information."""
     at, frames, solution, features = found.reference, start.nodes.frames, found.solution, _features(found)
     p = at.deviation.shape[1]
-    attached = np.zeros((3, 3 * len(at.points)))
-    attached.reshape(3, -1, 3)[:, features] = offset_by_points(at.points[features]).reshape(3, -1, 3)
-    offset = at.points[features].mean(axis=0)
-    of_offset, growth = spurious_growth(found, attached, 1 / farthest(at.points[features]) ** 2)
+    offset, attached, least = attached_offset(found, features)
+    of_offset, growth = spurious_growth(found, attached, least)
     points, growth = slice(points_from(p) - 1, None), growth[frames, :p]
     of_path = solution.of_state[frames, :p, :p] + growth @ np.swapaxes(growth, 1, 2)
     H, H_rate = at.path.observed[frames], at.path.observed_rate[frames]

@@ -41,18 +41,25 @@ class PathProcess:
     transition: FloatArray
 
 
-def relative_motion(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArray) -> PathProcess:
-    """Relative motion on an orbit, linearised about an exact one.
+def at_rest(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArray) -> FloatArray:
+    """The unknowns x (6,) of a motion at rest in LVLH axes with the origin (3,) in C, m, at the middle of times (n,).
 
-    u is the deviation (δg, T δġ) in C, T the time span; its transition follows from the Jacobians of `motion`. The
-    nominal motion is at rest in LVLH axes with the origin (3,) in C, m, at the motion's epoch, moved by shift (6,) of u
-    at the first time.
+    shift (6,): of the deviation u at the first time, see `relative_motion`.
     """
-    span = span_of(time)
+    span, ends = span_of(time), time[[0, len(time) // 2]]
+    place, rate = motion.at(ends), motion.rate_at(ends)
+    x = np.linalg.solve(np.concatenate([place.jacobian[0], span * rate.jacobian[0]]), shift)
+    x[:3] += np.linalg.solve(place.jacobian[1, :, :3], origin)
+    return np.asarray(x)
+
+
+def relative_motion(motion: Path, time: FloatArray, x: FloatArray, span: float) -> PathProcess:
+    """Relative motion on an orbit, linearised about an exact one with unknowns x (6,).
+
+    u is the deviation (δg, T δġ) in C, T the span in s; its transition follows from the Jacobians of `motion`.
+    """
     place, rate = motion.at(time), motion.rate_at(time)
     whole = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
-    x = np.linalg.solve(whole[0], shift)
-    x[:3] += np.linalg.solve(place.jacobian[len(time) // 2, :, :3], origin)
     observed, observed_rate = np.eye(3, 6), np.eye(3, 6, 3) / span
     return PathProcess(
         place.position(x),
@@ -63,12 +70,11 @@ def relative_motion(motion: Path, time: FloatArray, origin: FloatArray, shift: F
     )
 
 
-def derivatives(size: int, time: FloatArray, origin: FloatArray) -> PathProcess:
+def derivatives(size: int, time: FloatArray, origin: FloatArray, span: float) -> PathProcess:
     """A path in C whose derivatives of order `size` and above are noise or zero; origin (3,) in C, m.
 
-    u is T^j/j! times the j-th derivative of the position less origin, j < size, T the time span.
+    u is T^j/j! times the j-th derivative of the position less origin, j < size, T the span in s.
     """
-    span = span_of(time)
     steps = np.diff(time) / span
     transition = np.zeros((len(steps), size, size))
     for i in range(size):
@@ -89,12 +95,12 @@ def span_of(time: FloatArray) -> float:
     return float(time[-1] - time[0]) or 1.0
 
 
-def white_noise(order: int, time: FloatArray) -> FloatArray:
+def white_noise(order: int, time: FloatArray, span: float) -> FloatArray:
     """Covariance (n - 1, p, p), from frame to frame, of T^j/j! times the j-th derivatives, p = 3 (order + 1).
 
-    The (order + 1)-th derivative is white noise of the density 1 m²/s^(2 order + 1); a fixed point has none.
+    The (order + 1)-th derivative is white noise of the density 1 m²/s^(2 order + 1); a fixed point has none. T is the
+    span in s.
     """
-    span = span_of(time)
     steps = np.diff(time) / span
     noise = np.zeros((len(steps), order + 1, order + 1))
     if order:

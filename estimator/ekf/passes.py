@@ -56,14 +56,20 @@ class Pass:
 class Passes:
     """The last pass, and the solution in SI units, the mean over members with probability (k,).
 
-    reference: of the solution; evidence: logarithm of the likelihood of all members, with the prior's.
+    about: what the last pass is linearised about, its nominal path moved by shift (p,); reference: of the solution;
+    variance (k,): of an observation of weight 1 for each member; evidence: logarithm of the likelihood of all members,
+    with the prior's.
     """
 
+    problem: Problem
+    about: Reference
+    shift: FloatArray
     last: Pass
     reference: Reference
     solution: Solution
     members: tuple[Member, ...]
     probability: FloatArray
+    variance: FloatArray
     evidence: float
     count: int
     converged: bool
@@ -92,7 +98,7 @@ def passes(problem: Problem) -> Passes:
             reference = replace(reference, path=problem.process(shift), deviation=still)
         last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
         count += 1
-    return _mean(problem, reference, last, count)
+    return _mean(problem, reference, shift, last, count)
 
 
 def _pass(
@@ -208,7 +214,7 @@ def _position_variance(reference: Reference, solution: Solution) -> FloatArray:
     return np.asarray(np.einsum("kip,kpq,kiq->k", H, solution.of_state[:, :p, :p], H, optimize=True))
 
 
-def _mean(problem: Problem, reference: Reference, last: Pass, count: int) -> Passes:
+def _mean(problem: Problem, reference: Reference, shift: FloatArray, last: Pass, count: int) -> Passes:
     """The mean over the probable members of the last bank."""
     members, probability, found = [last.member], np.ones(1), [(last.solution, last.parameters)]
     if last.bank is not None:
@@ -225,11 +231,15 @@ def _mean(problem: Problem, reference: Reference, last: Pass, count: int) -> Pas
     evidence += -np.inf if last.bank is None else last.bank.log_posterior(last.member)
     evidence += _gain_of_scales(problem, reference.deviation[0] + solution.state[0, :p], solution.of_state[0, :p, :p])
     return Passes(
+        problem,
+        reference,
+        shift,
         last,
         moved(reference, solution.state, solution.theta),
         solution,
         tuple(members),
         probability,
+        variance,
         evidence,
         count,
         last.bank is not None and last.linear and last.steady,

@@ -14,6 +14,7 @@ from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.linearised import INERTIA, Reference, points_from
 from baryscope.estimator.ekf.motion import (
     PathProcess,
+    at_rest,
     derivatives,
     logarithm_of_inertia,
     relative_motion,
@@ -74,22 +75,27 @@ class Problem:
 
     @cached_property
     def noise_units(self) -> FloatArray:
-        """The covariances (n - 1, 2, d, d) of each step for unit densities, see `ProcessNoise`."""
-        time, p = self.start.nodes.time, 3 * (self.order + 1)
+        """The covariances (n - 1, 2, d, d) of each step between nodes for unit densities, see `ProcessNoise`."""
+        return self.noise_units_at(self.start.nodes.time)
+
+    def noise_units_at(self, time: FloatArray) -> FloatArray:
+        """The same between times (n,) in s."""
+        p = 3 * (self.order + 1)
         units = np.zeros((len(time) - 1, 2, p + 6, p + 6))
-        units[:, 0, :p, :p] = white_noise(self.order, time)
+        units[:, 0, :p, :p] = white_noise(self.order, time, self.span)
         units[:, 1, p:, p:] = turning_noise(time)
         return units
 
-    def process(self, shift: FloatArray) -> PathProcess:
+    def process(self, shift: FloatArray, time: FloatArray | None = None) -> PathProcess:
         """The path's process about a nominal motion: at first in the features' centroid, then moved.
 
-        shift (p,): of the state u at the first time.
+        shift (p,): of the state u at the first node; time (n,) in s, the nodes' if None.
         """
-        time = self.start.nodes.time
+        own = self.start.nodes.time
+        time = own if time is None else time
         if self.motion is None:
-            return derivatives(self.order + 1, time, self.start.centroid)
-        return relative_motion(self.motion, time, self.start.centroid, shift)
+            return derivatives(self.order + 1, time, self.start.centroid, self.span)
+        return relative_motion(self.motion, time, at_rest(self.motion, own, self.start.centroid, shift), self.span)
 
     def noise(self, members: Sequence[Member], variance: float) -> ProcessNoise:
         """The process noise of members, relative to the variance of an observation."""

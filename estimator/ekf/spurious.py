@@ -2,11 +2,22 @@
 
 import numpy as np
 
-from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
+from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
 from baryscope.estimator.ekf.linearised import points_from
 from baryscope.estimator.ekf.passes import Passes
+from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.tracks import FloatArray
+from baryscope.estimator.tracks import FloatArray, IntArray
+
+
+def attached_offset(found: Passes, features: IntArray) -> tuple[FloatArray, FloatArray, float]:
+    """The offset (3,) of some features' centroid in B, m; its Jacobian (3, 3 m) by all points, in axes attached to
+    these features; and the information, 1/m², of what is not observed of it.
+    """
+    points = found.reference.points
+    attached = np.zeros((3, 3 * len(points)))
+    attached.reshape(3, -1, 3)[:, features] = offset_by_points(points[features]).reshape(3, -1, 3)
+    return points[features].mean(axis=0), attached, 1 / farthest(points[features]) ** 2
 
 
 def spurious_growth(found: Passes, attached: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:

@@ -25,11 +25,11 @@ class PredictionChoices:
     Parameters
     ----------
     predict
-        Seconds after the last frame (pivot, ml): position and velocity with their covariance at the tracks' sampling
-        until then go into a file of the output's name with .prediction.csv.
+        Seconds after the last frame (pivot, ml, ekf): position and velocity with their covariance at the tracks'
+        sampling until then go into a file of the output's name with .prediction.csv.
     point
-        The point of the body to predict (ml): the label of a feature, or x,y,z in m in the axes of the cluster of most
-        frames, from the centroid of its features, as in `features` of the .json file. Default: the centre of mass.
+        The point of the body to predict (ml, ekf): the label of a feature, or x,y,z in m in the axes of the cluster of
+        most frames, from the centroid of its features, as in `features` of the .json file. Default: the centre of mass.
     """
 
     predict: float | None = None
@@ -51,7 +51,8 @@ class PredictionChoices:
         if method not in able:
             name = "--predict" if self.point is None else "--point"
             why = "which has attitudes in its frames only, " if method == "pivot" else ""
-            raise InputError(f"{name}: found with --method {method}, {why}expected {' or '.join(able)}")
+            expected = f"{', '.join(able[:-1])} or {able[-1]}"
+            raise InputError(f"{name}: found with --method {method}, {why}expected {expected}")
 
     def point_of(self, tracks: FeatureTracks) -> Point:
         """The point: a label of the tracks, or coordinates.

@@ -50,7 +50,7 @@ def estimates(draws):
     options = PathOptions(trajectory="polynomial:1")
     return {
         method: [estimate(tracks, method=method, options=options) for tracks, _, _ in draws]
-        for method in ("pivot", "ml")
+        for method in ("pivot", "ml", "ekf")
     }
 
 
@@ -65,7 +65,7 @@ def squared(prediction, position, velocity):
     return float(error @ np.linalg.solve(prediction.covariance[0], error))
 
 
-@pytest.mark.parametrize("method", ["pivot", "ml"])
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 def test_errors_of_position_and_velocity_agree_with_their_covariance(method, draws, estimates):
     """In the gap, at the end, and a minute ahead."""
     squares = {85: [], FRAMES - 1: [], FRAMES + AHEAD - 1: []}
@@ -76,7 +76,8 @@ def test_errors_of_position_and_velocity_agree_with_their_covariance(method, dra
         assert in_band(values, 6), k
 
 
-def test_errors_of_a_point_agree_with_its_covariance(draws, estimates):
+@pytest.mark.parametrize("method", ["ml", "ekf"])
+def test_errors_of_a_point_agree_with_its_covariance(method, draws, estimates):
     """A feature, and a point given by coordinates from the features' centroid, on a turning body."""
     time, R = turning(FRAMES + AHEAD)
     turned = np.cross(RATE, HINGE)
@@ -84,7 +85,7 @@ def test_errors_of_a_point_agree_with_its_covariance(draws, estimates):
     squares = {"F2": [], "hinge": []}
     centroid = FEATURES.mean(axis=0)
     end = len(time) - 1
-    for (_, com, speed), found in zip(draws, estimates["ml"], strict=True):
+    for (_, com, speed), found in zip(draws, estimates[method], strict=True):
         # The body's axes are arbitrary: those of the result, from the features.
         axes = np.linalg.svd(found.clusters[0].points.T @ (FEATURES - centroid))
         R_S_B = axes[0] @ np.diag([1, 1, np.linalg.det(axes[0] @ axes[2])]) @ axes[2]
@@ -107,7 +108,7 @@ def test_at_the_tracks_times_it_is_the_estimate():
     """Position, velocity and their covariances, but for the modes of noise that only a prediction counts."""
     time, R = turning(200)
     tracks = make_case(time, R, in_orbit(time), FEATURES, noise=NOISE).tracks
-    for method in ("pivot", "ml"):
+    for method in ("pivot", "ml", "ekf"):
         found = found_by(method, tracks, "relative-orbit", process_noise="none")
         at = found.predict(time)
         np.testing.assert_allclose(at.position, found.position, atol=1e-9)
@@ -116,9 +117,10 @@ def test_at_the_tracks_times_it_is_the_estimate():
         np.testing.assert_allclose(at.covariance[:, 3:, 3:], found.motion.velocity_covariance, rtol=1e-9, atol=1e-18)
 
 
-def test_the_velocity_of_a_point_is_the_derivative_of_its_position():
+@pytest.mark.parametrize("method", ["ml", "ekf"])
+def test_the_velocity_of_a_point_is_the_derivative_of_its_position(method):
     time, R = turning(200)
-    found = found_by("ml", make_case(time, R, in_orbit(time), FEATURES, noise=NOISE).tracks, "relative-orbit")
+    found = found_by(method, make_case(time, R, in_orbit(time), FEATURES, noise=NOISE).tracks, "relative-orbit")
     around = found.predict([249.99, 250.0, 250.01], (0.5, 1.0, -2.0))
     slope = (around.position[2] - around.position[0]) / 0.02
     np.testing.assert_allclose(around.velocity[1], slope, atol=1e-6)

@@ -22,7 +22,7 @@ def case(request):
     time = np.arange(8.0)
     R, points = attitude(ENVISAT, np.array([0.06, 0.01, 0.01]), time), box_features(6, (10, 5, 5), seed=3)
     reference = Reference(
-        derivatives(2, time, np.array([4.0, -19.0, 3.0])),
+        derivatives(2, time, np.array([4.0, -19.0, 3.0]), 7.0),
         rng.normal(size=(8, 6)),
         R,
         np.tile([0.06, 0.01, 0.01], (8, 1)),

@@ -68,7 +68,7 @@ def test_the_logarithm_of_an_inertia_leads_to_a_sphere():
 def test_white_noise_of_unit_density(order):
     """The position's variance after T: ∫ ((T − t)^order / order!)² dt."""
     time = np.array([0.0, 3.0, 4.0, 9.0, 15.0])
-    process, noise = derivatives(order + 1, time, np.zeros(3)), white_noise(order, time)
+    process, noise = derivatives(order + 1, time, np.zeros(3), 15.0), white_noise(order, time, 15.0)
     covariance = np.zeros_like(noise[0])
     for transition, added in zip(process.transition, noise, strict=True):
         covariance = transition @ covariance @ transition.T + added

@@ -120,7 +120,7 @@ def test_a_point_by_coordinates_and_the_centre_of_mass(tracks, capsys):
             ["--predict", "5", "--point", "F1"],
             "--point: found with --method pivot, which has attitudes in its frames only",
         ),
-        (["--predict", "5", "--method", "score"], "--predict: found with --method score, expected pivot or ml"),
+        (["--predict", "5", "--method", "score"], "--predict: found with --method score, expected pivot, ml or ekf"),
         (["--predict", "-5"], "--predict: found -5, expected seconds above 0"),
         (["--predict", "1e9"], "--predict: found 1e+09 s at steps of 1 s, expected 100000 at most"),
         (["--predict", "5", "--method", "ml", "--point", "hinge"], "--point: found 'hinge', expected x,y,z in m or a"),
