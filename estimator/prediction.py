@@ -119,7 +119,7 @@ class PredictedPath:
         """
         if point is not None:
             raise InputError(
-                "point: pivot has attitudes in its frames only, not between and after them, expected the method ml or ekf"
+                "point: pivot has attitudes in its frames only, not between and after them, expected ml or ekf"
             )
         place, speed, covariance = _by_chunks(self._chunk, time)
         return Prediction(time, place, speed, self.wider.of_both(covariance + self.added(time), time - self.end))

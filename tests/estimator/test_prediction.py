@@ -133,7 +133,7 @@ def test_what_cannot_be_predicted_is_said_in_a_line():
     tracks = make_case(time, R, at_rest(time), FEATURES, noise=NOISE).tracks
     pivot, screws = found_by("pivot", tracks, "fixed"), estimate(tracks, method="screw-gpa", options=ScrewOptions())
     ml = found_by("ml", tracks, "fixed")
-    with pytest.raises(InputError, match=r"point: pivot has attitudes in its frames only, .*, expected the method ml"):
+    with pytest.raises(InputError, match=r"point: pivot has attitudes in its frames only, .*, expected ml or ekf"):
         pivot.predict([70.0], "F1")
     with pytest.raises(InputError, match="screw-gpa predicts nothing, expected pivot or ml"):
         screws.predict([70.0])
