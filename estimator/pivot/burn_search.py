@@ -22,7 +22,8 @@ from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.pivot.drift import frame_weights
+from baryscope.estimator.pivot.drift import frame_covariances
+from baryscope.estimator.pivot.free_attitudes import Solution
 from baryscope.estimator.pivot.refinement import ROUNDING, Subsample
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
@@ -38,9 +39,11 @@ DURATIONS = 24  # at which the likelihood of a duration is looked at that is les
 TOLD = 12.0
 QUIET = 100.0  # precision of a cell by its noise over its information: noise without an effect
 MOST_BURNS = 12
+QUIETER = (1e-2, 1e-4)  # shares of the noise that stands for all burns
+COSTLY = 10.0  # times as inaccurate as without noise are the offsets: then it is looked for burns once more
 PATIENCE = 2  # burns that are added although they make the model less likely
 ODDS = 1e3  # against a burn anywhere, before the tracks are looked at
-NOISE_ROUNDS = 3  # of the observations' variance and of the noise's density by turns
+NOISE_ROUNDS = 2  # of the observations' variance and of the noise's density by turns
 SETTLING = 8  # fits of the burns' times
 TOLERANCE = 3.0  # of 2 ln p, by which the priors' changes with the times may lower it
 SIZES = np.exp(np.linspace(0.0, 16.0, 17))  # of a burn's variance, over that which the tracks just tell
@@ -65,15 +68,28 @@ class BurnFit:
     rhs: FloatArray
 
 
+@dataclass(frozen=True)
+class _Limit:
+    """Of a fit: the greatest logarithm of the noise's density, and the variance unless it is estimated."""
+
+    density: float = np.inf
+    variance: float | None = None
+
+
+FREE = _Limit()
+
+
 @dataclass(frozen=True, eq=False)
 class BurnSearch:
     """The equations of all frames with an attitude, with unknowns of bodies, path and cells.
 
-    rows (3 f, u + 3 c + 1): the equations, the last column being what is observed; frame (f,): of which rows of `time`
-    (n,) in s; root (f,) of their weights; edges (c + 1,) of the cells in s; base: the path without process noise;
-    others: the prior of the u unknowns before the cells; least: lower bound of the variance.
+    few: the bodies. rows (f, 3, u + 3 c + 1): the equations, the last column being what is observed; frame (f,): of
+    which rows of `time` (n,) in s; root (f, 3, 3) of the inverse of their covariance; edges (c + 1,) of the cells in s;
+    base: the path without process noise; others: the prior of the u unknowns before the cells; noise: deviation of a
+    coordinate from the registration, m; least: lower bound of the variance of an observation of weight 1, m².
     """
 
+    few: Subsample
     rows: FloatArray
     frame: IntArray
     root: FloatArray
@@ -82,6 +98,7 @@ class BurnSearch:
     base: Path
     orbit: Orbit
     others: Prior
+    noise: float
     least: float
 
     @property
@@ -90,7 +107,7 @@ class BurnSearch:
         return float(2 * np.log(ODDS * self.cells * max(self.cells * LONGEST, 1.0)))
 
     @property
-    def bodies(self) -> int:
+    def offsets(self) -> int:
         """The number of unknowns of the bodies' offsets."""
         return len(self.others.offset) - self.base.size - SMOOTH
 
@@ -104,31 +121,74 @@ class BurnSearch:
         """The length of a cell in s."""
         return float(self.edges[1] - self.edges[0])
 
-    def likeliest(self) -> BurnFit:
-        """The fit with the likeliest burns."""
-        best = current = self._fitted((), self.least, NOISE_ROUNDS)
+    def likeliest(self) -> tuple["BurnSearch", BurnFit]:
+        """The fit with the likeliest burns, and the search with the weights that belong to it.
+
+        Noise that has to stand for burns lets the path follow the body's rotation, which hides a wrong offset, and so
+        the burns. If noise is left beside the burns, they are looked for once more with less of it. The frames' noise
+        depends on the offset, so that solutions are compared with weights of their own.
+        """
+        without = self._fitted((), self.least, NOISE_ROUNDS)
+        search, best = self, self._extended(without)
+        if self._cost_of_noise(best) >= COSTLY:
+            search, best = self._own(best, FREE)
+            for share in QUIETER:
+                limit = _Limit(float(without.theta[0] + np.log(share)))
+                held = replace(limit, variance=self.noise**2)
+                found = self._extended(self._fitted((), self.noise**2, 1, held), held)
+                other, found = self._own(found, limit)
+                if other._total(found) < search._total(best):
+                    search, best = other, found
+        return search, search._spread(best) if best.burns else best
+
+    def _own(self, fit: BurnFit, limit: "_Limit") -> tuple["BurnSearch", BurnFit]:
+        """The search with weights for the offsets of a fit, and the fit with these and with a free variance."""
+        search = self.weighted(tuple(fit.mean[: self.offsets].reshape(-1, 3)))
+        return search, search._settled(fit.burns, self.noise**2, limit)
+
+    def weighted(self, offsets: tuple[FloatArray, ...]) -> "BurnSearch":
+        """The search with the weights of the frames for the offsets (3,) of all bodies, m."""
+        noise = frame_covariances(self.few.bodies, self.few.observations.weight, offsets)
+        axes = np.concatenate([body.attitude for body in self.few.bodies])
+        return replace(self, root=np.linalg.inv(np.linalg.cholesky(np.concatenate(noise))) @ np.swapaxes(axes, 1, 2))
+
+    def _extended(self, start: BurnFit, limit: _Limit = FREE) -> BurnFit:
+        """The likeliest of a fit with no burn, one burn, and so on."""
+        best = current = start
         while len(current.burns) < min(MOST_BURNS, len(best.burns) + PATIENCE):
             window = self._window(current)
             if window is None:
                 break
-            current = self._settled((*current.burns, window), current.variance)
-            if current.score + self.price * len(current.burns) < best.score + self.price * len(best.burns):
-                best = current
-        return self._spread(best) if best.burns else best
+            current = self._settled((*current.burns, window), current.variance, limit)
+            best = current if self._total(current) < self._total(best) else best
+        return best
+
+    def _total(self, fit: BurnFit) -> float:
+        """The score and the price of the burns."""
+        return fit.score + self.price * len(fit.burns)
+
+    def _cost_of_noise(self, fit: BurnFit) -> float:
+        """The deviation of the offsets over that without noise, burns being as they are."""
+        own, rest = slice(self.offsets), slice(len(fit.rhs) - 3 * self.cells)
+        known = fit.matrix[rest, rest] / fit.variance + np.diag(self._prior(fit.burns).precision(np.zeros(0)))
+        quiet = _solved(known, np.eye(len(known))[:, own])[own]
+        return float(np.sqrt(np.trace(fit.covariance[own, own]) / np.trace(quiet)))
+
+    def _noisy(self, fit: BurnFit) -> bool:
+        """Whether the noise of a fit has an effect."""
+        most = float(np.diag(fit.matrix)[-3 * self.cells :].max()) / fit.variance
+        return bool(self.width < QUIET * most * np.exp(fit.theta[0]))
 
     def without(self, fit: BurnFit, index: int) -> BurnFit:
         """The fit without one of its burns."""
         rest = fit.burns[:index] + fit.burns[index + 1 :]
         return self._spread(self._settled(rest, fit.variance)) if rest else self._fitted((), fit.variance, 1)
 
-    def offsets_without_burns(self) -> FloatArray:
-        """The offsets (3 b,) of the bodies with noise alone, m."""
-        return self._fitted((), self.least, NOISE_ROUNDS).mean[: self.bodies]
-
     @cached_property
     def _weighted(self) -> FloatArray:
         """The equations times the root of their weight."""
-        return np.asarray(self.rows * np.repeat(self.root, 3)[:, None])
+        rows = self.root @ self.rows
+        return np.asarray(rows.reshape(-1, rows.shape[2]))
 
     @cached_property
     def _gram(self) -> FloatArray:
@@ -149,41 +209,43 @@ class BurnSearch:
         matrix, rhs = np.zeros((size, size)), np.zeros(size)
         matrix[np.ix_(places, places)], rhs[places] = gram[:-1, :-1], gram[:-1, -1]
         if burns:
-            columns = self._burned(burns).columns(self.time)[self.frame] * self.root[:, None, None]
-            columns = columns.reshape(-1, k)
+            columns = (self.root @ self._burned(burns).columns(self.time)[self.frame]).reshape(-1, k)
             cross = columns.T @ self._weighted
             matrix[np.ix_(own, places)], rhs[own] = cross[:, :-1], cross[:, -1]
             matrix[np.ix_(places, own)] = cross[:, :-1].T
             matrix[np.ix_(own, own)] = columns.T @ columns
         return matrix, rhs
 
-    def _fitted(self, burns: tuple[Burn, ...], variance: float, rounds: int) -> BurnFit:
-        """The posterior of all unknowns for burns with given times, from a variance that is then estimated."""
+    def _fitted(self, burns: tuple[Burn, ...], variance: float, rounds: int, limit: _Limit = FREE) -> BurnFit:
+        """The posterior of all unknowns for burns with given times, from a variance."""
         matrix, rhs = self._equations(burns)
         white = Prior(
             np.full(3 * self.cells, -np.log(self.width)),
             np.ones((3 * self.cells, 1)),
             (Hyperparameter(DENSITY, optional=True),),
         )
-        prior, total, values = self._prior(burns).joined(white), float(self._gram[-1, -1]), len(self.rows)
+        prior, total, values = self._prior(burns).joined(white), float(self._gram[-1, -1]), 3 * len(self.rows)
         for _ in range(rounds):
             linear = Linear(matrix / variance, rhs / variance, np.zeros(len(rhs)))
-            theta = maximise(linear, prior)
+            theta = np.minimum(maximise(linear, prior), limit.density)
             mean, covariance = conditional(linear, prior, theta)
             score = cost(linear, prior, theta) + total / variance + values * float(np.log(variance))
+            score -= 2 * float(np.linalg.slogdet(self.root)[1].sum())
+            if limit.variance is not None:
+                break
             left = values - float(np.vdot(linear.information, covariance))
             squares = total - 2 * float(rhs @ mean) + float(mean @ matrix @ mean)
             variance = max(squares / max(left, 1.0), self.least)
         return BurnFit(burns, score, variance, theta, mean, covariance, matrix, rhs)
 
-    def _settled(self, burns: tuple[Burn, ...], variance: float) -> BurnFit:
+    def _settled(self, burns: tuple[Burn, ...], variance: float, limit: _Limit = FREE) -> BurnFit:
         """The fit with the burns' times at their maximum."""
         u = len(self.others.offset)
-        first = fit = self._fitted(burns, variance, 1)
+        first = fit = self._fitted(burns, variance, 1, limit)
         for _ in range(SETTLING):
             own = slice(u, u + UNKNOWNS * len(fit.burns))
             moved, still = self._burned(fit.burns).settled(fit.mean[own], fit.covariance[own, own])
-            fit = self._fitted(moved, fit.variance, 1)
+            fit = self._fitted(moved, fit.variance, 1, limit)
             if still:
                 break
         return fit if fit.score < first.score + TOLERANCE else first
@@ -226,7 +288,7 @@ class BurnSearch:
         noise = np.full(3 * self.cells, self.width / np.exp(fit.theta[0]))
         precision = np.concatenate([self._prior(burns).precision(np.zeros(0)), noise])
         gone = durations
-        if noise[0] > QUIET * np.diag(matrix)[-len(noise) :].max() / fit.variance:  # as good as none
+        if not self._noisy(fit):
             gone = np.append(durations, np.arange(len(x) - len(noise), len(x)))
             x[gone] = 0.0
         kept = np.setdiff1d(np.arange(len(x)), gone)
@@ -281,12 +343,14 @@ class BurnSearch:
 
 
 def burn_search(
-    registered: Registered, few: Subsample, time: FloatArray, base: Path, x: FloatArray, orbit: Orbit
+    registered: Registered, few: Subsample, time: FloatArray, base: Path, found: Solution, orbit: Orbit
 ) -> BurnSearch:
-    """The search beside a path without process noise, with offsets of the registered bodies in C.
+    """The search beside a path without process noise.
 
-    few: a subsample of the bodies, with times (n,) in s of its frames; x (p,): of the path, about which it is linear.
+    few: a subsample of the bodies, with times (n,) in s of its frames; found: a solution without burns, about whose
+    path the equations are linear, and whose offsets weigh the frames.
     """
+    x = found.x[: base.size]
     n = int(np.clip(len(time) // FRAMES_PER_CELL, FEWEST_CELLS, MOST_CELLS))
     edges = np.linspace(time.min(), time.max(), n + 1)
     sampled = base.at(time)
@@ -298,15 +362,16 @@ def burn_search(
         own = np.zeros((len(body.frames), 3, 3 * count))
         own[:, :, 3 * index : 3 * index + 3] = body.attitude
         left = (origin[::step] - offset[body.frames])[:, :, None]
-        rows.append(np.concatenate([own, columns[body.frames], left], axis=2).reshape(3 * len(left), -1))
+        rows.append(np.concatenate([own, columns[body.frames], left], axis=2))
     frames, smooth = np.concatenate([body.frames for body in bodies]), Prior.known(np.full(SMOOTH, BROAD**2))
     others = Prior.none(3 * count).joined(base.prior).joined(smooth)
     distance = max(float(np.abs(origin).max()) for origin in registered.origins)
     least = (ROUNDING * distance) ** 2
-    search = BurnSearch(np.concatenate(rows), frames, np.ones(len(frames)), time, edges, base, orbit, others, least)
-    offsets = search.offsets_without_burns()
-    weights = frame_weights(bodies, few.observations.weight, tuple(offsets.reshape(-1, 3)))
-    return replace(search, root=np.sqrt(np.concatenate(weights)))
+    both = zip(registered.bodies, found.bodies, strict=True)
+    offsets = tuple(after.points.mean(axis=0) - before.points.mean(axis=0) for before, after in both)
+    root, all_rows = np.tile(np.eye(3), (len(frames), 1, 1)), np.concatenate(rows)
+    search = BurnSearch(few, all_rows, frames, root, time, edges, base, orbit, others, registered.noise, least)
+    return search.weighted(offsets)
 
 
 def _cells(base: Path, orbit: Orbit, edges: FloatArray, time: FloatArray) -> FloatArray:

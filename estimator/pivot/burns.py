@@ -39,9 +39,8 @@ def with_unknown_burns(
     if not isinstance(path, Disturbed) or path.density is not None or found.significance(DENSITY) < SIGNIFICANT:
         return found
     few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
-    x = found.solution.x[: path.base.size]
-    search = burn_search(registered, few, start.time[few.rows], path.base, x, orbit)
-    fit = search.likeliest()
+    search = burn_search(registered, few, start.time[few.rows], path.base, found.solution, orbit)
+    search, fit = search.likeliest()
     while fit.burns:
         try:
             burned = refined(_start(start, registered, fit, orbit), options)

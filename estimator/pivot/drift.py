@@ -83,9 +83,16 @@ def _normal_equations(
 
 
 def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]) -> list[FloatArray]:
-    """A weight for each frame of each body: the inverse mean variance of c_k − R_k d, for weights (n, m).
+    """A weight for each frame of each body: the inverse mean variance of c_k − R_k d, for weights (n, m)."""
+    return [3 / np.trace(found, axis1=1, axis2=2) for found in frame_covariances(bodies, weight, offsets)]
 
-    It adds the variance of the centroid, 1/n for n points of weight 1, and that of the attitude times the lever arm.
+
+def frame_covariances(
+    bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]
+) -> list[FloatArray]:
+    """The covariance (n, 3, 3) of c_k − R_k d in S for each frame of each body, for weights (n, m).
+
+    It is that of the centroid, 1/n for n points of weight 1, and that of the attitude times the lever arm.
     """
     found = []
     for body, offset in zip(bodies, offsets, strict=True):
@@ -100,9 +107,7 @@ def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[F
         )
         turn = turn_information(w, arms) - total[:, None, None] * parallel_axis
         # c_k is the centroid in C less R_k times the centroid in S: the attitude acts on the sum of both arms.
-        arm, C = offset + centroid, symmetric_inverses(turn)
-        # tr([a]× C [a]×ᵀ) = a·a tr C − a·C a
-        across = np.einsum("ki,ki->k", arm, arm) * (C[:, 0, 0] + C[:, 1, 1] + C[:, 2, 2])
-        variance = (across - np.einsum("ki,kij,kj->k", arm, C, arm)) / 3
-        found.append(1 / (1 / total + variance))
+        lever = cross_matrices(offset + centroid)
+        moved = lever @ symmetric_inverses(turn) @ np.swapaxes(lever, 1, 2)
+        found.append(np.eye(3) / total[:, None, None] + moved)
     return found
