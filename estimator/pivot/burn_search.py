@@ -36,7 +36,7 @@ FEWEST_CELLS, MOST_CELLS, FRAMES_PER_CELL = 8, 128, 4
 LONGEST = 1 / 6  # of the span, that a burn lasts
 SMOOTH = 15  # unknowns of accelerations that are no burns: three constants in LVLH, and their first two harmonics
 DURATIONS = 24  # at which the likelihood of a duration is looked at that is less than TOLD deviations
-TOLD = 12.0
+TOLD, RANGE = 12.0, 5.0  # and up to RANGE deviations above it
 QUIET = 100.0  # precision of a cell by its noise over its information: noise without an effect
 MOST_BURNS = 12
 QUIETER = (1e-2, 1e-4)  # shares of the noise that stands for all burns
@@ -267,14 +267,15 @@ class BurnSearch:
             burns[index] = replace(burn, slack=flat)
             if TOLD * deviation < burn.duration:
                 continue
-            durations = most * (np.arange(DURATIONS) + 0.5) ** 2 / DURATIONS**2
+            step = min(most, burn.duration + RANGE * deviation) / DURATIONS
+            durations = step * (np.arange(DURATIONS) + 0.5)
             tried = [replace(burn, begin=middle - one / 2, end=middle + one / 2, slack=flat) for one in durations]
             costs = np.array([self._cost((*burns[:index], one, *burns[index + 1 :]), fit) for one in tried])
-            weight = np.exp(-(costs - costs.min()) / 2) * np.sqrt(durations)  # equal weights of equal steps
+            weight = np.exp(-(costs - costs.min()) / 2)
             weight /= weight.sum()
             mean = float(weight @ durations)
             spread = float(np.sqrt(weight @ (durations - mean) ** 2))
-            slack = (flat[0], max(spread, float(durations[0])))
+            slack = (flat[0], max(spread, step))
             burns[index] = replace(burn, begin=middle - mean / 2, end=middle + mean / 2, slack=slack)
         return self._fitted(tuple(burns), fit.variance, 1)
 
