@@ -56,6 +56,11 @@ class Widening:
     variance: float = 0.0
     velocity: float = 0.0
 
+    def then(self, by: "Widening") -> "Widening":
+        """This one, and what it gives widened by another."""
+        velocity = by.factor * self.velocity + by.velocity
+        return Widening(self.factor * by.factor, by.factor * self.variance + by.variance, velocity)
+
     def of_position(self, covariance: FloatArray) -> FloatArray:
         """A covariance (..., 3, 3) of positions in m², widened."""
         return np.asarray(self.factor * covariance + self.variance * np.eye(3))
@@ -109,7 +114,7 @@ class PredictedPath:
 
     def widened(self, by: Widening) -> "PredictedPath":
         """See `Predictor`."""
-        return replace(self, wider=by)
+        return replace(self, wider=self.wider.then(by))
 
     def at(self, time: FloatArray, point: Point) -> Prediction:
         """See `Predictor`.

@@ -286,14 +286,14 @@ class Estimate:
             times: (n,) in s, in any order.
             point: the label of a feature, or coordinates (3,) in m in the axes of the cluster of most frames, from the
                 centroid of its features, as those of `Cluster.points`; None: the centre of mass. A point needs
-                `ml`; its covariance is that of attitude, rate, path and point together.
+                `ml` or `ekf`; its covariance is that of attitude, rate, path and point together.
 
         Raises:
             InputError: times before the first frame, no such point, or a method without predictions of it.
             ComputationError: `ml` has found no tumble that a point could follow, or none that can be followed so far.
         """
         if self.predictor is None:
-            raise InputError(f"the method {self.method} predicts nothing, expected pivot or ml")
+            raise InputError(f"the method {self.method} predicts nothing, expected pivot, ml or ekf")
         free = next((finding for finding in self.findings if isinstance(finding, FreeAttitudes)), None)
         if point is not None and free is not None:
             raise ComputationError(f"{free.reason}: no point can be predicted without a tumble", Reason.DIVERGED)

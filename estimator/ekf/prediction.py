@@ -37,7 +37,7 @@ class PredictedTumble:
 
     def widened(self, by: Widening) -> "PredictedTumble":
         """See `Predictor`."""
-        return replace(self, wider=by)
+        return replace(self, wider=self.wider.then(by))
 
     def at(self, time: FloatArray, point: Point) -> Prediction:
         """See `Predictor`.

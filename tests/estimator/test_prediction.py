@@ -7,6 +7,8 @@ import pytest
 from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.prediction import PredictedPath, Widening
 from baryscope.estimator.result import FreeAttitudes
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turning
@@ -128,6 +130,15 @@ def test_the_velocity_of_a_point_is_the_derivative_of_its_position(method):
     assert (np.linalg.eigvalsh(around.covariance) > 0).all()
 
 
+def test_what_is_widened_twice_is_as_wide_as_both_make_it():
+    """As of a result that is wider by its camera's errors, and then by a misfit."""
+    path = PredictedPath(Polynomial(1, 0.0, 10.0), np.zeros(6), np.diag(np.arange(1.0, 7.0)), 0.0, 10.0)
+    first, second, ahead = Widening(2.0, 0.3, 0.01), Widening(1.5, 0.1, 0.02), np.array([5.0, 20.0])
+    alone = path.at(ahead, None).covariance
+    expected = second.of_both(first.of_both(alone, ahead - 10.0), ahead - 10.0)
+    np.testing.assert_allclose(path.widened(first).widened(second).at(ahead, None).covariance, expected, rtol=1e-12)
+
+
 def test_what_cannot_be_predicted_is_said_in_a_line():
     time, R = turning(60)
     tracks = make_case(time, R, at_rest(time), FEATURES, noise=NOISE).tracks
@@ -135,7 +146,7 @@ def test_what_cannot_be_predicted_is_said_in_a_line():
     ml = found_by("ml", tracks, "fixed")
     with pytest.raises(InputError, match=r"point: pivot has attitudes in its frames only, .*, expected ml or ekf"):
         pivot.predict([70.0], "F1")
-    with pytest.raises(InputError, match="screw-gpa predicts nothing, expected pivot or ml"):
+    with pytest.raises(InputError, match="screw-gpa predicts nothing, expected pivot, ml or ekf"):
         screws.predict([70.0])
     free = replace(ml, predictor=pivot.predictor, findings=(FreeAttitudes("the steps do not converge"),))
     with pytest.raises(ComputationError, match="the steps do not converge: no point can be predicted without a tumble"):
