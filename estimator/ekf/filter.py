@@ -89,7 +89,7 @@ def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
             ratio[at] += information @ S
             residual = -information @ seen
             residual[:, :, :c] += system.rhs[j]
-            innovation = np.linalg.solve(ratio[at], residual)
+            innovation = _solved(ratio[at], residual)
             both += GP.transpose(0, 2, 1) @ innovation
             e = innovation[:, :, :c]
             expected[:, at], whitened[:, at] = seen[:, :, :c], e
@@ -105,11 +105,22 @@ def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
         log_determinant += np.linalg.slogdet(ratio)[1].sum(axis=0)
         if keep:
             part = slice(begin, begin + size)
-            precision[part] = np.linalg.solve(ratio, system.information[part, None])
+            precision[part] = _solved(ratio, np.broadcast_to(system.information[part, None], ratio.shape))
     asymmetry = 0.5 * np.abs(cost - cost.transpose(0, 2, 1))
     return Forward(
         0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant, predicted, innovations, precision
     )
+
+
+def _solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
+    """The solutions (..., 6, c) of linear systems (..., 6, 6); NaN for members that have lost the motion."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, rhs))
+    except np.linalg.LinAlgError:
+        regular = np.linalg.cond(matrix) < 1 / np.finfo(float).eps
+        found = np.full(rhs.shape, np.nan)
+        found[regular] = np.linalg.solve(matrix[regular], rhs[regular])
+        return found
 
 
 @np.errstate(over="ignore", invalid="ignore")

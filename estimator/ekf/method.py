@@ -88,20 +88,28 @@ def _converged(problems: list[Problem]) -> list[Passes]:
         ComputationError: all diverge.
     """
     found: list[Passes] = []
-    best, behind = -np.inf, 0
+    behind = 0
     for index, problem in enumerate(problems):
-        evidence = -np.inf
         try:
             found.append(passes(problem))
-            evidence = found[-1].evidence if found[-1].converged else -np.inf
         except ComputationError:
             if index == len(problems) - 1 and not found:
                 raise
-        behind = behind + 1 if evidence < best - BEHIND else 0
-        best = max(best, evidence)
+        ranked = _ranked(found)
+        far = ranked and (found[-1].problem is not problem or not found[-1].converged or ranked[found[-1]] < -BEHIND)
+        behind = behind + 1 if far else 0
         if behind == 2:
             break
-    return sorted((one for one in found if one.converged), key=lambda one: -one.evidence) or found[:1]
+    return list(_ranked(found)) or found[:1]
+
+
+def _ranked(found: list[Passes]) -> dict[Passes, float]:
+    """Those that have converged, by their evidence for the least variance of any, and its logarithm less the best's."""
+    converged = [one for one in found if one.converged]
+    variance = min((one.last.variance for one in converged), default=1.0)
+    evidence = {one: one.evidence(variance) for one in converged}
+    best = max(evidence.values(), default=0.0)
+    return {one: evidence[one] - best for one in sorted(converged, key=lambda one: -evidence[one])}
 
 
 def _refuse_effort(nodes: int, features: int) -> None:
@@ -154,8 +162,9 @@ def _result(
     """The result of the most probable order, with the mean path of all of them."""
     found, frames = orders[0], start.nodes.frames
     last, at, features = found.last, found.reference, _features(found)
-    probability = np.exp(np.array([one.evidence for one in orders]) - found.evidence)
-    probability = np.where(len(orders) > 1, probability / probability.sum(), 1.0)
+    relative = _ranked(orders)
+    probability = np.exp([relative.get(one, 0.0) for one in orders])
+    probability /= probability.sum()
     answer = _mean_of([_answer(one, start) for one in orders], probability)
     cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
@@ -188,7 +197,7 @@ def _result(
             torque_noise_bounds=_bounds([member.turn for member in found.members], found.probability),
             gravity_gradient=gravity_gradient,
             nis=last.residual_variance / last.variance,
-            log_likelihood=found.evidence,
+            log_likelihood=found.evidence(found.last.variance),
             final_covariance=answer.covariance[-1],
             angular_rate=at.rate[frames[-1]],
             inertia=at.inertia,

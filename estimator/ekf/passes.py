@@ -1,14 +1,14 @@
 """The passes of `ekf`: linearise, choose the process noise, filter and smooth, until the linearisation holds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.reweighting import GATE, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import DECADES, GENEROUS, Bank, Member
@@ -57,8 +57,7 @@ class Passes:
     """The last pass, and the solution in SI units, the mean over members with probability (k,).
 
     about: what the last pass is linearised about, its nominal path moved by shift (p,); reference: of the solution;
-    variance (k,): of an observation of weight 1 for each member; evidence: logarithm of the likelihood of all members,
-    with the prior's.
+    variance (k,): of an observation of weight 1 for each member; constant: of the evidence, without the misfit.
     """
 
     problem: Problem
@@ -70,9 +69,18 @@ class Passes:
     members: tuple[Member, ...]
     probability: FloatArray
     variance: FloatArray
-    evidence: float
+    constant: float
     count: int
     converged: bool
+
+    def evidence(self, variance: float) -> float:
+        """Logarithm of the likelihood of all members, with the prior's, for a variance of an observation of weight 1.
+
+        An outlier costs as much as an observation at the gate, so that solutions with other outliers can be compared.
+        """
+        weight = self.last.observations.weight
+        rejected = float((1 - weight[weight > 0]).sum())
+        return self.constant - 0.5 * (self.last.parameters.squares / variance + GATE * rejected)
 
 
 def passes(problem: Problem) -> Passes:
@@ -225,11 +233,12 @@ def _mean(problem: Problem, reference: Reference, shift: FloatArray, last: Pass,
     variance = np.array([sigma or max(parameters.squares / last.dof, least) for _, parameters in found])
     solution = mixed([one for one, _ in found], probability, variance)
     p = reference.deviation.shape[1]
-    evidence = 0.5 * float(np.log(last.prior.information[INERTIA : INERTIA + p]).sum()) - float(
-        np.log(probability.max())
+    constant = 0.5 * float(np.log(last.prior.information[INERTIA : INERTIA + p]).sum())
+    constant += _gain_of_scales(problem, reference.deviation[0] + solution.state[0, :p], solution.of_state[0, :p, :p])
+    constant += sum(
+        axis.log_prior(density) for axis, density in zip(problem.axes(1.0), astuple(last.member), strict=True)
     )
-    evidence += -np.inf if last.bank is None else last.bank.log_posterior(last.member)
-    evidence += _gain_of_scales(problem, reference.deviation[0] + solution.state[0, :p], solution.of_state[0, :p, :p])
+    constant -= 0.5 * last.parameters.log_determinant + float(np.log(probability.max()))
     return Passes(
         problem,
         reference,
@@ -240,7 +249,7 @@ def _mean(problem: Problem, reference: Reference, shift: FloatArray, last: Pass,
         tuple(members),
         probability,
         variance,
-        evidence,
+        constant,
         count,
         last.bank is not None and last.linear and last.steady,
     )

@@ -1,5 +1,6 @@
 """The iterated extended Kalman filter on tracks that are simulated without any of its models."""
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import numpy as np
@@ -306,12 +307,21 @@ def test_orders_of_the_path_are_tried_until_two_are_far_behind(monkeypatch, evid
     """None: the passes of that order diverge."""
     counted = []
 
+    @dataclass(frozen=True, eq=False)
+    class Found:
+        problem: float
+        converged: bool = True
+        last: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(variance=1.0))
+
+        def evidence(self, variance):
+            return self.problem * variance
+
     def passes(value):
         counted.append(value)
         if value is None:
             raise ComputationError("diverges", Reason.DIVERGED)
-        return SimpleNamespace(evidence=value, converged=True)
+        return Found(value)
 
     monkeypatch.setattr(method, "passes", passes)
-    assert [one.evidence for one in method._converged(list(evidence))] == kept
+    assert [one.problem for one in method._converged(list(evidence))] == kept
     assert len(counted) == tried
