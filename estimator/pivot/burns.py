@@ -15,7 +15,8 @@ from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burn
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.burn_search import ODDS, BurnFit, burn_search
+from baryscope.estimator.pivot.burn_equations import BurnFit, burn_equations
+from baryscope.estimator.pivot.burn_search import ODDS, likeliest, without
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
 from baryscope.estimator.pivot.refinement import SUBSAMPLE_FRAMES, Pivot, Start, refined, scaled, subsampled
 from baryscope.estimator.registration.clusters import Registered
@@ -39,8 +40,8 @@ def with_unknown_burns(
     if not isinstance(path, Disturbed) or path.density is not None or found.significance(DENSITY) < SIGNIFICANT:
         return found
     few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
-    search = burn_search(registered, few, start.time[few.rows], path.base, found.solution, orbit)
-    search, fit = search.likeliest()
+    equations = burn_equations(registered, few, start.time[few.rows], path.base, found.solution, orbit)
+    equations, fit = likeliest(equations)
     while fit.burns:
         try:
             burned = refined(_start(start, registered, fit, orbit), options)
@@ -50,7 +51,7 @@ def with_unknown_burns(
         worst = int(np.argmin(gains))
         if gains[worst] >= PRICE:
             return burned if burned.converged and _likelier(burned, found) else found
-        fit = search.without(fit, worst)
+        fit = without(equations, fit, worst)
     return found
 
 

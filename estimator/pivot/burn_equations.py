@@ -1,0 +1,266 @@
+"""The linear equations of the drifting pivot with unknown burns, c_k = g(t_k; x) + R_k d, and their solution.
+
+These know the attitudes from the registration, so that metres of error of the path do no harm. The time is cut into
+cells of equal length, with an acceleration of its own in each. Their prior is white noise of a density of maximum
+marginal likelihood.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, cost, maximise
+from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
+from baryscope.estimator.dynamics.forces import BROAD, longest_on
+from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.dynamics.process_noise import DENSITY
+from baryscope.estimator.pivot.drift import frame_covariances
+from baryscope.estimator.pivot.free_attitudes import Solution
+from baryscope.estimator.pivot.refinement import ROUNDING, Subsample
+from baryscope.estimator.registration.clusters import Registered
+from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+FEWEST_CELLS, MOST_CELLS, FRAMES_PER_CELL = 8, 128, 4
+SMOOTH = 15  # unknowns of accelerations that are no burns: three constants in LVLH, and their first two harmonics
+QUIET = 100.0  # precision of a cell by its noise over its information: noise without an effect
+NOISE_ROUNDS = 2  # of the observations' variance and of the noise's density by turns
+SETTLING = 8  # fits of the burns' times
+TOLERANCE = 3.0  # of 2 ln p, by which the priors' changes with the times may lower it
+
+
+@dataclass(frozen=True, eq=False)
+class BurnFit:
+    """Burns, and the posterior of all unknowns: of bodies' offsets, path, burns and cells, in this order.
+
+    score: −2 ln p up to a constant; variance of an observation of weight 1; theta: logarithm of the noise's density;
+    matrix and rhs: the normal equations.
+    """
+
+    burns: tuple[Burn, ...]
+    score: float
+    variance: float
+    theta: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    matrix: FloatArray
+    rhs: FloatArray
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Of a fit: the greatest logarithm of the noise's density, and the variance unless it is estimated."""
+
+    density: float = np.inf
+    variance: float | None = None
+
+
+FREE = Limit()
+
+
+@dataclass(frozen=True, eq=False)
+class BurnEquations:
+    """The equations of all frames with an attitude, with unknowns of bodies, path and cells.
+
+    few: the bodies. rows (f, 3, u + 3 c + 1): the equations, the last column being what is observed; frame (f,): of
+    which rows of `time` (n,) in s; root (f, 3, 3) of the inverse of their covariance; edges (c + 1,) of the cells in s;
+    base: the path without process noise; others: the prior of the u unknowns before the cells; variance of an
+    observation of weight 1 from the registration, and the least that it may be, m².
+    """
+
+    few: Subsample
+    rows: FloatArray
+    frame: IntArray
+    root: FloatArray
+    time: FloatArray
+    edges: FloatArray
+    base: Path
+    orbit: Orbit
+    others: Prior
+    variance: float
+    least: float
+
+    @property
+    def offsets(self) -> int:
+        """The number of unknowns of the bodies' offsets."""
+        return len(self.others.offset) - self.base.size - SMOOTH
+
+    @property
+    def cells(self) -> int:
+        """The number of cells."""
+        return len(self.edges) - 1
+
+    @property
+    def width(self) -> float:
+        """The length of a cell in s."""
+        return float(self.edges[1] - self.edges[0])
+
+    def weighted(self, offsets: tuple[FloatArray, ...]) -> "BurnEquations":
+        """The equations with the weights of the frames for the offsets (3,) of all bodies, m."""
+        noise = frame_covariances(self.few.bodies, self.few.observations.weight, offsets)
+        axes = np.concatenate([body.attitude for body in self.few.bodies])
+        return replace(self, root=np.linalg.inv(np.linalg.cholesky(np.concatenate(noise))) @ np.swapaxes(axes, 1, 2))
+
+    def fitted(self, burns: tuple[Burn, ...], variance: float, rounds: int, limit: Limit = FREE) -> BurnFit:
+        """The posterior of all unknowns for burns with given times, from a variance."""
+        matrix, rhs = self._equations(burns)
+        white = Prior(
+            np.full(3 * self.cells, -np.log(self.width)),
+            np.ones((3 * self.cells, 1)),
+            (Hyperparameter(DENSITY, optional=True),),
+        )
+        prior, total, values = self.prior(burns).joined(white), float(self._gram[-1, -1]), 3 * len(self.rows)
+        for _ in range(rounds):
+            linear = Linear(matrix / variance, rhs / variance, np.zeros(len(rhs)))
+            theta = np.minimum(maximise(linear, prior), limit.density)
+            mean, covariance = conditional(linear, prior, theta)
+            score = cost(linear, prior, theta) + total / variance + values * float(np.log(variance))
+            score -= 2 * float(np.linalg.slogdet(self.root)[1].sum())
+            if limit.variance is not None:
+                break
+            left = values - float(np.vdot(linear.information, covariance))
+            squares = total - 2 * float(rhs @ mean) + float(mean @ matrix @ mean)
+            variance = max(squares / max(left, 1.0), self.least)
+        return BurnFit(burns, score, variance, theta, mean, covariance, matrix, rhs)
+
+    def settled(self, burns: tuple[Burn, ...], variance: float, limit: Limit = FREE) -> BurnFit:
+        """The fit with the burns' times at their maximum."""
+        u = len(self.others.offset)
+        first = fit = self.fitted(burns, variance, 1, limit)
+        for _ in range(SETTLING):
+            own = slice(u, u + UNKNOWNS * len(fit.burns))
+            moved, still = self.burned(fit.burns).settled(fit.mean[own], fit.covariance[own, own])
+            fit = self.fitted(moved, fit.variance, 1, limit)
+            if still:
+                break
+        return fit if fit.score < first.score + TOLERANCE else first
+
+    def duration_cost(self, burns: tuple[Burn, ...], fit: BurnFit) -> float:
+        """−2 ln p of burns up to a constant, with their durations as they are, all else at its maximum near a fit."""
+        matrix, rhs = self._equations(burns)
+        u = len(self.others.offset)
+        durations = np.arange(u, u + UNKNOWNS * len(burns)).reshape(-1, UNKNOWNS)[:, 4]
+        x = fit.mean.copy()
+        x[durations] = 0.0
+        noise = np.full(3 * self.cells, self.width / np.exp(fit.theta[0]))
+        precision = np.concatenate([self.prior(burns).precision(np.zeros(0)), noise])
+        gone = durations
+        if not self._noisy(fit):
+            gone = np.append(durations, np.arange(len(x) - len(noise), len(x)))
+            x[gone] = 0.0
+        kept = np.setdiff1d(np.arange(len(x)), gone)
+        squares = float(self._gram[-1, -1] - 2 * rhs @ x + x @ matrix @ x) / fit.variance + float(precision @ (x * x))
+        right = ((rhs - matrix @ x) / fit.variance - precision * x)[kept]
+        known = (matrix / fit.variance + np.diag(precision))[np.ix_(kept, kept)]
+        return squares - float(right @ solved(known, right[:, None])[:, 0])
+
+    def cost_of_noise(self, fit: BurnFit) -> float:
+        """The deviation of the offsets over that without noise, burns being as they are."""
+        own, rest = slice(self.offsets), slice(len(fit.rhs) - 3 * self.cells)
+        known = fit.matrix[rest, rest] / fit.variance + np.diag(self.prior(fit.burns).precision(np.zeros(0)))
+        quiet = solved(known, np.eye(len(known))[:, own])[own]
+        return float(np.sqrt(np.trace(fit.covariance[own, own]) / np.trace(quiet)))
+
+    def _noisy(self, fit: BurnFit) -> bool:
+        """Whether the noise of a fit has an effect."""
+        most = float(np.diag(fit.matrix)[-3 * self.cells :].max()) / fit.variance
+        return bool(self.width < QUIET * most * np.exp(fit.theta[0]))
+
+    @cached_property
+    def _weighted(self) -> FloatArray:
+        """The equations times the root of their weight."""
+        rows = self.root @ self.rows
+        return np.asarray(rows.reshape(-1, rows.shape[2]))
+
+    @cached_property
+    def _gram(self) -> FloatArray:
+        return np.asarray(self._weighted.T @ self._weighted)
+
+    def burned(self, burns: tuple[Burn, ...]) -> Burned:
+        """The path with burns."""
+        return Burned(self.base, self.orbit, burns, float(self.edges[0]), float(self.edges[-1]))
+
+    def prior(self, burns: tuple[Burn, ...]) -> Prior:
+        """That of offsets, path and burns."""
+        return self.others.joined(Prior.known(self.burned(burns).variances)) if burns else self.others
+
+    def _equations(self, burns: tuple[Burn, ...]) -> tuple[FloatArray, FloatArray]:
+        """The normal equations (p, p) and (p,) of offsets, path, burns and cells."""
+        u, k, gram = len(self.others.offset), UNKNOWNS * len(burns), self._gram
+        size = len(gram) - 1 + k
+        places, own = np.concatenate([np.arange(u), np.arange(u + k, size)]), np.arange(u, u + k)
+        matrix, rhs = np.zeros((size, size)), np.zeros(size)
+        matrix[np.ix_(places, places)], rhs[places] = gram[:-1, :-1], gram[:-1, -1]
+        if burns:
+            columns = (self.root @ self.burned(burns).columns(self.time)[self.frame]).reshape(-1, k)
+            cross = columns.T @ self._weighted
+            matrix[np.ix_(own, places)], rhs[own] = cross[:, :-1], cross[:, -1]
+            matrix[np.ix_(places, own)] = cross[:, :-1].T
+            matrix[np.ix_(own, own)] = columns.T @ columns
+        return matrix, rhs
+
+
+def burn_equations(
+    registered: Registered, few: Subsample, time: FloatArray, base: Path, found: Solution, orbit: Orbit
+) -> BurnEquations:
+    """The equations beside a path without process noise.
+
+    few: a subsample of the bodies, with times (n,) in s of its frames; found: a solution without burns, about whose
+    path the equations are linear, and whose offsets weigh the frames.
+    """
+    x = found.x[: base.size]
+    n = int(np.clip(len(time) // FRAMES_PER_CELL, FEWEST_CELLS, MOST_CELLS))
+    edges = np.linspace(time.min(), time.max(), n + 1)
+    sampled = base.at(time)
+    cells = _cells(base, orbit, edges, time)
+    columns = np.concatenate([sampled.jacobian, cells @ _smooth(orbit, edges), cells], axis=2)
+    offset = sampled.position(x) - sampled.jacobian @ x
+    bodies, count, rows = few.bodies, len(few.bodies), []
+    for index, (body, origin, step) in enumerate(zip(bodies, registered.origins, few.steps, strict=True)):
+        own = np.zeros((len(body.frames), 3, 3 * count))
+        own[:, :, 3 * index : 3 * index + 3] = body.attitude
+        left = (origin[::step] - offset[body.frames])[:, :, None]
+        rows.append(np.concatenate([own, columns[body.frames], left], axis=2))
+    frames, smooth = np.concatenate([body.frames for body in bodies]), Prior.known(np.full(SMOOTH, BROAD**2))
+    others = Prior.none(3 * count).joined(base.prior).joined(smooth)
+    distance = max(float(np.abs(origin).max()) for origin in registered.origins)
+    least = (ROUNDING * distance) ** 2
+    both = zip(registered.bodies, found.bodies, strict=True)
+    offsets = tuple(after.points.mean(axis=0) - before.points.mean(axis=0) for before, after in both)
+    root, all_rows = np.tile(np.eye(3), (len(frames), 1, 1)), np.concatenate(rows)
+    noise = max(registered.noise**2, least)
+    equations = BurnEquations(few, all_rows, frames, root, time, edges, base, orbit, others, noise, least)
+    return equations.weighted(offsets)
+
+
+def _cells(base: Path, orbit: Orbit, edges: FloatArray, time: FloatArray) -> FloatArray:
+    """The responses (n, 3, 3 c) to a unit acceleration of the chaser in each of c cells, at times (n,), m."""
+    panels = Panels.over(time, float(edges[0]), longest_on(orbit, float(edges[0]), float(edges[-1])), edges)
+    at, c = panels.points, len(edges) - 1
+    pushes = np.zeros((len(at), 3, c, 3))
+    pushes[np.arange(len(at)), :, np.clip(np.searchsorted(edges, at, "right") - 1, 0, c - 1)] = -burn_axes(orbit, at)
+    return LinearMotion.over(panels, base.gravity_gradient).forced(pushes.reshape(len(at), 3, -1)).position(time)
+
+
+def _smooth(orbit: Orbit, edges: FloatArray) -> FloatArray:
+    """The accelerations (3 c, SMOOTH) in c cells that are constant in LVLH, or turn once or twice in an orbit."""
+    axes = lvlh_axes(target_states(orbit, (edges[1:] + edges[:-1]) / 2))
+    along, ahead = axes[:, :, 0] @ axes[0, :, 0], axes[:, :, 0] @ axes[0, :, 1]
+    angle = np.arctan2(ahead, along)
+    shapes = [np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)]
+    return np.kron(np.array(shapes).T, np.eye(3))
+
+
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """The solution of a positive definite system, scaled to a unit diagonal."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    factor = cho_factor(matrix * np.outer(scale, scale) + RIDGE * np.eye(len(matrix)))
+    return np.asarray(scale[:, None] * cho_solve(factor, scale[:, None] * right))
