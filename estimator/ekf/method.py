@@ -100,7 +100,7 @@ def _converged(problems: list[Problem]) -> list[Passes]:
         behind = behind + 1 if far else 0
         if behind == 2:
             break
-    return list(_ranked(found)) or found[:1]
+    return [one for one, behind in _ranked(found).items() if behind > -BEHIND] or found[:1]
 
 
 def _ranked(found: list[Passes]) -> dict[Passes, float]:
@@ -247,7 +247,7 @@ def _answer(found: Passes, start: Start) -> _Answer:
     at, frames, solution, features = found.reference, start.nodes.frames, found.solution, _features(found)
     p = at.deviation.shape[1]
     offset, attached, least = attached_offset(found, features)
-    of_offset, growth = spurious_growth(found, attached, least)
+    of_offset, growth = spurious_growth(solution, found.last.system, found.last.variance, attached, least)
     points, growth = slice(points_from(p) - 1, None), growth[frames, :p]
     of_path = solution.of_state[frames, :p, :p] + growth @ np.swapaxes(growth, 1, 2)
     H, H_rate = at.path.observed[frames], at.path.observed_rate[frames]

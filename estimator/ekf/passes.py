@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -54,24 +55,72 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Passes:
-    """The last pass, and the solution in SI units, the mean over members with probability (k,).
+    """The last of `count` passes, and what follows from it; covariances are averaged only where they are asked for.
 
-    about: what the last pass is linearised about, its nominal path moved by shift (p,); reference: of the solution;
-    variance (k,): of an observation of weight 1 for each member; constant: of the evidence, without the misfit.
+    about: what the last pass is linearised about, its nominal path moved by shift (p,).
     """
 
     problem: Problem
     about: Reference
     shift: FloatArray
     last: Pass
-    reference: Reference
-    solution: Solution
-    members: tuple[Member, ...]
-    probability: FloatArray
-    variance: FloatArray
-    constant: float
     count: int
-    converged: bool
+
+    @property
+    def converged(self) -> bool:
+        """Whether the linearisation holds, and the weights are settled."""
+        return self.last.bank is not None and self.last.linear and self.last.steady
+
+    @cached_property
+    def members(self) -> tuple[Member, ...]:
+        """The probable members (k,) of the last bank."""
+        return self._posterior[0]
+
+    @cached_property
+    def probability(self) -> FloatArray:
+        """Their probabilities (k,)."""
+        return self._posterior[1]
+
+    @cached_property
+    def variance(self) -> FloatArray:
+        """The variance (k,) of an observation of weight 1 for each member."""
+        least, sigma = self.problem.floor, self.problem.sigma
+        return np.array([sigma or max(parameters.squares / self.last.dof, least) for _, parameters in self._solved])
+
+    @cached_property
+    def solution(self) -> Solution:
+        """The mean over the members, in SI units."""
+        return mixed([one for one, _ in self._solved], self.probability, self.variance)
+
+    @cached_property
+    def reference(self) -> Reference:
+        """That of the solution."""
+        return moved(self.about, self.solution.state, self.solution.theta)
+
+    @cached_property
+    def constant(self) -> float:
+        """The logarithm of the evidence without the misfit."""
+        last, own = self.last, slice(INERTIA, INERTIA + self.about.deviation.shape[1])
+        u, of_u = last.parameters.theta[own], last.variance * last.parameters.covariance[own, own]
+        found = 0.5 * float(np.log(last.prior.information[own]).sum())
+        found += _gain_of_scales(self.problem, self.about.deviation[0] + u, of_u)
+        axes = zip(self.problem.axes(1.0), astuple(last.member), strict=True)
+        found += sum(axis.log_prior(density) for axis, density in axes)
+        return found - 0.5 * last.parameters.log_determinant - float(np.log(self.probability.max()))
+
+    @cached_property
+    def _posterior(self) -> tuple[tuple[Member, ...], FloatArray]:
+        if self.last.bank is None:
+            return (self.last.member,), np.ones(1)
+        members, probability = self.last.bank.posterior(self.last.member)
+        return tuple(members), probability
+
+    @cached_property
+    def _solved(self) -> list[tuple[Solution, Parameters]]:
+        last = self.last
+        if self.members == (last.member,):
+            return [(last.solution, last.parameters)]
+        return solve(last.system, self.problem.noise(self.members, last.noise_variance), last.prior)
 
     def evidence(self, variance: float) -> float:
         """Logarithm of the likelihood of all members, with the prior's, for a variance of an observation of weight 1.
@@ -106,7 +155,7 @@ def passes(problem: Problem) -> Passes:
             reference = replace(reference, path=problem.process(shift), deviation=still)
         last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
         count += 1
-    return _mean(problem, reference, shift, last, count)
+    return Passes(problem, reference, shift, last, count)
 
 
 def _pass(
@@ -220,39 +269,6 @@ def _position_variance(reference: Reference, solution: Solution) -> FloatArray:
     """The sum (n,) of the variances of the position's coordinates, in the units of the weights."""
     H, p = reference.path.observed, reference.deviation.shape[1]
     return np.asarray(np.einsum("kip,kpq,kiq->k", H, solution.of_state[:, :p, :p], H, optimize=True))
-
-
-def _mean(problem: Problem, reference: Reference, shift: FloatArray, last: Pass, count: int) -> Passes:
-    """The mean over the probable members of the last bank."""
-    members, probability, found = [last.member], np.ones(1), [(last.solution, last.parameters)]
-    if last.bank is not None:
-        members, probability = last.bank.posterior(last.member)
-        if members != [last.member]:
-            found = solve(last.system, problem.noise(members, last.noise_variance), last.prior)
-    least, sigma = problem.floor, problem.sigma
-    variance = np.array([sigma or max(parameters.squares / last.dof, least) for _, parameters in found])
-    solution = mixed([one for one, _ in found], probability, variance)
-    p = reference.deviation.shape[1]
-    constant = 0.5 * float(np.log(last.prior.information[INERTIA : INERTIA + p]).sum())
-    constant += _gain_of_scales(problem, reference.deviation[0] + solution.state[0, :p], solution.of_state[0, :p, :p])
-    constant += sum(
-        axis.log_prior(density) for axis, density in zip(problem.axes(1.0), astuple(last.member), strict=True)
-    )
-    constant -= 0.5 * last.parameters.log_determinant + float(np.log(probability.max()))
-    return Passes(
-        problem,
-        reference,
-        shift,
-        last,
-        moved(reference, solution.state, solution.theta),
-        solution,
-        tuple(members),
-        probability,
-        variance,
-        constant,
-        count,
-        last.bank is not None and last.linear and last.steady,
-    )
 
 
 def _gain_of_scales(problem: Problem, u: FloatArray, covariance: FloatArray) -> float:

@@ -65,9 +65,8 @@ class PredictedTumble:
         """Position and velocity (n, 6) at ascending times (n,), and their covariance (n, 6, 6)."""
         nodes, rows, reference = _extended(found, time)
         system, solution = _solved(found, nodes, reference)
-        extended = replace(found, last=replace(found.last, system=system), solution=solution)
         _, attached, least = attached_offset(found, self.features)
-        of_offset, growth = spurious_growth(extended, attached, least)
+        of_offset, growth = spurious_growth(solution, system, found.last.variance, attached, least)
         p = reference.deviation.shape[1]
         state, path = solution.state[rows], reference.path
         observed = np.concatenate([path.observed, path.observed_rate], axis=1)[rows]

@@ -3,8 +3,9 @@
 import numpy as np
 
 from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
-from baryscope.estimator.ekf.linearised import points_from
+from baryscope.estimator.ekf.linearised import Linearised, points_from
 from baryscope.estimator.ekf.passes import Passes
+from baryscope.estimator.ekf.solution import Solution
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import FloatArray, IntArray
@@ -20,26 +21,29 @@ def attached_offset(found: Passes, features: IntArray) -> tuple[FloatArray, Floa
     return points[features].mean(axis=0), attached, 1 / farthest(points[features]) ** 2
 
 
-def spurious_growth(found: Passes, attached: FloatArray, least: float) -> tuple[FloatArray, FloatArray]:
+def spurious_growth(
+    solution: Solution, system: Linearised, variance: float, attached: FloatArray, least: float
+) -> tuple[FloatArray, FloatArray]:
     """What the covariances grow by when the spurious information on the centre of mass is removed.
 
     An error φ of the attitude moves the centroid, at d from the centre of mass, by φ × d. Of φ only the deviation from
     its mean over time counts, as the mean turns the axes.
 
     Args:
-        found: the passes' result.
+        solution: in SI units.
+        system: which it solves.
+        variance: of an observation of weight 1.
         attached: (3, 3 m), Jacobian of d by the points, in axes attached to them.
         least: information, 1/m², that remains in a direction.
 
     Returns:
         columns A (3, 3) of d and B (n, d, 3) of the states: their covariances grow by A Aᵀ and B Bᵀ.
     """
-    solution, system = found.solution, found.last.system
     n, d = solution.state.shape
     points = slice(points_from(system.path_size) - 1, None)
     offset = attached @ solution.of_theta[points, points] @ attached.T
     crossed = (solution.crossed[:, :, points] @ attached.T).reshape(n * d, 3).T
-    position = system.information[:, :3, :3] / found.last.variance
+    position = system.information[:, :3, :3] / variance
     axes = cross_matrices(np.eye(3))
     spurious = np.einsum("iba,kbc,jcd,kda->ij", axes, position, axes, solution.spread, optimize=True)
     factor = three_sigma_factor(int(system.seen.sum()))
