@@ -24,14 +24,14 @@ MOST_BURNS = 12
 QUIETER = (1e-2, 1e-4)  # shares of the noise that stands for all burns
 COSTLY = 10.0  # times as inaccurate as without noise are the offsets: then it is looked for burns once more
 PATIENCE = 2  # burns that are added although they make the model less likely
-ODDS = 1e3  # against a burn anywhere, before the tracks are looked at
+ODDS, MORE = 1e3, 2.0  # against any burn before the tracks are looked at, and against one more
 SIZES = np.exp(np.linspace(0.0, 16.0, 17))  # of a burn's variance, over that which the tracks just tell
 WORTH_TRYING = 10.0  # gain of a window in 2 ln p, for noise that may have to stand for the burn as well
 
 
-def _price(equations: BurnEquations) -> float:
-    """What a burn must gain in 2 ln p: that of the windows looked at, and of its being there at all."""
-    return float(2 * np.log(ODDS * equations.cells * max(equations.cells * LONGEST, 1.0)))
+def price(count: int) -> float:
+    """What so many burns must gain in 2 ln p by being there at all, at any time."""
+    return 2 * float(np.log(ODDS) + count * np.log(MORE)) if count else 0.0
 
 
 def likeliest(equations: BurnEquations) -> tuple[BurnEquations, BurnFit]:
@@ -82,8 +82,9 @@ def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> 
 
 
 def _total(equations: BurnEquations, fit: BurnFit) -> float:
-    """The score and the price of the burns."""
-    return fit.score + _price(equations) * len(fit.burns)
+    """The score and the price of the burns, that of the windows looked at included."""
+    windows = equations.cells * max(equations.cells * LONGEST, 1.0)
+    return fit.score + price(len(fit.burns)) + 2 * len(fit.burns) * float(np.log(windows))
 
 
 def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:

@@ -1,7 +1,7 @@
 """Unknown burns of the chaser as unknowns of the path: found by `burn_search`, refined with free attitudes, and tested.
 
-A burn stays if the tracks are a thousand times likelier with it, at any time and of any duration, with the process
-noise of maximum likelihood in either case.
+The only burn stays if the tracks are a thousand times likelier with it, at any time and of any duration, another one if
+they are likelier, with the process noise of maximum likelihood in either case.
 """
 
 from dataclasses import replace
@@ -16,7 +16,7 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burn_equations import BurnFit, burn_equations
-from baryscope.estimator.pivot.burn_search import ODDS, likeliest, without
+from baryscope.estimator.pivot.burn_search import likeliest, price, without
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
 from baryscope.estimator.pivot.refinement import SUBSAMPLE_FRAMES, Pivot, Start, refined, scaled, subsampled
 from baryscope.estimator.registration.clusters import Registered
@@ -27,7 +27,6 @@ from baryscope.models.orbit import Orbit
 FloatArray = NDArray[np.float64]
 
 SIGNIFICANT = 15.0  # of process noise, without which there is no burn: 2 ln of its likelihood over that of none
-PRICE = 2 * float(np.log(ODDS))
 
 
 def with_unknown_burns(
@@ -49,7 +48,7 @@ def with_unknown_burns(
             return found
         gains = _gains(burned)
         worst = int(np.argmin(gains))
-        if gains[worst] >= PRICE:
+        if gains[worst] >= price(len(gains)) - price(len(gains) - 1):
             return burned if burned.converged and _likelier(burned, found) else found
         fit = without(equations, fit, worst)
     return found
