@@ -17,13 +17,14 @@ from baryscope.estimator.dynamics.forces import longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
+from baryscope.models.ephemeris.trajectory import gravity_difference, lvlh_axes, target_states
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
 UNKNOWNS = 5  # of a burn: the change of velocity, its middle and its duration
 SHORTEST = 1e-3  # s, of a burn's duration
+BENDS = 2  # iterations of what gravity adds
 SETTLED = 0.1  # change of a time, over its deviation
 
 
@@ -72,12 +73,15 @@ class Burned(Extended):
     """A path with unknown burns of the chaser over first … last in s: the unknowns of `base`, then five of each burn.
 
     Those are the change of velocity times the span, and the changes of middle and duration times the speed, all in m.
+    about: the unknowns of the base about which the response to the burns has what gravity adds beyond its gradient, of
+    the order of the distance squared over the orbit's radius; None: without it.
     """
 
     orbit: Orbit | None
     burns: tuple[Burn, ...]
     first: float
     last: float
+    about: FloatArray | None = None
 
     @property
     def size(self) -> int:
@@ -108,11 +112,11 @@ class Burned(Extended):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return self.base.at(time).extended(self.columns(time))
+        return _moved(self.base.at(time).extended(self.columns(time)), self.bend(time))
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        return self.base.rate_at(time).extended(self.columns(time, rate=True))
+        return _moved(self.base.rate_at(time).extended(self.columns(time, rate=True)), self.bend(time, rate=True))
 
     def columns(self, time: FloatArray, *, rate: bool = False) -> FloatArray:
         """The derivatives (n, 3, 5 k) of position, or of velocity, by the unknowns of the burns."""
@@ -134,6 +138,25 @@ class Burned(Extended):
             found[:, :, index, 3] = by_begin + by_end
             found[:, :, index, 4] = (by_end - by_begin) / 2 - by_length
         return (found / self._units).reshape(len(time), 3, -1)
+
+    def bend(self, time: FloatArray, *, rate: bool = False) -> FloatArray | None:
+        """What gravity beyond its gradient adds to the response to the burns, (n, 3) in m or m/s; None if left out."""
+        if self.about is None or self.orbit is None:
+            return None
+        equation = self._equation(time, np.array([[burn.begin, burn.end] for burn in self.burns]).ravel())
+        points = equation.panels.points
+        reference, before = target_states(self.orbit, points), self.base.at(points).position(self.about)
+        gradient = np.zeros((len(points), 3, 3)) if equation.gradient is None else equation.gradient
+        orbit, burned = self.orbit, before + self.columns(points) @ self.values
+
+        def beyond(p: FloatArray) -> FloatArray:
+            return np.asarray(-gravity_difference(orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p))
+
+        motion = equation.forced((beyond(burned) - beyond(before))[:, :, None])
+        for _ in range(BENDS):
+            here = burned + motion.at_points.reshape(-1, 3)
+            motion = equation.forced((beyond(here) - beyond(before))[:, :, None])
+        return (motion.velocity(time) if rate else motion.position(time))[:, :, 0]
 
     def settled(self, x: FloatArray, of_x: FloatArray) -> tuple[tuple[Burn, ...], bool]:
         """The burns at unknowns (5 k,) of theirs with a covariance (5 k, 5 k), and whether their times are as before.
@@ -186,6 +209,11 @@ class Burned(Extended):
         axes = burn_axes(self.orbit, time)
         on = [((time >= burn.begin) & (time < burn.end)) / burn.duration for burn in self.burns]
         return np.concatenate([-one[:, None, None] * axes for one in on], axis=2)
+
+
+def _moved(path: SampledPath, by: FloatArray | None) -> SampledPath:
+    """The path moved by (n, 3) m, or where it is."""
+    return path if by is None else SampledPath(path.jacobian, lambda x: path.position(x) + by)
 
 
 def burn_axes(orbit: Orbit | None, time: FloatArray) -> FloatArray:

@@ -33,6 +33,7 @@ FEWEST_CELLS, MOST_CELLS, FRAMES_PER_CELL = 8, 128, 4
 SMOOTH = 15  # unknowns of accelerations that are no burns: three constants in LVLH, and their first two harmonics
 QUIET = 100.0  # precision of a cell by its noise over its information: noise without an effect
 NOISE_ROUNDS = 2  # of the observations' variance and of the noise's density by turns
+BENT = 0.1  # of the deviation of a mean of all frames: what the path may be off by, where it is linear in the burns
 SETTLING = 8  # fits of the burns' times
 TOLERANCE = 3.0  # of 2 ln p, by which the priors' changes with the times may lower it
 
@@ -42,7 +43,8 @@ class BurnFit:
     """Burns, and the posterior of all unknowns: of bodies' offsets, path, burns and cells, in this order.
 
     score: −2 ln p up to a constant; variance of an observation of weight 1; theta: logarithm of the noise's density;
-    matrix and rhs: the normal equations.
+    matrix and rhs: the normal equations. bend (n, 3): what gravity beyond its gradient adds to the response to the
+    burns, m, None if that is nothing.
     """
 
     burns: tuple[Burn, ...]
@@ -53,6 +55,7 @@ class BurnFit:
     covariance: FloatArray
     matrix: FloatArray
     rhs: FloatArray
+    bend: FloatArray | None
 
 
 @dataclass(frozen=True)
@@ -109,15 +112,22 @@ class BurnEquations:
         axes = np.concatenate([body.attitude for body in self.few.bodies])
         return replace(self, root=np.linalg.inv(np.linalg.cholesky(np.concatenate(noise))) @ np.swapaxes(axes, 1, 2))
 
-    def fitted(self, burns: tuple[Burn, ...], variance: float, rounds: int, limit: Limit = FREE) -> BurnFit:
-        """The posterior of all unknowns for burns with given times, from a variance."""
-        matrix, rhs = self._equations(burns)
+    def fitted(
+        self,
+        burns: tuple[Burn, ...],
+        variance: float,
+        rounds: int,
+        limit: Limit = FREE,
+        bend: FloatArray | None = None,
+    ) -> BurnFit:
+        """The posterior of all unknowns for burns with given times, from a variance; bend: see `BurnFit`."""
+        matrix, rhs, total = self._equations(burns, bend)
         white = Prior(
             np.full(3 * self.cells, -np.log(self.width)),
             np.ones((3 * self.cells, 1)),
             (Hyperparameter(DENSITY, optional=True),),
         )
-        prior, total, values = self.prior(burns).joined(white), float(self._gram[-1, -1]), 3 * len(self.rows)
+        prior, values = self.prior(burns).joined(white), 3 * len(self.rows)
         for _ in range(rounds):
             linear = Linear(matrix / variance, rhs / variance, np.zeros(len(rhs)))
             theta = np.minimum(maximise(linear, prior), limit.density)
@@ -129,23 +139,31 @@ class BurnEquations:
             left = values - float(np.vdot(linear.information, covariance))
             squares = total - 2 * float(rhs @ mean) + float(mean @ matrix @ mean)
             variance = max(squares / max(left, 1.0), self.least)
-        return BurnFit(burns, score, variance, theta, mean, covariance, matrix, rhs)
+        return BurnFit(burns, score, variance, theta, mean, covariance, matrix, rhs, bend)
 
-    def settled(self, burns: tuple[Burn, ...], variance: float, limit: Limit = FREE) -> BurnFit:
-        """The fit with the burns' times at their maximum."""
+    def settled(self, burns: tuple[Burn, ...], variance: float, x: FloatArray, limit: Limit = FREE) -> BurnFit:
+        """The fit with the burns' times at their maximum; x (p,): of the path, roughly."""
         u = len(self.others.offset)
-        first = fit = self.fitted(burns, variance, 1, limit)
+        bend = self.burned(burns, x).bend(self.time)
+        if bend is not None and np.abs(bend).max() < BENT * np.sqrt(variance / len(self.frame)):
+            bend = None
+        first = fit = self.fitted(burns, variance, 1, limit, bend)
         for _ in range(SETTLING):
             own = slice(u, u + UNKNOWNS * len(fit.burns))
             moved, still = self.burned(fit.burns).settled(fit.mean[own], fit.covariance[own, own])
-            fit = self.fitted(moved, fit.variance, 1, limit)
+            bend = None if bend is None else self.burned(moved, self.path_in(fit)).bend(self.time)
+            fit = self.fitted(moved, fit.variance, 1, limit, bend)
             if still:
                 break
         return fit if fit.score < first.score + TOLERANCE else first
 
+    def path_in(self, fit: BurnFit) -> FloatArray:
+        """The unknowns (p,) of the path in a fit."""
+        return fit.mean[self.offsets : self.offsets + self.base.size]
+
     def duration_cost(self, burns: tuple[Burn, ...], fit: BurnFit) -> float:
         """−2 ln p of burns up to a constant, with their durations as they are, all else at its maximum near a fit."""
-        matrix, rhs = self._equations(burns)
+        matrix, rhs, total = self._equations(burns, fit.bend)
         u = len(self.others.offset)
         durations = np.arange(u, u + UNKNOWNS * len(burns)).reshape(-1, UNKNOWNS)[:, 4]
         x = fit.mean.copy()
@@ -157,7 +175,7 @@ class BurnEquations:
             gone = np.append(durations, np.arange(len(x) - len(noise), len(x)))
             x[gone] = 0.0
         kept = np.setdiff1d(np.arange(len(x)), gone)
-        squares = float(self._gram[-1, -1] - 2 * rhs @ x + x @ matrix @ x) / fit.variance + float(precision @ (x * x))
+        squares = float(total - 2 * rhs @ x + x @ matrix @ x) / fit.variance + float(precision @ (x * x))
         right = ((rhs - matrix @ x) / fit.variance - precision * x)[kept]
         known = (matrix / fit.variance + np.diag(precision))[np.ix_(kept, kept)]
         return squares - float(right @ solved(known, right[:, None])[:, 0])
@@ -184,20 +202,20 @@ class BurnEquations:
     def _gram(self) -> FloatArray:
         return np.asarray(self._weighted.T @ self._weighted)
 
-    def burned(self, burns: tuple[Burn, ...]) -> Burned:
-        """The path with burns."""
-        return Burned(self.base, self.orbit, burns, float(self.edges[0]), float(self.edges[-1]))
+    def burned(self, burns: tuple[Burn, ...], about: FloatArray | None = None) -> Burned:
+        """The path with burns; about: see `Burned`."""
+        return Burned(self.base, self.orbit, burns, float(self.edges[0]), float(self.edges[-1]), about)
 
     def prior(self, burns: tuple[Burn, ...]) -> Prior:
         """That of offsets, path and burns."""
         return self.others.joined(Prior.known(self.burned(burns).variances)) if burns else self.others
 
-    def _equations(self, burns: tuple[Burn, ...]) -> tuple[FloatArray, FloatArray]:
-        """The normal equations (p, p) and (p,) of offsets, path, burns and cells."""
+    def _equations(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> tuple[FloatArray, FloatArray, float]:
+        """The normal equations (p, p) and (p,) of offsets, path, burns and cells; and Σ of the observed squares."""
         u, k, gram = len(self.others.offset), UNKNOWNS * len(burns), self._gram
         size = len(gram) - 1 + k
         places, own = np.concatenate([np.arange(u), np.arange(u + k, size)]), np.arange(u, u + k)
-        matrix, rhs = np.zeros((size, size)), np.zeros(size)
+        matrix, rhs, total = np.zeros((size, size)), np.zeros(size), float(gram[-1, -1])
         matrix[np.ix_(places, places)], rhs[places] = gram[:-1, :-1], gram[:-1, -1]
         if burns:
             columns = (self.root @ self.burned(burns).columns(self.time)[self.frame]).reshape(-1, k)
@@ -205,7 +223,13 @@ class BurnEquations:
             matrix[np.ix_(own, places)], rhs[own] = cross[:, :-1], cross[:, -1]
             matrix[np.ix_(places, own)] = cross[:, :-1].T
             matrix[np.ix_(own, own)] = columns.T @ columns
-        return matrix, rhs
+            if bend is not None:
+                moved = (self.root @ bend[self.frame][:, :, None]).ravel()
+                by_others = moved @ self._weighted
+                rhs[places] -= by_others[:-1]
+                rhs[own] -= moved @ columns
+                total += float(moved @ moved - 2 * by_others[-1])
+        return matrix, rhs, total
 
 
 def burn_equations(

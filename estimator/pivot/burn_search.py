@@ -60,13 +60,13 @@ def without(equations: BurnEquations, fit: BurnFit, index: int) -> BurnFit:
     rest = fit.burns[:index] + fit.burns[index + 1 :]
     if not rest:
         return equations.fitted((), fit.variance, 1)
-    return _spread(equations, equations.settled(rest, fit.variance))
+    return _spread(equations, equations.settled(rest, fit.variance, equations.path_in(fit)))
 
 
 def _reweighted(equations: BurnEquations, fit: BurnFit, limit: Limit) -> tuple[BurnEquations, BurnFit]:
     """The equations with weights for the offsets of a fit, and the fit with these and with a free variance."""
     found = equations.weighted(tuple(fit.mean[: equations.offsets].reshape(-1, 3)))
-    return found, found.settled(fit.burns, equations.variance, limit)
+    return found, found.settled(fit.burns, equations.variance, equations.path_in(fit), limit)
 
 
 def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> BurnFit:
@@ -76,7 +76,7 @@ def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> 
         window = _window(equations, current)
         if window is None:
             break
-        current = equations.settled((*current.burns, window), current.variance, limit)
+        current = equations.settled((*current.burns, window), current.variance, equations.path_in(current), limit)
         best = current if _total(equations, current) < _total(equations, best) else best
     return best
 
@@ -114,7 +114,7 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
         spread = float(np.sqrt(weight @ (durations - mean) ** 2))
         slack = (flat[0], max(spread, step))
         burns[index] = replace(burn, begin=middle - mean / 2, end=middle + mean / 2, slack=slack)
-    return equations.fitted(tuple(burns), fit.variance, 1)
+    return equations.fitted(tuple(burns), fit.variance, 1, bend=fit.bend)
 
 
 def _window(equations: BurnEquations, fit: BurnFit) -> Burn | None:

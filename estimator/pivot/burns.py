@@ -67,9 +67,11 @@ def _start(start: Start, registered: Registered, fit: BurnFit, orbit: Orbit | No
     offsets, rest = np.split(fit.mean, [3 * len(registered.bodies)])
     both = zip(registered.bodies, offsets.reshape(-1, 3), strict=True)
     bodies = tuple(replace(body, points=body.points + offset) for body, offset in both)
-    burned = Burned(path.base, orbit, fit.burns, path.begin, path.end)
+    of_base = rest[: path.base.size]
+    about = None if fit.bend is None else of_base
+    burned = Burned(path.base, orbit, fit.burns, path.begin, path.end, about)
     wider = replace(path, base=burned)
-    x = np.concatenate([rest[: path.base.size], burned.values, np.zeros(3 * path.count)])
+    x = np.concatenate([of_base, burned.values, np.zeros(3 * path.count)])
     return replace(start, path=wider, sampled=wider.at(start.time), bodies=bodies, x=x, first_prior=None)
 
 

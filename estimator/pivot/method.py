@@ -190,9 +190,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         simple,
         slips,
     )
-    found = with_corrected_orbit(refined(start, options), orbit, start, options)
-    burned = with_unknown_burns(found, registered, orbit, start, options)
-    found = found if burned is found else with_corrected_orbit(burned, orbit, start, options)
+    found = with_unknown_burns(refined(start, options), registered, orbit, start, options)
+    found = with_corrected_orbit(found, orbit, start, options)
     findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found)
     return replace(found, findings=findings)

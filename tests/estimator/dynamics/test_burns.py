@@ -26,8 +26,23 @@ def moved(path):
 
 
 def test_the_path_under_burns():
-    # The two bodies' distance is linear in the burns but for 1e-6 of it, (20 m)²/7150 km; they move it by 30 m.
+    # The two bodies' distance is linear in the burns but for 1e-6 of it, (20 m)²/7150 km; they move it by 8 m.
     np.testing.assert_allclose(moved(burned(BURNS)), path_with_burns(TIME, BURNS), atol=2e-4)
+
+
+def test_the_path_a_kilometre_away():
+    """After most of an orbit: what gravity adds beyond its gradient is then a metre."""
+    time = np.arange(0.0, 5000.0, 100.0)
+    big = [(100.0, 130.0, (0.05, 0.08, -0.03)), (2000.0, 2030.0, (0.03, -0.06, 0.04))]
+    own = tuple(Burn(begin, end, np.array(change), 0.1, (2.0, 3.0)) for begin, end, change in big)
+    path = Burned(RelativeOrbit(ORBIT, 0.0), ORBIT, own, time[0], time[-1], RHO)
+    x, true = np.concatenate([RHO, path.values]), path_with_burns(time, big)
+    linear = replace(path, about=None).at(time).position(x)
+    assert np.linalg.norm(true, axis=1).max() > 1000
+    assert np.abs(linear - true).max() > 0.1
+    np.testing.assert_allclose(path.at(time).position(x), true, atol=2e-4)
+    ahead, behind = (path.at(time + step).position(x) for step in (0.05, -0.05))
+    np.testing.assert_allclose(path.rate_at(time).position(x), (ahead - behind) / 0.1, atol=1e-5)
 
 
 @pytest.mark.parametrize(("unknown", "begins", "ends"), [(3, 1.0, 1.0), (4, -0.5, 0.5)])
