@@ -31,7 +31,7 @@ def test_the_path_under_burns():
 
 
 def test_the_path_a_kilometre_away():
-    """After most of an orbit: what gravity adds beyond its gradient is then a metre."""
+    """After most of an orbit: what gravity adds beyond its gradient is then 9 cm."""
     time = np.arange(0.0, 5000.0, 100.0)
     big = [(100.0, 130.0, (0.05, 0.08, -0.03)), (2000.0, 2030.0, (0.03, -0.06, 0.04))]
     own = tuple(Burn(begin, end, np.array(change), 0.1, (2.0, 3.0)) for begin, end, change in big)
@@ -39,7 +39,7 @@ def test_the_path_a_kilometre_away():
     x, true = np.concatenate([RHO, path.values]), path_with_burns(time, big)
     linear = replace(path, about=None).at(time).position(x)
     assert np.linalg.norm(true, axis=1).max() > 1000
-    assert np.abs(linear - true).max() > 0.1
+    assert np.abs(linear - true).max() > 0.05
     np.testing.assert_allclose(path.at(time).position(x), true, atol=2e-4)
     ahead, behind = (path.at(time + step).position(x) for step in (0.05, -0.05))
     np.testing.assert_allclose(path.rate_at(time).position(x), (ahead - behind) / 0.1, atol=1e-5)
