@@ -6,7 +6,8 @@ Peers: fmpy's own `simulate_fmu`, scipy's DOP853, CasADi's cvodes, one call of s
 scipy's `least_squares`; and, where they are installed (pip install -e '.[bench]'), heyoka, Basilisk, GTSAM and a
 pythonfmu unit of the same model.
 Accuracies are measured against the closed forms of the tests: Jacobi's functions with one quadrature for the
-attitude, the difference of two Kepler orbits for the position. Times are the best of several runs.
+attitude, the difference of two Kepler orbits for the position. With J2, drag and gravity gradient the unit must be
+where Basilisk is. Times are the best of several runs.
 
 Exit code 1 if a result is wrong: errors above their tolerances, peers that disagree, or a peer that --peers names and
 that is not installed. Times are printed and never judged.
@@ -28,6 +29,7 @@ from baryscope.scripts.benchmarks.orbit import whole_orbit
 from baryscope.scripts.benchmarks.report import Part, rows_table
 from baryscope.scripts.benchmarks.setting import PEERS, Setting, installed_peers
 from baryscope.scripts.benchmarks.stepping import stepping
+from baryscope.scripts.benchmarks.under_forces import under_forces
 from baryscope.scripts.cli.console import Show, out
 from baryscope.study import build_unit
 from baryscope.study.progress import stage
@@ -38,6 +40,7 @@ PARTS: Mapping[str, Callable[[Setting], Part]] = {
     "estimating": estimating,
     "the same least squares": adjusting,
     "one orbit in one step": whole_orbit,
+    "forces": under_forces,
 }
 
 
