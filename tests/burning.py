@@ -45,6 +45,7 @@ def path_with_burns(time, burns, offset=(0.0, -20.0, 3.0)):
         push = sum(on, np.zeros(3))
         here = (time >= first) & (time <= last)
         part = solve_ivp(slope, (first, last), state, "DOP853", args=(push,), rtol=1e-12, atol=1e-11, dense_output=True)
-        found[here] = -part.sol(time[here])[6:9].T
+        if here.any():
+            found[here] = -part.sol(time[here])[6:9].T
         state = part.y[:, -1]
     return found

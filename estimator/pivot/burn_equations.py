@@ -143,6 +143,8 @@ class BurnEquations:
 
     def settled(self, burns: tuple[Burn, ...], variance: float, x: FloatArray, limit: Limit = FREE) -> BurnFit:
         """The fit with the burns' times at their maximum; x (p,): of the path, roughly."""
+        if not burns:
+            return self.fitted((), variance, NOISE_ROUNDS, limit)
         u = len(self.others.offset)
         bend = self.burned(burns, x).bend(self.time)
         if bend is not None and np.abs(bend).max() < BENT * np.sqrt(variance / len(self.frame)):

@@ -20,7 +20,7 @@ IntArray = NDArray[np.intp]
 LONGEST = 1 / 6  # of the span, that a burn lasts
 DURATIONS = 24  # at which the likelihood of a duration is looked at that is less than TOLD deviations
 TOLD, RANGE = 12.0, 5.0  # and up to RANGE deviations above it
-MOST_BURNS = 12
+MOST_BURNS, MOST_HIDDEN = 32, 6  # with noise of any density, and with less of it than all burns need
 QUIETER = (1e-2, 1e-4)  # shares of the noise that stands for all burns
 COSTLY = 10.0  # times as inaccurate as without noise are the offsets: then it is looked for burns once more
 PATIENCE = 2  # burns that are added although they make the model less likely
@@ -58,9 +58,8 @@ def likeliest(equations: BurnEquations) -> tuple[BurnEquations, BurnFit]:
 def without(equations: BurnEquations, fit: BurnFit, index: int) -> BurnFit:
     """The fit without one of its burns."""
     rest = fit.burns[:index] + fit.burns[index + 1 :]
-    if not rest:
-        return equations.fitted((), fit.variance, 1)
-    return _spread(equations, equations.settled(rest, fit.variance, equations.path_in(fit)))
+    found = equations.settled(rest, fit.variance, equations.path_in(fit))
+    return _spread(equations, found) if rest else found
 
 
 def _reweighted(equations: BurnEquations, fit: BurnFit, limit: Limit) -> tuple[BurnEquations, BurnFit]:
@@ -72,7 +71,8 @@ def _reweighted(equations: BurnEquations, fit: BurnFit, limit: Limit) -> tuple[B
 def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> BurnFit:
     """The likeliest of a fit with no burn, one burn, and so on."""
     best = current = start
-    while len(current.burns) < min(MOST_BURNS, len(best.burns) + PATIENCE):
+    most = MOST_BURNS if limit is FREE else MOST_HIDDEN
+    while len(current.burns) < min(most, len(best.burns) + PATIENCE):
         window = _window(equations, current)
         if window is None:
             break

@@ -89,15 +89,19 @@ def test_a_burn_while_nothing_is_seen():
     assert squares.max() < 25
 
 
-def test_no_burn_is_found_where_there_is_none():
-    """White acceleration of 1e-10 m²/s³, as 25 pushes that last."""
+@pytest.mark.parametrize("density", [1e-10, 1e-6])
+def test_no_burn_is_found_where_there_is_none(density):
+    """White acceleration of a density in m²/s³, as 25 pushes that last; at 1e-6 the path is off by a metre."""
     rng = np.random.default_rng(8)
     step = 20.0
     pushes = tuple(
-        (begin, begin + step, tuple(np.sqrt(1e-10 * step) * rng.standard_normal(3)))
+        (begin, begin + step, tuple(np.sqrt(density * step) * rng.standard_normal(3)))
         for begin in np.arange(0.0, 500.0, step)
     )
     found = estimate(case(pushes).tracks, orbit=ORBIT)
     assert not any(isinstance(one, UnknownBurn) for one in found.findings)
     assert found.process_noise.significance > 15
+
+
+def test_no_burn_is_found_in_free_flight():
     assert burns_in(estimate(case(()).tracks, orbit=ORBIT)) == ()
