@@ -75,15 +75,15 @@ class Jacobians:
     def times(self, matrix: FloatArray) -> FloatArray:
         """The products (n, 3, p) with a matrix (q, p)."""
         if self.blocks is None:
-            return np.concatenate([own @ matrix for _, own in self._parts()])
-        values = (self._at_blocks @ matrix)[self.blocks.of_frame]
+            return np.concatenate([_times(own, matrix) for _, own in self._parts()])
+        values = _times(self._at_blocks, matrix)[self.blocks.of_frame]
         return np.asarray(np.einsum("nc,ncip->nip", self.blocks.weights, values, optimize=True))
 
     def covariances(self, covariance: FloatArray) -> FloatArray:
         """J C Jᵀ (n, 3, 3) for a covariance C (q, q)."""
         if self.blocks is None:
-            return np.concatenate([own @ covariance @ np.swapaxes(own, 1, 2) for _, own in self._parts()])
-        moved = self._at_blocks @ covariance
+            return np.concatenate([_times(own, covariance) @ np.swapaxes(own, 1, 2) for _, own in self._parts()])
+        moved = _times(self._at_blocks, covariance)
         total = np.zeros((len(self.blocks.weights), 3, 3))
         for i in range(KNOTS):
             for j in range(KNOTS):
@@ -112,6 +112,11 @@ class Jacobians:
         """Parts of the frames whose Jacobians fit the processor's cache, with these."""
         parts = (slice(first, first + PART) for first in range(0, len(self.time), PART))
         return ((part, self.function(self.time[part])) for part in parts)
+
+
+def _times(values: FloatArray, matrix: FloatArray) -> FloatArray:
+    """The products (..., p) of values (..., q) with a matrix (q, p), in one multiplication."""
+    return np.asarray((values.reshape(-1, len(matrix)) @ matrix).reshape(*values.shape[:-1], -1))
 
 
 @dataclass(frozen=True, eq=False)

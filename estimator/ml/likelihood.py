@@ -227,22 +227,29 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
         sums.rhs += right
         sums.coupling += with_points
         return
-    own, p = model.motion.turn_of(part), model.path.size
+    turn, own = model.motion.turn_of(part), model.rotation_size
     R_B_C = np.swapaxes(attitude, 1, 2)
-    seen = np.zeros((len(own), 3, p))
+    shift = R_B_C @ model.path.jacobian[part]
     if model.path.turn is not None:
         half = 0.0 if model.turned is None else cross_matrices(model.turned[part]) / 2
         seen = R_B_C @ (np.eye(3) + half) @ model.path.turn[part]  # exp(θ + δ) = exp(δ + θ × δ/2 + …) exp(θ)
-    turn = np.concatenate([own, seen], axis=2)
-    shift = np.concatenate([np.zeros_like(own), R_B_C @ model.path.jacobian[part]], axis=2)
-    moves = np.concatenate([turn, shift], axis=1)
-    flat = moves.reshape(-1, model.size)
-    sums.matrix += flat.T @ (block @ moves).reshape(-1, model.size)
-    sums.rhs += flat.T @ rhs.ravel()
+        turn = np.concatenate([turn, seen], axis=2)
+    # Only the first of the unknowns turn the body, and only the last shift it.
+    turning, shifting = slice(0, turn.shape[2]), slice(own, model.size)
+    by_turn, by_shift = turn.reshape(-1, turn.shape[2]).T, shift.reshape(-1, shift.shape[2]).T
+    crossed = by_turn @ (block[:, :3, 3:] @ shift).reshape(-1, shift.shape[2])
+    sums.matrix[turning, turning] += by_turn @ (block[:, :3, :3] @ turn).reshape(-1, turn.shape[2])
+    sums.matrix[turning, shifting] += crossed
+    sums.matrix[shifting, turning] += crossed.T
+    sums.matrix[shifting, shifting] += by_shift @ (block[:, 3:, 3:] @ shift).reshape(-1, shift.shape[2])
+    sums.rhs[turning] += by_turn @ rhs[:, :3].ravel()
+    sums.rhs[shifting] += by_shift @ rhs[:, 3:].ravel()
     if coupling is None:
-        sums.coupling += found.unknowns_points(turn, shift)
+        sums.coupling[turning] += found.unknowns_points(turn, np.zeros_like(turn))
+        sums.coupling[shifting] += found.unknowns_points(None, shift)
     else:
-        sums.coupling += flat.T @ coupling.reshape(-1, 3 * m)
+        sums.coupling[turning] += by_turn @ coupling[:, :3].reshape(-1, 3 * m)
+        sums.coupling[shifting] += by_shift @ coupling[:, 3:].reshape(-1, 3 * m)
 
 
 def _of_poses(found: Pieces) -> FloatArray:
@@ -300,7 +307,7 @@ def _parts(observations: Observations, model: Model) -> list[slice]:
     """Chunks of frames that fit the processor's cache; with blocks, of whole ones."""
     n, m = observations.weight.shape
     if model.knots is None:
-        size = max(64, CHUNK_SIZE // max(9 * m, 6 * model.size))
+        size = max(64, CHUNK_SIZE // max(9 * m, 3 * model.size))
         return [slice(first, first + size) for first in range(0, n, size)]
     first = model.knots.blocks.first
     starts = first[np.searchsorted(first, [chunk.start for chunk in _chunks(n, m, True)], side="right") - 1]
