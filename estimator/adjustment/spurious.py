@@ -64,8 +64,9 @@ def spurious_information(
     """The spurious information (3, 3) in S on a body's offset from the noise of its attitudes, in the weights' units.
 
     An attitude error φ changes the offset d in C by φ × d. With C the covariance of φ and Q the frame's information on
-    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The
-    next order of φ adds a share of about the greatest variance of φ, in rad².
+    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds
+    a share of about the greatest variance of φ, in rad². An attitude that is not known at all is off by a radian or
+    two, so that C is bounded by (1 + C⁻¹)⁻¹.
     origin (n, 3): the path in C, m; variance: of an observation of weight 1; shift (n, 3, 3): the covariance of the
     frames' shifts in C over that variance.
     """
@@ -78,6 +79,7 @@ def spurious_information(
         noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
         known = known @ np.linalg.inv(np.eye(3) + noise @ known)
     axes = cross_matrices(np.eye(3))
-    second_order = 1 + variance * float(np.linalg.eigvalsh(inverse)[:, -1].mean())
-    first_order = variance * every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, inverse, optimize=True)
-    return np.asarray(second_order * first_order)
+    values, vectors = np.linalg.eigh(variance * inverse)
+    values /= 1 + values
+    turned = (1 + values[:, -1:, None]) * (vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2)
+    return np.asarray(every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, turned, optimize=True))
