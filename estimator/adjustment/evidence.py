@@ -20,6 +20,7 @@ from baryscope.estimator.dynamics.prior import Prior
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 NO_EFFECT = 1e-3  # prior variance times information, at which a hyperparameter's range begins
 RANGE = 1e16  # of the variances, from there
@@ -30,7 +31,10 @@ TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its ma
 SCAN = 12  # values of each hyperparameter in the search for a start
 SWEEPS = 2  # of it, where there are several
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
-GRID_STEP = 0.7  # of a hyperparameter's logarithm, in the integration over its uncertainty
+GRID_STEP = 0.7  # in the integration over a hyperparameter's uncertainty: of its logarithm, or of a standard deviation
+MOST_STEPS = 60  # of it, either way
+DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
+MOST_DEVIATION = 3.0  # of a combination of hyperparameters, for the length of a step
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
 NINETY = 1.645  # standard deviations either way that hold 90 %
 
@@ -46,10 +50,12 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Hyperparameters θ (h,) at the maximum, with bounds (h, 2) of a standard deviation, and the posterior of x.
+    """Hyperparameters θ (h,) at the maximum, and the posterior of x: its mean (p,) for these, and its covariance (p, p)
+    about that mean, with the uncertainty of θ.
 
-    mean (p,) for these; covariance (p, p) about it, with the uncertainty of θ; significance (h,): 2 ln p of θ less that
-    at the lower bound of the range, where the hyperparameter has no effect; expectation (h,): the mean of exp θ.
+    Of a hyperparameter that has its unknowns for itself, NaN of others: interval (h, 2) of a standard deviation either
+    way; significance (h,): 2 ln p of θ less that at the lower bound of the range, where it has no effect; expectation
+    (h,): the mean of exp θ.
     """
 
     theta: FloatArray
@@ -140,50 +146,86 @@ def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
 
 
 def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
-    """The posterior of x, integrated over the uncertainty of each hyperparameter about θ (h,)."""
+    """The posterior of x, integrated over the uncertainty of the hyperparameters about θ (h,).
+
+    One that has its unknowns for itself is integrated alone, others along the principal axes of −2 ln p, on a grid
+    (Rue, Martino and Chopin 2009, J. R. Statist. Soc. B 71, § 4).
+    """
     mean, covariance = conditional(linear, prior, theta)
     bounds, total = ranges(linear, prior), covariance.copy()
-    interval, significance, expectation = np.empty((len(theta), 2)), np.empty(len(theta)), np.empty(len(theta))
-    for index, (low, high) in enumerate(bounds):
-        optional = prior.hyperparameters[index].optional
-        values: list[float] = []
-        costs: list[float] = []
-        moments = []
-        for sign, end in ((-1.0, low), (1.0, high)):
-            for step in range(int(sign > 0), 60):
-                at = theta.copy()
-                at[index] += sign * GRID_STEP * step
-                if sign * (at[index] - end) > 0:
-                    break
-                cost = _objective(linear, prior, at)[0]
-                if costs and cost > min(costs) + GRID_END:
-                    break
-                other_mean, other = conditional(linear, prior, at)
-                moments.append(other - covariance + np.outer(other_mean - mean, other_mean - mean))
-                values.append(float(at[index]))
-                costs.append(cost)
+    interval = np.full((len(theta), 2), np.nan)
+    significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
+    shared = (prior.slopes != 0).sum(axis=1) > 1
+    joint = ((prior.slopes != 0) & shared[:, None]).any(axis=0)
+    for index in np.flatnonzero(~joint):
+        points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
+        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         lowest = theta.copy()
-        lowest[index] = low
+        lowest[index] = bounds[index, 0]
         none = _objective(linear, prior, lowest)[0]
         significance[index] = none - costs[0]  # the first is that of θ
-        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        if optional:  # the room below, where all is as at the lower bound
-            other_mean, other = conditional(linear, prior, lowest)
-            moments.append(other - covariance + np.outer(other_mean - mean, other_mean - mean))
-            values.append(low)
+        if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
+            points.append(lowest)
             weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
         weight /= weight.sum()
-        total += _positive(np.einsum("k,kij->ij", weight, np.array(moments)))
+        values = np.array([at[index] for at in points])
         centre = float(weight @ values)
-        deviation = float(np.sqrt(weight @ (np.array(values) - centre) ** 2))
+        deviation = float(np.sqrt(weight @ (values - centre) ** 2))
         interval[index] = centre - deviation, centre + deviation
         expectation[index] = weight @ np.exp(values)
+        total += _positive(_spread(linear, prior, points, weight, mean) - covariance, np.diag(covariance))
+    for step in _principal_steps(linear, prior, theta, np.flatnonzero(joint)):
+        points, costs = _along(linear, prior, theta, step, bounds)
+        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
+        grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
+        total += _positive(grown, np.diag(covariance))
     return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
 
 
-def _positive(matrix: FloatArray) -> FloatArray:
-    """The positive semidefinite part (p, p) of a symmetric matrix."""
-    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), np.finfo(float).tiny))
+def _principal_steps(linear: Linear, prior: Prior, theta: FloatArray, joint: IntArray) -> list[FloatArray]:
+    """Steps (h,) along the principal axes of −2 ln p in some hyperparameters, of GRID_STEP standard deviations."""
+    hessian = np.empty((len(joint), len(joint)))
+    for row, index in enumerate(joint):
+        apart = DIFFERENCE * np.eye(len(theta))[index]
+        after, before = (_objective(linear, prior, at)[1][joint] for at in (theta + apart, theta - apart))
+        hessian[row] = (after - before) / (2 * DIFFERENCE)
+    values, vectors = np.linalg.eigh((hessian + hessian.T) / 4)
+    deviation = 1 / np.sqrt(np.clip(values, MOST_DEVIATION**-2, None))
+    steps = np.zeros((len(joint), len(theta)))
+    steps[:, joint] = GRID_STEP * (vectors * deviation).T
+    return list(steps)
+
+
+def _along(
+    linear: Linear, prior: Prior, theta: FloatArray, step: FloatArray, bounds: FloatArray
+) -> tuple[list[FloatArray], list[float]]:
+    """θ (h,), and points in steps (h,) either way as far as −2 ln p is not much greater, within bounds; and that."""
+    points, costs = [theta], [_objective(linear, prior, theta)[0]]
+    for sign in (-1, 1):
+        for k in range(1, MOST_STEPS):
+            at = theta + sign * k * step
+            if np.any(at < bounds[:, 0]) or np.any(at > bounds[:, 1]):
+                break
+            cost = _objective(linear, prior, at)[0]
+            if cost > min(costs) + GRID_END:
+                break
+            points.append(at)
+            costs.append(cost)
+    return points, costs
+
+
+def _spread(linear: Linear, prior: Prior, points: list[FloatArray], weight: FloatArray, mean: FloatArray) -> FloatArray:
+    """The second moment (p, p) of x about a mean (p,), of the mixture of the posteriors at points with weights."""
+    total = np.zeros((len(mean), len(mean)))
+    for share, at in zip(weight, points, strict=True):
+        other_mean, other = conditional(linear, prior, at)
+        total += share * (other + np.outer(other_mean - mean, other_mean - mean))
+    return total
+
+
+def _positive(matrix: FloatArray, variance: FloatArray) -> FloatArray:
+    """The positive semidefinite part (p, p) of a symmetric matrix, in units of variances (p,)."""
+    scale = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     half = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     return np.asarray(half @ half.T)
