@@ -127,6 +127,7 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     for _ in range(FINE_SWEEPS):
         grown = 1 + np.exp(theta)[:, None] * values
         cost = (np.log(grown) - beta * np.exp(theta)[:, None] / grown).sum(axis=1)
+        cost += [prior.penalty(np.array([value]))[0] for value in theta]
         best = int(np.argmin(cost))
         theta = np.linspace(theta[max(best - 1, 0)], theta[min(best + 1, FINE_SCAN - 1)], FINE_SCAN)
     return theta[FINE_SCAN // 2 : FINE_SCAN // 2 + 1]
@@ -299,4 +300,5 @@ def _objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, 
     variance = (np.diag(inverse) * scale * scale)[loose]
     value = 2 * np.log(np.diag(factor[0])).sum() - 2 * np.log(scale).sum() - np.log(precision[~prior.free]).sum()
     value += float(precision @ (linear.x * linear.x) - u @ change)
-    return float(value), np.asarray((1 - p * (variance + mean**2)) @ prior.slopes[loose])
+    penalty, its_gradient = prior.penalty(theta)
+    return float(value + penalty), np.asarray((1 - p * (variance + mean**2)) @ prior.slopes[loose] + its_gradient)

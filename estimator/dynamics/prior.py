@@ -15,13 +15,15 @@ class Hyperparameter:
     """A parameter of a prior, by its natural logarithm: name, and bounds of the logarithm.
 
     Bounds of None follow from the observations: from a variance without effect to one without a limit. optional: there
-    may be nothing of it at all, so that its range goes on below, without an effect.
+    may be nothing of it at all, so that its range goes on below, without an effect. typical: its root is not only
+    log-uniform, but exponentially improbable beyond this (Simpson et al. 2017, Statistical Science 32).
     """
 
     name: str
     lower: float | None = None
     upper: float | None = None
     optional: bool = False
+    typical: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,12 @@ class Prior:
     def precision(self, theta: FloatArray) -> FloatArray:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
         return np.asarray(np.exp(-(self.offset + self.slopes @ theta)))
+
+    def penalty(self, theta: FloatArray) -> tuple[float, FloatArray]:
+        """−2 ln p of the hyperparameters θ (h,) themselves, up to a constant, and its gradient (h,)."""
+        rate = np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
+        each = rate * np.exp(np.where(rate > 0, theta, 0.0) / 2)
+        return float(2 * each.sum()), each
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""

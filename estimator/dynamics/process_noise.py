@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 DENSITY = "process noise"
 FEWEST_MODES, MOST_MODES = 12, 96
+# m/s^1.5, mean of the root of the density in an orbit: 1e-3, or 2 cm/s in ten minutes, once in 150 cases
+TYPICAL = 2e-4
 SHORTEST = 1e-6  # s, of the time over which noise acts
 
 
@@ -50,7 +52,10 @@ class Disturbed(Extended):
         span = self.end - self.begin
         offset = np.repeat(np.log(span**3 / wave_numbers(self.count) ** 4), 3)
         lower = float(np.log(self.least)) if self.least > 0 else None
-        own = Prior(offset, np.ones((len(offset), 1)), (Hyperparameter(DENSITY, lower, optional=lower is None),))
+        # Where the forces are known, noise stands for what is left of them.
+        typical = None if self.base.gravity_gradient(np.array([self.begin])) is None else TYPICAL
+        unknown = Hyperparameter(DENSITY, lower, optional=lower is None, typical=typical)
+        own = Prior(offset, np.ones((len(offset), 1)), (unknown,))
         return self.base.prior.joined(own if self.density is None else own.fixed(DENSITY, float(np.log(self.density))))
 
     def with_modes(self, count: int) -> "Disturbed":
