@@ -26,7 +26,9 @@ FloatArray = NDArray[np.float64]
 
 DECAYS = (1e-8, 0.02, 0.15, 0.5)  # of a smooth path's coefficients, from which solutions start
 NO_NOISE = -200.0  # logarithm of a density without effect
-STEPS = 5  # of Gauss and Newton before starts are compared
+STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
+SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
+SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class _Trial:
 def linear_start(
     registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float
 ) -> tuple[tuple[Body, ...], FloatArray, Prior]:
-    """Initial bodies and x (p,): the best of several linear least-squares solutions after a few steps; and its prior.
+    """Initial bodies and x (p,): the best of several solutions, of linear least squares and some steps; and its prior.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
     of an observation of weight 1.
@@ -56,27 +58,29 @@ def linear_start(
     for one in priors:
         bodies, x = _linear_solution(own, few.observations, sampled, one)
         trials.append(_Trial(bodies, x, few.observations))
+    index = 0
     if len(trials) > 1:
         both = zip(trials, priors, strict=True)
-        trials = [_advanced(trial, sampled, one, least) for trial, one in both]
+        trials = [_stepped(trial, sampled, one, least, STEPS) for trial, one in both]
+        trials = [_stepped(trial, sampled, prior, least, SETTLING) for trial in trials]
         index = _best(trials, sampled, prior, least)
-    else:
-        index = 0
     found = trials[index]
     pairs = zip(registered.bodies, found.bodies, strict=True)
     return tuple(replace(body, points=refined.points) for body, refined in pairs), found.x, priors[index]
 
 
-def _advanced(trial: _Trial, sampled: SampledPath, prior: Prior, least: float) -> _Trial:
-    """The trial after STEPS steps with robust weights, under a prior that keeps the path simple."""
+def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, steps: int) -> _Trial:
+    """The trial after steps with robust weights, until they are small."""
     bodies, x, observations = trial.bodies, trial.x, trial.observations
     dof = max(values_for_path(bodies, observations), 1.0)
     theta: FloatArray | None = None
-    for _ in range(STEPS):
+    for _ in range(steps):
         problem = linearised(bodies, observations, sampled, x)
         variance = max(float(problem.squares.sum()) / dof, least)
         theta = maximise(scaled(problem, variance), prior, theta)
         solution = stepped(problem, prior, theta, variance)
+        if solution.step <= SETTLED * variance:
+            break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least))
     return _Trial(bodies, x, observations)
@@ -95,8 +99,9 @@ def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float
         share = max(values_for_path(trial.bodies, trial.observations) / (3 * float(weight.sum())), 1e-3)
         variances.append(max(float(np.median(squares)) / (MEDIAN * share), least))
     variance, scores = min(variances), []
+    most = max(len(squares) for squares in residuals)
     for squares, problem in zip(residuals, problems, strict=True):
-        bounded = float(np.minimum(squares / variance, GATE).sum())
+        bounded = float(np.minimum(squares / variance, GATE).sum()) + GATE * (most - len(squares))
         scores.append(bounded + complexity(scaled(problem, variance), prior))
     return int(np.argmin(scores))
 
