@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2
 
+from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.spurious import (
     farthest,
     spurious_information,
@@ -22,6 +23,7 @@ FloatArray = NDArray[np.float64]
 MIN_NEW_SHARE = 0.01  # share of a cubic that the path model cannot represent, from which it is tested
 SIGNIFICANCE = 1e-7  # probability of a lack of fit by chance
 TEST_FRAMES = 1500  # frames used in the test, at most
+SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which the attitudes are looked at
 MAX_SPURIOUS_GROWTH = 1.5  # of an offset's variance by removal of spurious information, for the test to be valid
 
 
@@ -76,14 +78,7 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
     """
     variance, solution = found.variance, found.solution
     distance = float(np.linalg.norm(origin, axis=1).max())
-    # Jointly for all bodies: spurious information of one body on the path would propagate to the others.
-    spurious = block_diag(
-        *(
-            three_sigma_factor(len(body.frames))
-            * spurious_information(body, found.observations, origin, variance, found.shift)
-            for body in found.bodies
-        )
-    )
+    spurious = _spurious(found, origin)
     least = variance / max(farthest(body.points) for body in found.bodies) ** 2
     of_offsets, of_x = spurious_information_columns(solution.offset_covariance, solution.offset_path, spurious, least)
     spread = distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300)
@@ -93,6 +88,36 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
     offsets = variance * (solution.offset_covariance + of_offsets @ of_offsets.T)
     offsets += (solution.offset_null_space * spread**2) @ solution.offset_null_space.T
     return covariance, _diagonal_blocks(offsets)
+
+
+def spurious_share(found: Pivot, origin: FloatArray) -> float:
+    """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
+    return _share(found, _expected(found, origin))
+
+
+def _share(found: Pivot, spurious: list[FloatArray]) -> float:
+    return float(np.linalg.eigvals(found.solution.offset_covariance @ block_diag(*spurious)).real.max())
+
+
+def _expected(found: Pivot, origin: FloatArray) -> list[FloatArray]:
+    """The spurious information (3, 3) on the offset of each body, in the weights' units, with its margin."""
+    return [
+        three_sigma_factor(len(body.frames))
+        * spurious_information(body, found.observations, origin, found.variance, found.shift)
+        for body in found.bodies
+    ]
+
+
+def _spurious(found: Pivot, origin: FloatArray) -> FloatArray:
+    """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as their attitudes show it.
+
+    Jointly for all bodies: spurious information of one body on the path would propagate to the others.
+    """
+    spurious = _expected(found, origin)
+    if _share(found, spurious) >= SPURIOUS:
+        shown = [excess_noise(body, found.observations, found.variance) for body in found.bodies]
+        spurious = [excess * own for excess, own in zip(shown, spurious, strict=True)]
+    return np.asarray(block_diag(*spurious))
 
 
 def _diagonal_blocks(matrix: FloatArray) -> FloatArray:

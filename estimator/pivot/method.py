@@ -45,6 +45,7 @@ from baryscope.estimator.pivot.refinement import (
     values_for_path,
 )
 from baryscope.estimator.pivot.start import linear_start
+from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
@@ -190,7 +191,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         simple,
         slips,
     )
-    found = with_unknown_burns(refined(start, options), registered, orbit, start, options)
+    found, start = without_strays(refined(start, options), start, options)
+    found = with_unknown_burns(found, registered, orbit, start, options)
     found = with_corrected_orbit(found, orbit, start, options)
     findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found)

@@ -1,0 +1,45 @@
+"""The solution without the frames in which attitudes stray from the rotation.
+
+Where the centre of mass is observed poorly, the noise of such attitudes outweighs what the rotation tells of it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.attitude_noise import strays
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.lack_of_fit import SPURIOUS, spurious_share
+from baryscope.estimator.pivot.refinement import Pivot, Start, refined
+from baryscope.estimator.registration.body import Body
+from baryscope.models.errors import ComputationError
+
+REPEATS = 3  # of search and refinement, at most
+MIN_FRAMES = 10  # of a body, that are left
+
+
+def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
+    """The solution without the frames in which a body's attitude strays, if they matter, and its start."""
+    for _ in range(REPEATS):
+        if spurious_share(found, found.sampled.position(found.solution.x)) < SPURIOUS:
+            break
+        weight, bodies = start.observations.weight.copy(), []
+        for body in found.bodies:
+            stray = strays(body, found.observations, found.variance)
+            stray &= (~stray).sum() >= MIN_FRAMES
+            weight[np.ix_(body.frames[stray], body.features)] = 0.0
+            bodies.append(_in_frames(body, ~stray))
+        if np.array_equal(weight, start.observations.weight):
+            break
+        fewer = replace(start, bodies=tuple(bodies), observations=start.observations.weighted(weight))
+        try:
+            found = refined(replace(fewer, x=found.solution.x[: start.path.size]), options)
+        except ComputationError:
+            break
+        start = fewer
+    return found, start
+
+
+def _in_frames(body: Body, kept: NDArray[np.bool_]) -> Body:
+    return replace(body, frames=body.frames[kept], attitude=body.attitude[kept])

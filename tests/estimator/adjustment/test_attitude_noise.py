@@ -1,0 +1,48 @@
+"""Attitudes of a body, from displaced points of a rotation by scipy."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.adjustment.attitude_noise import excess_noise, strays
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.registration.body import Body
+
+NOISE = 0.01
+POINTS = np.array([[0.5, 0.1, 0.0], [-0.4, 0.6, 0.2], [0.1, -0.5, 0.6], [-0.2, -0.2, -0.7]])
+
+
+def seen(step, displaced, by, seed=0, count=400):
+    """A body of four points turning by `step` rad a frame, of which one is displaced in some frames, and its tracks."""
+    rng = np.random.default_rng(seed)
+    turn = Rotation.from_rotvec(np.outer(0.1 * step * np.arange(count), [0, 1.0, 0]))
+    turn = turn * Rotation.from_rotvec(np.outer(step * np.arange(count), [0.6, 0, 0.8]))
+    position = POINTS @ np.swapaxes(turn.as_matrix(), 1, 2) + NOISE * rng.normal(size=(count, 4, 3))
+    position[displaced, 0] += by * rng.normal(size=(len(displaced), 3))
+    attitude = np.array([Rotation.align_vectors(one, POINTS)[0].as_matrix() for one in position])
+    body = Body(np.arange(4), np.arange(count), POINTS, attitude)
+    return body, Observations(position, np.ones((count, 4)), None)
+
+
+@pytest.mark.parametrize("step", [0.002, 0.02, 0.1])
+def test_displaced_features_turn_a_body_away_from_its_rotation(step):
+    displaced = np.arange(7, 400, 19)
+    found = np.nonzero(strays(*seen(step, displaced, 0.6), NOISE**2))[0]
+    assert set(found) <= set(displaced)
+    assert len(found) >= 0.9 * len(displaced)  # a displacement towards the centre hardly turns the body
+
+
+@pytest.mark.parametrize("step", [0.0, 0.02, 0.1, 0.7, 2.5])
+def test_no_attitude_strays_where_none_is_displaced(step):
+    body, observations = seen(step, np.zeros(0, dtype=int), 0.0)
+    assert not strays(body, observations, NOISE**2).any()
+    assert not strays(Body(body.features, body.frames[:5], POINTS, body.attitude[:5]), observations, NOISE**2).any()
+
+
+def test_excess_noise_is_the_mean_square_of_the_errors_over_that_expected():
+    body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)
+    # A mean of 400 values of χ²₃ over 3 has the deviation √(2/1200); neighbours share some of it.
+    assert excess_noise(body, observations, NOISE**2) == pytest.approx(1.0, abs=0.2)
+    assert excess_noise(body, observations, NOISE**2 / 2) == pytest.approx(2.0, abs=0.4)
+    body, observations = seen(1.5, np.zeros(0, dtype=int), 0.0)
+    assert excess_noise(body, observations, NOISE**2 / 2) in (1.0, pytest.approx(2.0, abs=0.4))
