@@ -84,7 +84,7 @@ def _departures(body: Body, observations: Observations, variance: float) -> tupl
         inverse = symmetric_inverses(matrix)
         coefficients = inverse @ (np.swapaxes(weighted, 1, 2) @ turned)
         squares = np.sum((turned - terms @ coefficients) ** 2, axis=2) * precision
-        scale = np.ma.median(np.ma.masked_array(squares, ~used), axis=1).filled(1.0)
+        scale = np.nanmedian(np.where(used | ~used.any(axis=1)[:, None], squares, np.nan), axis=1)
         weight = precision / (1 + squares / (9 * np.maximum(scale, 1e-300))[:, None])
     expected = covariance + inverse[:, 0, 0, None, None] / 3 * np.eye(3)
     off = coefficients[:, 0]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtri
 from scipy.optimize import minimize
 
 from baryscope.estimator.dynamics.prior import Prior
@@ -82,10 +82,10 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
         return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds)
     if start is None:
         starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
-        best = min(starts, key=lambda at: _objective(linear, prior, at)[0])
+        best = min(starts, key=lambda at: cost(linear, prior, at))
     else:
         best = np.clip(start, bounds[:, 0], bounds[:, 1])
-    least = _objective(linear, prior, best)[0]
+    least = cost(linear, prior, best)
 
     def excess(at: FloatArray) -> tuple[float, FloatArray]:
         value, gradient = _objective(linear, prior, at)
@@ -101,7 +101,7 @@ def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray)
         if one.optional:
             without = theta.copy()
             without[index] = bounds[index, 0]
-            gain = _objective(linear, prior, without)[0] - _objective(linear, prior, theta)[0]
+            gain = cost(linear, prior, without) - cost(linear, prior, theta)
             theta = theta if gain > 2 * np.log(BELOW / TYPICAL) else without
     return theta
 
@@ -117,7 +117,7 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     scale, factor = _factor(Linear(rest, np.zeros(len(rest)), np.zeros(len(rest))), np.zeros(len(rest)))
     crossed = linear.information[~of][:, of]
     absolute = linear.rhs + linear.information[:, of] @ linear.x[of]
-    left = scale[:, None] * cho_solve(factor, scale[:, None] * np.column_stack([crossed, absolute[~of]]))
+    left = scale[:, None] * dpotrs(factor, scale[:, None] * np.column_stack([crossed, absolute[~of]]), lower=True)[0]
     root = np.exp(prior.offset[of] / 2)
     scaled = (linear.information[of][:, of] - crossed.T @ left[:, :-1]) * np.outer(root, root)
     values, axes = np.linalg.eigh((scaled + scaled.T) / 2)
@@ -126,24 +126,28 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     theta = np.linspace(bounds[0], bounds[1], FINE_SCAN)
     for _ in range(FINE_SWEEPS):
         grown = 1 + np.exp(theta)[:, None] * values
-        cost = (np.log(grown) - beta * np.exp(theta)[:, None] / grown).sum(axis=1)
-        cost += [prior.penalty(np.array([value]))[0] for value in theta]
-        best = int(np.argmin(cost))
+        value = (np.log(grown) - beta * np.exp(theta)[:, None] / grown).sum(axis=1)
+        value += prior.penalty(theta[:, None])[0]
+        best = int(np.argmin(value))
         theta = np.linspace(theta[max(best - 1, 0)], theta[min(best + 1, FINE_SCAN - 1)], FINE_SCAN)
     return theta[FINE_SCAN // 2 : FINE_SCAN // 2 + 1]
 
 
-def complexity(linear: Linear, prior: Prior) -> float:
-    """−2 ln p at its minimum without the decrease uᵀ(A + P)⁻¹u, which is not to be had far from the solution."""
-    theta = maximise(linear, prior)
+def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) -> float:
+    """−2 ln p at its minimum without the decrease uᵀ(A + P)⁻¹u, which is not to be had far from the solution.
+
+    start (h,): hyperparameters from which the minimum is sought.
+    """
+    theta = maximise(linear, prior, start)
     u = linear.rhs - held(linear, prior, theta)[0] * linear.x
     change = conditional(linear, prior, theta)[0] - linear.x
-    return _objective(linear, prior, theta)[0] + float(u @ change)
+    return cost(linear, prior, theta) + float(u @ change)
 
 
 def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
     """−2 ln p of hyperparameters θ (h,), up to a constant."""
-    return _objective(linear, prior, theta)[0]
+    precision, _ = held(linear, prior, theta)
+    return _minimum(linear, prior, precision, *_factor(linear, precision))[1] + float(prior.penalty(theta)[0])
 
 
 def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
@@ -163,7 +167,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         lowest = theta.copy()
         lowest[index] = bounds[index, 0]
-        none = _objective(linear, prior, lowest)[0]
+        none = cost(linear, prior, lowest)
         significance[index] = none - costs[0]  # the first is that of θ
         if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
             points.append(lowest)
@@ -201,17 +205,17 @@ def _along(
     linear: Linear, prior: Prior, theta: FloatArray, step: FloatArray, bounds: FloatArray
 ) -> tuple[list[FloatArray], list[float]]:
     """θ (h,), and points in steps (h,) either way as far as −2 ln p is not much greater, within bounds; and that."""
-    points, costs = [theta], [_objective(linear, prior, theta)[0]]
+    points, costs = [theta], [cost(linear, prior, theta)]
     for sign in (-1, 1):
         for k in range(1, MOST_STEPS):
             at = theta + sign * k * step
             if np.any(at < bounds[:, 0]) or np.any(at > bounds[:, 1]):
                 break
-            cost = _objective(linear, prior, at)[0]
-            if cost > min(costs) + GRID_END:
+            value = cost(linear, prior, at)
+            if value > min(costs) + GRID_END:
                 break
             points.append(at)
-            costs.append(cost)
+            costs.append(value)
     return points, costs
 
 
@@ -253,7 +257,7 @@ def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray
             costs = []
             for value in values:
                 theta[index] = value
-                costs.append(_objective(linear, prior, theta)[0])
+                costs.append(cost(linear, prior, theta))
             theta[index] = values[int(np.argmin(costs))]
     return theta
 
@@ -266,39 +270,47 @@ def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, B
     return np.minimum(precision, most), ~prior.free & (precision < most)
 
 
-def _factor(linear: Linear, precision: FloatArray) -> tuple[FloatArray, tuple[FloatArray, bool]]:
-    """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor of the scaled matrix."""
+def _factor(linear: Linear, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor (p, p) of the scaled matrix."""
     matrix = linear.information + np.diag(precision)
     diagonal = np.diag(matrix)
     scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
-    scaled = matrix * np.outer(scale, scale)
+    matrix *= np.outer(scale, scale)
     ridge = RIDGE
     while True:
-        try:
-            return scale, cho_factor(scaled + ridge * np.eye(len(scaled)), lower=True)
-        except np.linalg.LinAlgError:
-            ridge *= 100  # rounding of the elimination
+        factor, failed = dpotrf(matrix + ridge * np.eye(len(matrix)), lower=True)  # a tenth of the time of cho_factor
+        if not failed:
+            return scale, factor
+        ridge *= 100  # rounding of the elimination
 
 
 def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean (p,) and covariance (p, p) of x for given hyperparameters."""
     precision, _ = held(linear, prior, theta)
     scale, factor = _factor(linear, precision)
-    change = scale * cho_solve(factor, scale * (linear.rhs - precision * linear.x))
-    inverse = cho_solve(factor, np.eye(len(scale))) * np.outer(scale, scale)
-    return linear.x + change, np.asarray(inverse)
+    change = scale * dpotrs(factor, scale * (linear.rhs - precision * linear.x), lower=True)[0]
+    root, _ = dtrtri(factor, lower=True)
+    root *= scale
+    return linear.x + change, np.asarray(root.T @ root)
 
 
 def _objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
     """−2 ln p up to a constant, and its gradient (h,)."""
     precision, loose = held(linear, prior, theta)
     scale, factor = _factor(linear, precision)
-    u = linear.rhs - precision * linear.x
-    change = scale * cho_solve(factor, scale * u)
-    inverse = cho_solve(factor, np.eye(len(scale)))
+    change, value = _minimum(linear, prior, precision, scale, factor)
+    inverse, _ = dtrtri(factor, lower=True)
     p, mean = precision[loose], (linear.x + change)[loose]
-    variance = (np.diag(inverse) * scale * scale)[loose]
-    value = 2 * np.log(np.diag(factor[0])).sum() - 2 * np.log(scale).sum() - np.log(precision[~prior.free]).sum()
-    value += float(precision @ (linear.x * linear.x) - u @ change)
+    variance = (np.einsum("ki,ki->i", inverse, inverse) * scale * scale)[loose]
     penalty, its_gradient = prior.penalty(theta)
-    return float(value + penalty), np.asarray((1 - p * (variance + mean**2)) @ prior.slopes[loose] + its_gradient)
+    return value + float(penalty), np.asarray((1 - p * (variance + mean**2)) @ prior.slopes[loose] + its_gradient)
+
+
+def _minimum(
+    linear: Linear, prior: Prior, precision: FloatArray, scale: FloatArray, factor: FloatArray
+) -> tuple[FloatArray, float]:
+    """The change of x (p,) to its posterior mean, and −2 ln p but for the hyperparameters' own."""
+    u = linear.rhs - precision * linear.x
+    change = scale * dpotrs(factor, scale * u, lower=True)[0]
+    value = 2 * np.log(np.diag(factor)).sum() - 2 * np.log(scale).sum() - np.log(precision[~prior.free]).sum()
+    return change, float(value + precision @ (linear.x * linear.x) - u @ change)

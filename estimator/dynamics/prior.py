@@ -56,11 +56,11 @@ class Prior:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
         return np.asarray(np.exp(-(self.offset + self.slopes @ theta)))
 
-    def penalty(self, theta: FloatArray) -> tuple[float, FloatArray]:
-        """−2 ln p of the hyperparameters θ (h,) themselves, up to a constant, and its gradient (h,)."""
+    def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
         rate = np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
         each = rate * np.exp(np.where(rate > 0, theta, 0.0) / 2)
-        return float(2 * each.sum()), each
+        return 2 * each.sum(axis=-1), each
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""

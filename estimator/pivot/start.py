@@ -33,11 +33,12 @@ SETTLED = 0.1  # squared length of the last step, in units of the covariance of 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A solution for some frames: bodies, x (p,), and the observations with robust weights."""
+    """A solution for some frames: bodies, x (p,), observations with robust weights, and the hyperparameters (h,)."""
 
     bodies: tuple[Body, ...]
     x: FloatArray
     observations: Observations
+    theta: FloatArray | None = None
 
 
 def linear_start(
@@ -83,7 +84,7 @@ def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, st
             break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least))
-    return _Trial(bodies, x, observations)
+    return _Trial(bodies, x, observations, theta)
 
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float) -> int:
@@ -100,9 +101,9 @@ def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float
         variances.append(max(float(np.median(squares)) / (MEDIAN * share), least))
     variance, scores = min(variances), []
     most = max(len(squares) for squares in residuals)
-    for squares, problem in zip(residuals, problems, strict=True):
+    for trial, squares, problem in zip(trials, residuals, problems, strict=True):
         bounded = float(np.minimum(squares / variance, GATE).sum()) + GATE * (most - len(squares))
-        scores.append(bounded + complexity(scaled(problem, variance), prior))
+        scores.append(bounded + complexity(scaled(problem, variance), prior, trial.theta))
     return int(np.argmin(scores))
 
 
