@@ -42,7 +42,8 @@ TOLERANCE = 3.0  # of 2 ln p, by which the priors' changes with the times may lo
 class BurnFit:
     """Burns, and the posterior of all unknowns: of bodies' offsets, path, burns and cells, in this order.
 
-    score: −2 ln p up to a constant; variance of an observation of weight 1; theta: logarithm of the noise's density;
+    score: −2 ln p up to a constant. It is that of the best attitudes, so that the frames' variances do not count: they
+    would make small offsets likelier. variance of an observation of weight 1; theta: logarithm of the noise's density;
     matrix and rhs: the normal equations. bend (n, 3): what gravity beyond its gradient adds to the response to the
     burns, m, None if that is nothing.
     """
@@ -133,7 +134,6 @@ class BurnEquations:
             theta = np.minimum(maximise(linear, prior), limit.density)
             mean, covariance = conditional(linear, prior, theta)
             score = cost(linear, prior, theta) + total / variance + values * float(np.log(variance))
-            score -= 2 * float(np.linalg.slogdet(self.root)[1].sum())
             if limit.variance is not None:
                 break
             left = values - float(np.vdot(linear.information, covariance))
