@@ -117,7 +117,8 @@ def _solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     try:
         return np.asarray(np.linalg.solve(matrix, rhs))
     except np.linalg.LinAlgError:
-        regular = np.linalg.cond(matrix) < 1 / np.finfo(float).eps
+        regular = np.isfinite(matrix).all(axis=(-2, -1))
+        regular[regular] = np.linalg.cond(matrix[regular]) < 1 / np.finfo(float).eps
         found = np.full(rhs.shape, np.nan)
         found[regular] = np.linalg.solve(matrix[regular], rhs[regular])
         return found

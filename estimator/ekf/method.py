@@ -11,6 +11,7 @@ probable ones.
 """
 
 import time as clock
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,13 +26,12 @@ from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
-from baryscope.estimator.ekf.start import Start, start_from
+from baryscope.estimator.ekf.start import Start, starts
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.options import PathOptions, refuse_forces, torques_of
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
-from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 from baryscope.models.errors import ComputationError, Reason
@@ -61,13 +61,7 @@ def estimate_by_filter(
     refuse_forces(options, "ekf")
     trajectory = trajectory_of(options.trajectory, orbit)
     torques = torques_of(orbit, options)
-    inliers = screen(tracks.position, tracks.seen)
-    measured = observations_of(tracks, tracks.seen)
-    rounds = Rounds(progress)
-    weight = np.where(tracks.seen, np.where(inliers, 1.0, NEGLIGIBLE), 0.0)
-    start = start_from(tracks, inliers, measured.weighted(np.where(inliers, 1.0, 0.0)), torques)
-    _refuse_effort(len(start.nodes.time), tracks.seen.shape[1])
-    rounds.did(0.5)
+    measured, rounds = observations_of(tracks, tracks.seen), Rounds(progress)
     on_orbit = trajectory.kind == "relative-orbit"
     motion = trajectory.path(orbit, float(tracks.time[0]), float(tracks.time[-1])) if on_orbit else None
     orders: tuple[int, ...] = (1,)
@@ -75,8 +69,32 @@ def estimate_by_filter(
         orders = ORDERS if trajectory.degree is None else (trajectory.degree,)
         if trajectory.degree is None and not isinstance(options.process_noise, str):
             orders = (1,)  # a given density is one of the acceleration
-    found = _converged([Problem(tracks, options, measured, weight, start, order, motion, rounds) for order in orders])
+
+    def solved(start: Start) -> tuple[Start, list[Passes]]:
+        _refuse_effort(len(start.nodes.time), tracks.seen.shape[1])
+        rounds.did(0.5)
+        return start, _converged([Problem(tracks, options, measured, start, order, motion, rounds) for order in orders])
+
+    start, found = _first_of(starts(tracks, measured, orbit, options.trajectory, torques), solved)
     return _result(tracks, options, start, on_orbit, found, begin)
+
+
+def _first_of(
+    candidates: Iterator[Start], solved: Callable[[Start], tuple[Start, list[Passes]]]
+) -> tuple[Start, list[Passes]]:
+    """The result of the first start that leads to one.
+
+    Raises:
+        ComputationError: none does; that of the last.
+    """
+    failure: ComputationError | None = None
+    for start in candidates:
+        try:
+            return solved(start)
+        except ComputationError as error:
+            failure = error
+    assert failure is not None  # noqa: S101  there is at least one start
+    raise failure
 
 
 def _converged(problems: list[Problem]) -> list[Passes]:

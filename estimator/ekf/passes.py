@@ -144,7 +144,7 @@ def passes(problem: Problem) -> Passes:
     still = np.zeros((len(time), size))
     inertia = of_a_body(start.rotation.inertia)
     reference = Reference(path, still, start.attitude, start.rate, inertia, start.points, axis)
-    observations = problem.measured.weighted(problem.weight)
+    observations = problem.measured.weighted(start.weight)
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
     count = 1
@@ -187,7 +187,7 @@ def _pass(
         if bank is not None or not axes[1].free:
             raise
         # The motion is unstable, and lost in rounding without noise.
-        member = replace(member, turn=axes[1].at(GENEROUS))
+        member = replace(member, turn=problem.plenty_of_torque(axes[1]))
         solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
     residual_variance = max(parameters.squares / dof, problem.floor)
     used = problem.sigma or residual_variance

@@ -23,7 +23,7 @@ from baryscope.estimator.ekf.motion import (
     white_noise,
 )
 from baryscope.estimator.ekf.solution import Prior
-from baryscope.estimator.ekf.start import Start
+from baryscope.estimator.ekf.start import Start, unit_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
@@ -38,14 +38,13 @@ ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rou
 class Problem:
     """What is to be solved.
 
-    measured: observations, with weight (n, m) at the start; order of the noisy derivative of the path; motion: the
+    measured: observations; order of the noisy derivative of the path; motion: the
     relative motion on an orbit, of six unknowns, None for a polynomial; rounds: told of each pass.
     """
 
     tracks: FeatureTracks
     options: PathOptions
     measured: Observations
-    weight: FloatArray
     start: Start
     order: int
     motion: Path | None
@@ -64,8 +63,7 @@ class Problem:
     @cached_property
     def unit(self) -> float:
         """The variance of a coordinate, m², of a typical observation of weight 1."""
-        covariance = self.tracks.covariance
-        return 1.0 if covariance is None else float(np.median(np.trace(covariance[self.tracks.seen].T)) / 3)
+        return unit_of(self.tracks)
 
     @cached_property
     def floor(self) -> float:
@@ -115,14 +113,16 @@ class Problem:
 
     def first_torque(self, axis: Axis) -> float:
         """The density of the torque for the first pass: none if a free tumble explains the attitudes, else plenty."""
-        if self.start.explained or not axis.free:
-            return axis.given
+        return axis.given if self.start.explained or not axis.free else self.plenty_of_torque(axis)
+
+    def plenty_of_torque(self, axis: Axis) -> float:
+        """The density of a torque that leaves the attitudes free."""
         step = float(np.median(np.diff(self.start.nodes.time)))
         return max(axis.at(GENEROUS), 3 * FREE_TURN**2 / step**3)
 
     def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
         """The prior about a reference; shift (p,): of its first state from the features' centroid."""
-        p, m = 3 * (self.order + 1), self.weight.shape[1]
+        p, m = 3 * (self.order + 1), self.start.weight.shape[1]
         size = points_from(p) - 1 + 3 * m
         mean, information = np.zeros(size), np.zeros(size)
         mean[:INERTIA] = -logarithm_of_inertia(reference.inertia)
@@ -130,7 +130,7 @@ class Problem:
         extent = np.repeat([self.start.radius, *[max(self.start.extent, self.start.radius)] * self.order], 3)
         information[INERTIA : INERTIA + p] = variance * self.unit / (PRIOR_EXTENTS * extent) ** 2
         mean[INERTIA : INERTIA + p] = -shift
-        unseen = ~(self.weight > 0).any(axis=0)
+        unseen = ~(self.start.weight > 0).any(axis=0)
         information[points_from(p) - 1 :] = np.repeat(np.where(unseen, 1.0, 0.0), 3)
         return Prior(mean, information)
 

@@ -1,26 +1,34 @@
 """The reference motion that the first pass of `ekf` is linearised about, from a registration of all frames.
 
+If the observations have covariances, the registered attitudes are refined by `pivot` first.
+
 A free tumble is fitted to the registered attitudes, as in `ml`. Where it does not follow them, it is turned to them:
 by the mean rotation between nearby frames' registered and fitted attitudes.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.dynamics.rotation import Rotation, too_long
 from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
-from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
+from baryscope.estimator.registration.screening import screen
+from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
 MIN_FRAMES = 4  # with an attitude
+START_PATH = "polynomial:5"  # of the least squares that attitudes start from
 NODE_ANGLE = 0.3  # rad that the target turns between nodes
 MAX_NODES, NODES_PER_FRAME = 10_000, 4  # more would take minutes
 
@@ -32,7 +40,7 @@ class Start:
     nodes; rotation: the fitted tumble, and whether it explains the attitudes; attitude (n, 3, 3) R_C_B and rate (n, 3),
     rad/s in B, at the nodes; points (m, 3) in B, m; centroid (3,): the mean of the features' centroids in C, m, and
     extent, m, their rms distance from it; radius of the features, m; noise: standard deviation of a coordinate from the
-    registration, m.
+    registration, m; weight (frames, m) of the observations.
     """
 
     nodes: Nodes
@@ -45,16 +53,25 @@ class Start:
     extent: float
     radius: float
     noise: float
+    weight: FloatArray
 
 
-def start_from(
-    tracks: FeatureTracks, inliers: BoolArray, observations: Observations, torques: tuple[Orbit | None, ...]
-) -> Start:
-    """The initial motion from the inliers (n, m), with the gravity gradient of the orbit that fits best.
+def starts(
+    tracks: FeatureTracks,
+    measured: Observations,
+    orbit: Orbit | None,
+    trajectory: str | None,
+    torques: tuple[Orbit | None, ...],
+) -> Iterator[Start]:
+    """Initial motions, each for when the one before leads nowhere.
+
+    The gravity gradient is that of the one of `torques` that fits best. measured: all observations; orbit, trajectory:
+    those of the estimate.
 
     Raises:
         ComputationError: the tracks determine no attitude or no rate, or the target turns too often.
     """
+    inliers = screen(tracks.position, tracks.seen)
     registered = find_bodies(tracks.position, inliers)
     frames = sum(len(body.frames) for body in registered.bodies)
     if frames < MIN_FRAMES:
@@ -62,17 +79,75 @@ def start_from(
             f"attitudes are seen in {counted(frames, 'frame')}, {MIN_FRAMES} are needed for a rate",
             Reason.TOO_FEW_FRAMES,
         )
-    radius = max(float(np.sqrt(np.mean(np.sum(body.points**2, axis=1)))) for body in registered.bodies)
-    noise = max(registered.noise, 1e-5 * radius)
-    tumble = fit_tumble(registered.bodies, observations, noise**2, tracks.time, torques)
+    refined = None if measured.precision is None else _refined(tracks, registered, orbit, trajectory, torques)
+    if refined is not None:
+        yield _start(tracks, *refined)
+    observations = measured.weighted(np.where(inliers, 1.0, 0.0))
+    variance = _noise(registered) ** 2 / unit_of(tracks)
+    tumble = fit_tumble(registered.bodies, observations, variance, tracks.time, torques)
+    yield _start(tracks, tumble, registered, observations)
+
+
+def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observations: Observations) -> Start:
     nodes = _nodes(tumble.rotation, tracks.time)
     attitude, rate = _followed(tumble, registered.bodies, nodes, tracks.time)
     origins = np.concatenate(registered.origins)
     centroid = origins.mean(axis=0)
-    extent = float(np.sqrt(np.mean(np.sum((origins - centroid) ** 2, axis=1))))
-    points = _points(tumble, registered, attitude[nodes.frames], centroid, tracks.seen.shape[1])
-    explained = tumble.median_ratio < EXPLAINED
-    return Start(nodes, tumble.rotation, explained, attitude, rate, points, centroid, extent, radius, noise)
+    return Start(
+        nodes=nodes,
+        rotation=tumble.rotation,
+        explained=tumble.median_ratio < EXPLAINED,
+        attitude=attitude,
+        rate=rate,
+        points=_points(tumble, registered, attitude[nodes.frames], centroid, tracks.seen.shape[1]),
+        centroid=centroid,
+        extent=float(np.sqrt(np.mean(np.sum((origins - centroid) ** 2, axis=1)))),
+        radius=_radius(registered),
+        noise=_noise(registered),
+        weight=np.where(tracks.seen, np.maximum(observations.weight, NEGLIGIBLE), 0.0),
+    )
+
+
+def _radius(registered: Registered) -> float:
+    """The greatest rms distance of a body's points from their centroid, m."""
+    return max(float(np.sqrt(np.mean(np.sum(body.points**2, axis=1)))) for body in registered.bodies)
+
+
+def _noise(registered: Registered) -> float:
+    return max(registered.noise, 1e-5 * _radius(registered))
+
+
+def _refined(
+    tracks: FeatureTracks,
+    registered: Registered,
+    orbit: Orbit | None,
+    trajectory: str | None,
+    torques: tuple[Orbit | None, ...],
+) -> tuple[Tumble, Registered, Observations] | None:
+    """The tumble of attitudes of weighted least squares, by `pivot`, the bodies, and observations with its weights.
+
+    None if it does not explain them. A registration weighs all points alike, and so its attitudes are noisier than the
+    observations' covariances tell.
+    """
+    try:
+        path = trajectory or (START_PATH if orbit is None else None)
+        found = solve_pivot(tracks, orbit, PathOptions(trajectory=path, process_noise="none"))
+        tumble = fit_tumble(found.bodies, found.observations, found.variance, tracks.time, torques)
+    except ComputationError:
+        return None
+    if not found.converged or tumble.median_ratio >= EXPLAINED:
+        return None
+    origin, centroids = found.sampled.position(found.solution.x), [body.points.mean(axis=0) for body in found.bodies]
+    pairs = list(zip(found.bodies, centroids, strict=True))
+    bodies = tuple(replace(body, points=body.points - centroid) for body, centroid in pairs)
+    origins = tuple(origin[body.frames] + body.attitude @ centroid for body, centroid in pairs)
+    return tumble, replace(registered, bodies=bodies, origins=origins), found.observations
+
+
+def unit_of(tracks: FeatureTracks) -> float:
+    """The variance of a coordinate, m², of a typical observation of weight 1."""
+    covariance = tracks.covariance
+    return 1.0 if covariance is None else float(np.median(np.trace(covariance[tracks.seen].T)) / 3)
 
 
 def _nodes(rotation: Rotation, time: FloatArray) -> Nodes:
