@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from baryscope.estimator.ekf.linearised import DRIVEN, Linearised
-from baryscope.estimator.tracks import FloatArray
+from baryscope.estimator.tracks import BoolArray, FloatArray
 
 SYMMETRISED = 8  # nodes between two symmetrisations of the covariance
 BLOCK = 256  # nodes whose contributions to the cost are added at once
@@ -117,7 +117,7 @@ def _solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
     try:
         return np.asarray(np.linalg.solve(matrix, rhs))
     except np.linalg.LinAlgError:
-        regular = np.isfinite(matrix).all(axis=(-2, -1))
+        regular: BoolArray = np.asarray(np.isfinite(matrix).all(axis=(-2, -1)))
         regular[regular] = np.linalg.cond(matrix[regular]) < 1 / np.finfo(float).eps
         found = np.full(rhs.shape, np.nan)
         found[regular] = np.linalg.solve(matrix[regular], rhs[regular])
