@@ -185,13 +185,11 @@ class Burned(Extended):
         found = []
         for index, burn in enumerate(self.burns):
             part = covariance[UNKNOWNS * index : UNKNOWNS * (index + 1), UNKNOWNS * index : UNKNOWNS * (index + 1)]
-            middle, duration = (float(value) for value in values[index, 3:])
-            begin, end = (
-                (at + middle + sign * duration, float(np.sqrt(max(by @ part[3:, 3:] @ by, 0.0))))
-                for sign, at in ((-0.5, burn.begin), (0.5, burn.end))
-                for by in (np.array([1.0, sign]),)
-            )
-            found.append(FoundBurn(*begin, *end, values[index, :3], part[:3, :3]))
+            by = np.array([[1.0, -0.5], [1.0, 0.5]])
+            begin, end = (by @ values[index, 3:]).tolist()
+            first_deviation, last_deviation = np.sqrt(np.maximum(np.diag(by @ part[3:, 3:] @ by.T), 0.0)).tolist()
+            begin, end = float(burn.begin) + begin, float(burn.end) + end
+            found.append(FoundBurn(begin, first_deviation, end, last_deviation, values[index, :3], part[:3, :3]))
         return tuple(found)
 
     @cached_property

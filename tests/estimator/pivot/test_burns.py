@@ -5,9 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from baryscope.estimator.document import document_of
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status, UnknownBurn
+from baryscope.models.errors import InputError
 from burning import path_with_burns
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
@@ -62,6 +64,21 @@ def test_two_burns(method):
     # χ²/n of one path, all of whose errors hang together, stays below 12 in 99 %.
     assert nees(found, made.com).mean() < 12
     assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
+
+
+def test_what_is_written_of_a_burn():
+    found = estimate(case((LONG,)).tracks, orbit=ORBIT)
+    (burn,) = burns_in(found)
+    (part,) = document_of(found).findings
+    assert (part.kind, part.begin, part.change, part.change_deviation) == (
+        "unknown-burn",
+        burn.begin,
+        burn.change,
+        burn.change_deviation,
+    )
+    assert "which nothing told" in part.text
+    with pytest.raises(InputError, match="unknown_burns is 'some', expected one of auto, none"):
+        PathOptions(unknown_burns="some")
 
 
 def test_none_are_looked_for():
