@@ -57,11 +57,8 @@ class PathOptions:
     acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
     exactly.
 
-    acceleration: of the chaser, as its thrusters' log tells, for `pivot` and `ml`; constant_acceleration: an unknown
-    one of the target less the chaser, in LVLH axes, away from the Sun, or none, for `pivot` and `ml`.
-
-    unknown_burns: burns of the chaser that nothing tells of, for `pivot` and `ml` on a relative orbit. auto: found in
-    the tracks where process noise would be estimated; none: there are none.
+    acceleration: of the chaser, as its thrusters' log tells, for `pivot`, `ml` and `ekf`; constant_acceleration: an
+    unknown one of the target less the chaser, in LVLH axes, away from the Sun, or none, for `pivot` and `ml`.
 
     None means: relative-orbit if an orbit is given, else polynomial; sigma from the
     residuals; the torque that fits the tracks better.
@@ -113,12 +110,10 @@ def refuse_forces(options: PathOptions, method: str) -> None:
     Raises:
         InputError: there is one.
     """
-    for name, given in (
-        ("acceleration", options.acceleration),
-        ("constant_acceleration", options.constant_acceleration),
-    ):
-        if given not in (None, "none"):
-            raise InputError(f"{name}: found with {method}, expected pivot or ml")
+    if options.acceleration is not None:
+        raise InputError(f"acceleration: found with {method}, expected pivot, ml or ekf")
+    if options.constant_acceleration != "none":
+        raise InputError(f"constant_acceleration: found with {method}, expected pivot or ml")
 
 
 def _check_density(name: str, value: Density, unit: str) -> None:

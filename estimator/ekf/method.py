@@ -28,13 +28,13 @@ from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
 from baryscope.estimator.ekf.start import Start, starts
 from baryscope.estimator.geometry.gauge import turn_by_points
-from baryscope.estimator.options import PathOptions, refuse_forces, torques_of
+from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
 from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
-from baryscope.models.errors import ComputationError, Reason
+from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
@@ -58,12 +58,14 @@ def estimate_by_filter(
         ComputationError: the tracks do not determine the unknowns, or there are too many.
     """
     begin = clock.perf_counter()
-    refuse_forces(options, "ekf")
+    _refuse_forces(options)
     trajectory = trajectory_of(options.trajectory, orbit)
     torques = torques_of(orbit, options)
     measured, rounds = observations_of(tracks, tracks.seen), Rounds(progress)
     on_orbit = trajectory.kind == "relative-orbit"
-    motion = trajectory.path(orbit, float(tracks.time[0]), float(tracks.time[-1])) if on_orbit else None
+    span, known = (float(tracks.time[0]), float(tracks.time[-1])), options.acceleration
+    motion = trajectory.path(orbit, *span, known) if on_orbit else None
+    thrusted = None if on_orbit or known is None else trajectory.path(orbit, *span, known)
     orders: tuple[int, ...] = (1,)
     if not on_orbit:
         orders = ORDERS if trajectory.degree is None else (trajectory.degree,)
@@ -73,10 +75,24 @@ def estimate_by_filter(
     def solved(start: Start) -> tuple[Start, list[Passes]]:
         _refuse_effort(len(start.nodes.time), tracks.seen.shape[1])
         rounds.did(0.5)
-        return start, _converged([Problem(tracks, options, measured, start, order, motion, rounds) for order in orders])
+        given = tracks, options, measured, start
+        return start, _converged([Problem(*given, order, motion, rounds, thrusted) for order in orders])
 
-    start, found = _first_of(starts(tracks, measured, orbit, options.trajectory, torques), solved)
+    start, found = _first_of(starts(tracks, measured, orbit, options, torques), solved)
     return _result(tracks, options, start, on_orbit, found, begin)
+
+
+def _refuse_forces(options: PathOptions) -> None:
+    """Check that what is told of forces is known.
+
+    Raises:
+        InputError: a constant acceleration to be estimated, or a known one with errors of its scale or firings.
+    """
+    if options.constant_acceleration != "none":
+        raise InputError("constant_acceleration: found with ekf, expected pivot or ml")
+    known = options.acceleration
+    if known is not None and (known.scale > 0 or known.firing > 0):
+        raise InputError("acceleration: errors of its scale or firings found with ekf, expected none, or pivot or ml")
 
 
 def _first_of(

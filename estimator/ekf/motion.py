@@ -1,6 +1,6 @@
 """The process models of `ekf`: linear processes for the path, and the target's rotation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import comb, factorial
 
@@ -39,6 +39,10 @@ class PathProcess:
     nominal_rate: FloatArray
     observed_rate: FloatArray
     transition: FloatArray
+
+    def moved(self, by: FloatArray, rate: FloatArray) -> "PathProcess":
+        """The process about a nominal path that is moved by (n, 3) in m, with a velocity (n, 3) in m/s."""
+        return replace(self, nominal=self.nominal + by, nominal_rate=self.nominal_rate + rate)
 
 
 def at_rest(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArray) -> FloatArray:

@@ -38,8 +38,9 @@ ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rou
 class Problem:
     """What is to be solved.
 
-    measured: observations; order of the noisy derivative of the path; motion: the
-    relative motion on an orbit, of six unknowns, None for a polynomial; rounds: told of each pass.
+    measured: observations; order of the noisy derivative of the path; motion: the relative motion on an orbit, of six
+    unknowns, None for a polynomial; rounds: told of each pass; thrusted: a polynomial with the response to a known
+    acceleration, None without.
     """
 
     tracks: FeatureTracks
@@ -49,6 +50,7 @@ class Problem:
     order: int
     motion: Path | None
     rounds: Rounds
+    thrusted: Path | None = None
 
     @property
     def span(self) -> float:
@@ -91,9 +93,12 @@ class Problem:
         """
         own = self.start.nodes.time
         time = own if time is None else time
-        if self.motion is None:
-            return derivatives(self.order + 1, time, self.start.centroid, self.span)
-        return relative_motion(self.motion, time, at_rest(self.motion, own, self.start.centroid, shift), self.span)
+        if self.motion is not None:
+            return relative_motion(self.motion, time, at_rest(self.motion, own, self.start.centroid, shift), self.span)
+        found = derivatives(self.order + 1, time, self.start.centroid, self.span)
+        if self.thrusted is None:
+            return found
+        return found.moved(self.thrusted.at(time).offset, self.thrusted.rate_at(time).offset)
 
     def noise(self, members: Sequence[Member], variance: float) -> ProcessNoise:
         """The process noise of members, relative to the variance of an observation."""

@@ -60,12 +60,12 @@ def starts(
     tracks: FeatureTracks,
     measured: Observations,
     orbit: Orbit | None,
-    trajectory: str | None,
+    options: PathOptions,
     torques: tuple[Orbit | None, ...],
 ) -> Iterator[Start]:
     """Initial motions, each for when the one before leads nowhere.
 
-    The gravity gradient is that of the one of `torques` that fits best. measured: all observations; orbit, trajectory:
+    The gravity gradient is that of the one of `torques` that fits best. measured: all observations; orbit, options:
     those of the estimate.
 
     Raises:
@@ -79,7 +79,7 @@ def starts(
             f"attitudes are seen in {counted(frames, 'frame')}, {MIN_FRAMES} are needed for a rate",
             Reason.TOO_FEW_FRAMES,
         )
-    refined = None if measured.precision is None else _refined(tracks, registered, orbit, trajectory, torques)
+    refined = None if measured.precision is None else _refined(tracks, registered, orbit, options, torques)
     if refined is not None:
         yield _start(tracks, *refined)
     observations = measured.weighted(np.where(inliers, 1.0, 0.0))
@@ -121,7 +121,7 @@ def _refined(
     tracks: FeatureTracks,
     registered: Registered,
     orbit: Orbit | None,
-    trajectory: str | None,
+    options: PathOptions,
     torques: tuple[Orbit | None, ...],
 ) -> tuple[Tumble, Registered, Observations] | None:
     """The tumble of attitudes of weighted least squares, by `pivot`, the bodies, and observations with its weights.
@@ -130,8 +130,9 @@ def _refined(
     observations' covariances tell.
     """
     try:
-        path = trajectory or (START_PATH if orbit is None else None)
-        found = solve_pivot(tracks, orbit, PathOptions(trajectory=path, process_noise="none"))
+        path = options.trajectory or (START_PATH if orbit is None else None)
+        chosen = PathOptions(trajectory=path, process_noise="none", acceleration=options.acceleration)
+        found = solve_pivot(tracks, orbit, chosen)
         tumble = fit_tumble(found.bodies, found.observations, found.variance, tracks.time, torques)
     except ComputationError:
         return None

@@ -21,8 +21,8 @@ class ForceChoices:
     Parameters
     ----------
     acceleration
-        The chaser's acceleration by its thrusters (pivot, ml): a CSV file with the columns time,ax,ay,az (s or UTC,
-        m/s²), each row held until the next one. Zero before the first row.
+        The chaser's acceleration by its thrusters (pivot, ml, ekf): a CSV file with the columns time,ax,ay,az (s or
+        UTC, m/s²), each row held until the next one. Zero before the first row.
     acceleration_axes
         Axes of --acceleration: inertial, those of the tracks; lvlh, of the target, with --orbit; or camera, with
         --camera. Default: inertial.

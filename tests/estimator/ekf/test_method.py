@@ -1,6 +1,6 @@
 """The iterated extended Kalman filter on tracks that are simulated without any of its models."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +14,7 @@ from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
+from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError, Reason
 from synthetic import ENVISAT, Case, Orbit, attitude, box_features, make_case
@@ -325,3 +326,48 @@ def test_orders_of_the_path_are_tried_until_two_are_far_behind(monkeypatch, evid
     monkeypatch.setattr(method, "passes", passes)
     assert [one.problem for one in method._converged(list(evidence))] == kept
     assert len(counted) == tried
+
+
+@pytest.mark.parametrize("on_orbit", [False, True])
+def test_a_known_thrust_moves_the_path(on_orbit):
+    """2 mm/s² for 40 of 200 s, in free flight or on an orbit so high that it is one: 0.2 m off without it."""
+    time, thrust = np.arange(0.0, 200.0, 2.0), np.array([2e-3, 0.0, -1e-3])
+    burning = np.clip(time - 60, 0, 40)
+    moved = np.outer(burning**2 / 2 + 40 * np.clip(time - 100, 0, None), -thrust)
+    com = np.array([4.0, -19.0, 3.0]) + moved
+    case = make_case(
+        time,
+        attitude(ENVISAT, np.deg2rad(FAST), time),
+        com,
+        box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0)),
+        noise=0.02,
+        seed=5,
+    )
+    orbit = Orbit(semi_major_axis=1e10).model() if on_orbit else None
+    known = KnownAcceleration([0.0, 60.0, 100.0], np.outer([0, 1, 0], thrust))
+    told = PathOptions(
+        trajectory=None if on_orbit else "polynomial:1", process_noise="none", torque="none", acceleration=known
+    )
+    found, blind = (
+        estimate(case.tracks, method="ekf", orbit=orbit, options=one)
+        for one in (told, replace(told, acceleration=None))
+    )
+    for k in (0, 50, 99):
+        error = found.position[k] - com[k]
+        assert error @ np.linalg.solve(found.covariance[k], error) < 4.5**2
+    assert np.linalg.norm(blind.position[50] - com[50]) > 10 * np.linalg.norm(found.position[50] - com[50])
+    ahead = found.predict([220.0])
+    error = ahead.position[0] - (com[-1] - 40 * thrust * 22)
+    assert error @ np.linalg.solve(ahead.covariance[0, :3, :3], error) < 4.5**2
+
+
+def test_what_the_filter_cannot_take_of_forces_is_said(tracked):
+    for options, line in (
+        (
+            PathOptions(acceleration=KnownAcceleration([0.0], [[0, 0, 1e-3]], scale=0.01)),
+            "errors of its scale or firings",
+        ),
+        (PathOptions(constant_acceleration="lvlh"), "constant_acceleration: found with ekf"),
+    ):
+        with pytest.raises(InputError, match=line):
+            estimate(tracked().tracks, method="ekf", options=options)
