@@ -26,7 +26,8 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-SIGNIFICANT = 15.0  # of process noise, without which there is no burn: 2 ln of its likelihood over that of none
+LEFT_OUT, REJECTED = 0.01, 0.5  # share of frames that a path may leave out, and of their weight that is left then
+SIGNIFICANT = 15.0  # of process noise, without which no burn is looked for: 2 ln of its likelihood over that of none
 
 
 def with_unknown_burns(
@@ -36,7 +37,9 @@ def with_unknown_burns(
     path = start.path
     if options.unknown_burns == "none" or orbit is None or path.name != "relative-orbit":
         return found
-    if not isinstance(path, Disturbed) or path.density is not None or found.significance(DENSITY) < SIGNIFICANT:
+    if not isinstance(path, Disturbed) or path.density is not None:
+        return found
+    if found.significance(DENSITY) < SIGNIFICANT and _left_out(found, start) <= LEFT_OUT:
         return found
     few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
     equations = burn_equations(registered, few, start.time[few.rows], path.base, found.solution, orbit)
@@ -52,6 +55,12 @@ def with_unknown_burns(
             return burned if burned.converged and _likelier(burned, found) else found
         fit = without(equations, fit, worst)
     return found
+
+
+def _left_out(found: Pivot, start: Start) -> float:
+    """The share of frames whose observations agree with one another, but all are rejected by the path."""
+    seen, used = (one.observations.weight.sum(axis=1) for one in (start, found))
+    return float(np.count_nonzero(used < REJECTED * seen) / max(np.count_nonzero(seen), 1))
 
 
 def unknown_burns(found: Pivot) -> tuple[UnknownBurn, ...]:

@@ -66,6 +66,16 @@ def test_two_burns(method):
     assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
 
 
+def test_a_burn_after_which_no_frame_fits_the_path():
+    """0.2 m/s²: without the burn, the frames before it would be outliers of the path after it, a hundred metres off."""
+    strong = (62.0, 74.0, (-0.4, -2.2, 1.7))
+    made = case((strong,))
+    found = estimate(made.tracks, orbit=ORBIT)
+    assert found.status is Status.GOOD
+    assert_found(found, (strong,))
+    assert nees(found, made.com).mean() < 12
+
+
 def test_what_is_written_of_a_burn():
     found = estimate(case((LONG,)).tracks, orbit=ORBIT)
     (burn,) = burns_in(found)
