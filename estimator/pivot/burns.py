@@ -60,7 +60,7 @@ def with_unknown_burns(
 def _left_out(found: Pivot, start: Start) -> float:
     """The share of frames whose observations agree with one another, but all are rejected by the path."""
     seen, used = (one.observations.weight.sum(axis=1) for one in (start, found))
-    return float(np.count_nonzero(used < REJECTED * seen) / max(np.count_nonzero(seen), 1))
+    return float((used < REJECTED * seen).sum() / max(float((seen > 0).sum()), 1.0))
 
 
 def unknown_burns(found: Pivot) -> tuple[UnknownBurn, ...]:
