@@ -28,7 +28,7 @@ from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -65,12 +65,14 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     position = tracks.position @ R_C_W
     inliers = screen(position, tracks.seen)
     registered = find_bodies(position, inliers)
-    centre, offsets, inverse, variance = solve_score(registered)
+    centre, offsets, inverse, variance, unseen = solve_score(registered)
     path = "fixed in LVLH" if in_orbit else "fixed"
     lack = _lack_of_fit(registered, tracks.time, centre, offsets, path)
     finding = lack or _excess_residuals(registered, inliers, offsets, variance, path)
     distance = float(np.linalg.norm(centre))
     inverse = _without_spurious_information(registered, inliers, inverse, variance / max(distance, 1e-300) ** 2)
+    unseen = unseen * distance / np.linalg.norm(unseen[-3:], axis=0)
+    joint = variance * inverse + unseen @ unseen.T
     bodies = [
         replace(body, points=body.points + offset) for body, offset in zip(registered.bodies, offsets, strict=True)
     ]
@@ -78,12 +80,12 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     for index, body in enumerate(bodies):
         own, block = slice(3 * index, 3 * index + 3), np.ix_(body.frames, body.features)
         weight[block] = np.where(tracks.seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
-        covariances.append(variance * inverse[own, own])
+        covariances.append(joint[own, own])
     clusters = tuple(
         cluster_of(body, body.points, own, tracks.labels) for body, own in zip(bodies, covariances, strict=True)
     )
     n = len(tracks.time)
-    of_centre = R_C_W @ (variance * inverse[-3:, -3:]) @ np.swapaxes(R_C_W, 1, 2)
+    of_centre = R_C_W @ joint[-3:, -3:] @ np.swapaxes(R_C_W, 1, 2)
     covariance = np.broadcast_to(of_centre, (n, 3, 3)).copy()
     turn = lvlh_rate(orbit, tracks.time)[:, None] if orbit is not None and in_orbit else np.zeros((n, 1))
     residuals = residuals_of(position, bodies, np.tile(centre, (n, 1)))
@@ -114,12 +116,13 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     )
 
 
-def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatArray, float, FloatArray]:
     """The least-squares solution of c_k = v + R_k d, d = −u, jointly for all bodies.
 
     Returns:
         v (3,) and d (j, 3), each body's in its axes, m; the pseudo-inverse (3 j + 3, 3 j + 3) of the normal equations
-        of (d, v); and the residuals' variance per coordinate, m².
+        of (d, v); the residuals' variance per coordinate, m²; and the directions (3 j + 3, k) of (d, v) that nothing
+        tells, as where the target does not turn.
     """
     bodies, origins = registered.bodies, registered.origins
     j = len(bodies)
@@ -140,7 +143,8 @@ def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatAr
         for body, origin, offset in zip(bodies, origins, offsets, strict=True)
     )
     values = 3 * sum(len(body.frames) for body in bodies)
-    return centre, offsets, inverse, squares / max(values - len(found), 1)
+    variance = squares / max(values - len(found), 1)
+    return centre, offsets, inverse, variance, null_space_of(matrix, np.diag(matrix))
 
 
 def _without_spurious_information(

@@ -35,7 +35,7 @@ def test_the_closed_form_for_attitudes_of_zero_sum():
     assert np.abs(R.sum(axis=0)).max() < 1e-12
     c = np.random.default_rng(1).normal(size=(12, 3))
     body = Body(np.arange(3), np.arange(12), np.eye(3), R)
-    centre, offsets, inverse, variance = solve_score(Registered((body,), (c,), 0.0))
+    centre, offsets, inverse, variance, _ = solve_score(Registered((body,), (c,), 0.0))
     np.testing.assert_allclose(centre, c.mean(axis=0), atol=1e-12)
     np.testing.assert_allclose(offsets[0], np.einsum("kij,ki->j", R, c) / 12, atol=1e-12)
     np.testing.assert_allclose(inverse, np.eye(6) / 12, atol=1e-12)
@@ -56,7 +56,7 @@ def test_against_scipy_for_several_bodies(case_of, at_rest):
         rhs.append(origin.ravel())
     A, b = np.concatenate(rows), np.concatenate(rhs)
     expected = lstsq(A, b)[0]
-    centre, offsets, inverse, variance = solve_score(registered)
+    centre, offsets, inverse, variance, _ = solve_score(registered)
     np.testing.assert_allclose(np.concatenate([offsets.ravel(), centre]), expected, atol=1e-9)
     np.testing.assert_allclose(inverse, np.linalg.inv(A.T @ A), rtol=1e-6, atol=1e-12)
     assert variance == pytest.approx(np.sum((A @ expected - b) ** 2) / (len(b) - 12))
@@ -117,3 +117,18 @@ def test_at_rest_in_the_orbit(case_of, on_v_bar, orbit):
     assert found.path == "fixed in LVLH"
     in_C = estimate(tracks, method="score", orbit=orbit.model(), options=PathOptions(trajectory="fixed"))
     assert np.linalg.norm(in_C.position - on_v_bar, axis=1).max() > 1
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "score"])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_a_body_at_rest_tells_nothing_of_its_centre(method, noise):
+    """Not even without noise: the error is within a deviation of metres, and no number overflows."""
+    time = np.arange(40.0)
+    com = np.tile([4.0, -19.0, 3.0], (40, 1))
+    points = box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
+    case = make_case(time, np.tile(np.eye(3), (40, 1, 1)), com, points, noise=noise, seed=1)
+    found = estimate(case.tracks, method=method, options=PathOptions(trajectory="fixed"))
+    assert found.status is Status.NOT_OBSERVABLE
+    error = found.position[0] - com[0]
+    assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
+    assert 1.0 < found.predicted_rmse < 100.0
