@@ -21,6 +21,8 @@ Frames = slice | IntArray | BoolArray
 
 FIXED = "fixed"
 DECAY = "decay"
+LEAST_DECAY = 1e-8
+POWERS = (-6.0, 2.0)  # of a coefficient's number, in its variance
 
 
 class Path(Protocol):
@@ -189,8 +191,9 @@ class Smooth(Polynomial):
     """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease geometrically.
 
     Those of a function that is analytic around the time span do (Trefethen, Approximation Theory and Approximation
-    Practice, theorem 8.1). The prior variance of coefficient j ≥ 1 is that of the first times decay^(j − 1); both
-    are hyperparameters. It takes the place of the choice of a degree, with its uncertainty.
+    Practice, theorem 8.1), but for a power of j that depends on its nearest singularity. The prior variance of
+    coefficient j ≥ 1 is that of the first times decay^(j − 1) j^power; all three are hyperparameters. It takes the
+    place of the choice of a degree, with its uncertainty.
     """
 
     @property
@@ -201,7 +204,11 @@ class Smooth(Polynomial):
     @property
     def prior(self) -> Prior:
         """That of the coefficients; the constant has none."""
-        order = np.repeat(np.arange(self.degree), 3)
-        slopes = np.column_stack([np.ones(len(order)), order.astype(np.float64)])
-        parameters = (Hyperparameter("first coefficient"), Hyperparameter(DECAY, np.log(1e-8), 0.0))
+        order = np.repeat(np.arange(1.0, self.degree + 1), 3)
+        slopes = np.column_stack([np.ones(len(order)), order - 1, np.log(order)])
+        parameters = (
+            Hyperparameter("first coefficient"),
+            Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
+            Hyperparameter("power", *POWERS),
+        )
         return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters))
