@@ -71,8 +71,8 @@ def sentence(finding: Finding) -> str:
                 "told; the estimate allows for it"
             )
         case WrongSigma():
-            return (
-                f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: so all claims are wrong"
+            return f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: " + (
+                "claims are widened to that" if finding.found > finding.given else "claims are too wide"
             )
         case FreeAttitudes():
             return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"

@@ -57,7 +57,8 @@ def test_verdict_names_a_skew_axis():
             "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
             "the covariance allows for it",
         ),
-        (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the bodies alone show 0.0204: so all claims are wrong"),
+        (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the bodies alone show 0.0204: claims are widened to that"),
+        (WrongSigma(0.02, 0.0104), "sigma is 0.02, but the bodies alone show 0.0104: claims are too wide"),
         (
             FreeAttitudes("the steps to a tumble do not converge"),
             "the steps to a tumble do not converge: this is the estimate with free attitudes, as of pivot",
