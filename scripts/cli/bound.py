@@ -15,6 +15,7 @@ from baryscope.estimator.prose import verdict
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import Scenario, load_scenario, scenario_path
+from baryscope.models.variables import Force
 from baryscope.scripts.cli.console import Show
 from baryscope.study.bound_files import bound_paths, noise_of, write_bounds
 from baryscope.study.bounds import BoundTable, Cell, Grid, bound_table, path_in_words, usual_grid, variant_of
@@ -22,6 +23,8 @@ from baryscope.study.progress import stage
 from baryscope.study.table import Table
 
 Number = TypeVar("Number", bound=float)
+
+NOT_IN_BOUND = {Force.DRAG, Force.LIGHT, Force.EDDY_CURRENTS}
 
 
 @Parameter(name="*")
@@ -114,6 +117,8 @@ def bound(
     if output is not None:
         refuse_overwriting(bound_paths(output), [scenario_path(scenario)])
     consider = None if rig is None else load_rig(rig)
+    if left_out := sorted(base.forces & NOT_IN_BOUND):
+        show.remark(f"{scenario}: the bound takes no account of its {' and '.join(left_out)}")
     if lists.empty and not table and output is None:
         words = path_in_words(trajectory, process_noise)
         with show.progress() as progress, stage(progress, "Cramér–Rao bound"):

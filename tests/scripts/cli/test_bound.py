@@ -50,6 +50,14 @@ def test_the_scenario_itself_in_a_few_lines(scenario_file, capsys):
     assert len(text.splitlines()) < 10
 
 
+def test_forces_that_the_bound_leaves_out_are_named(tmp_path, capsys):
+    path = tmp_path / "drag.toml"
+    drag = "\n[drag]\ndensity = 1e-13\nscale_height = 7e4\ntarget = 0.02\nchaser = 0.03\n"
+    path.write_text(GOOD_SCENARIO + drag, encoding="utf-8")
+    assert app.main(["bound", "--scenario", str(path)]) == 0
+    assert capsys.readouterr().err == f"{path}: the bound takes no account of its drag\n"
+
+
 def test_a_variant_is_what_a_file_with_these_numbers_is(stereo_file):
     base = load_scenario(str(stereo_file))
     changed = Variant(features=3, baseline=0.5, rate=7.0, range=30.0, duration=80.0).of(base)
