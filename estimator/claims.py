@@ -17,6 +17,7 @@ from baryscope.estimator.result import (
     Departure,
     Estimate,
     ExcessResiduals,
+    FramesLeftOut,
     LackOfFit,
     Motion,
     Status,
@@ -25,12 +26,14 @@ from baryscope.estimator.result import (
 FloatArray = NDArray[np.float64]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
+FEATURES = 3  # that a frame shows at least, to tell an attitude
+FEWEST_FRAMES, LEAST_SHARE = 10, 0.01  # successive frames without a used observation, and their share of all
 SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
 
 
 def claimed(result: Estimate) -> Estimate:
-    """The result with its departure named, and as wide as its misfits show."""
-    named = replace(result, findings=result.findings + _departure(result))
+    """The result with its departure and the frames it leaves out named, and as wide as its misfits show."""
+    named = replace(result, findings=result.findings + _departure(result) + _left_out(result))
     return _widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
 
 
@@ -44,6 +47,21 @@ def _departure(result: Estimate) -> tuple[Departure, ...]:
     return (Departure(result.path, noise.displacement, noise.density, noise.significance),)
 
 
+def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
+    """The longest run of frames of which all observations are rejected, if it is no chance."""
+    known = result.used & np.isfinite(result.residuals[..., 0])
+    shown = np.flatnonzero(known.sum(axis=1) >= FEATURES)
+    out = (result.rejected | ~known)[shown].all(axis=1)
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], out, [False]])))
+    begins, lengths = ends[::2], ends[1::2] - ends[::2]
+    if not len(lengths) or lengths.max() < max(FEWEST_FRAMES, LEAST_SHARE * len(shown)):
+        return ()
+    longest = int(lengths.argmax())
+    run = shown[begins[longest] : begins[longest] + lengths[longest]]
+    shift = np.linalg.norm(np.nanmean(result.residuals[run], axis=1), axis=1)
+    return (FramesLeftOut(float(result.time[run[0]]), float(result.time[run[-1]]), len(run), float(np.median(shift))),)
+
+
 def _widening(result: Estimate) -> Widening:
     noise, variance = result.noise, 0.0
     factor = 1.0 if noise.a_priori is None else max((noise.a_posteriori / noise.a_priori) ** 2, 1.0)
@@ -53,7 +71,7 @@ def _widening(result: Estimate) -> Widening:
         match finding:
             case ExcessResiduals():
                 variance += mean_square * max(1 - finding.ratio**-2, 0.0)
-            case LackOfFit():
+            case LackOfFit() | FramesLeftOut():
                 variance += finding.magnitude**2 / 3
     span = float(result.time[-1] - result.time[0])
     return Widening(factor, variance, variance * (2 * np.pi / span) ** 2 if span > 0 else 0.0)

@@ -121,6 +121,7 @@ class FindingPart(Part):
     kind: Literal[
         "lack-of-fit",
         "excess-residuals",
+        "frames-left-out",
         "different-points",
         "departure",
         "wrong-orbit",
@@ -130,13 +131,14 @@ class FindingPart(Part):
     ]
     text: str = Field(description="in words; not to be parsed")
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
-    magnitude: float | None = Field(None, description="lack-of-fit, departure: rms departure of the path, m")
+    magnitude: float | None = Field(None, description="departure of the path, m: rms, or median of the frames left out")
     chi_square: float | None = Field(
         None, description="lack-of-fit: decrease of the normalised squares by a cubic in time"
     )
     dof: int | None = Field(None, description="lack-of-fit: expectation of chi_square for a right model")
     model: str | None = Field(None, description="excess-residuals: the path's model, or free tumble")
     ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
+    frames: int | None = Field(None, description="frames-left-out: their number")
     labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")
@@ -144,9 +146,9 @@ class FindingPart(Part):
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
-    begin: float | None = Field(None, description="unknown-burn: when the chaser begins to burn, s")
+    begin: float | None = Field(None, description="unknown-burn, frames-left-out: when it begins, s")
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
-    end: float | None = Field(None, description="unknown-burn: when it ends, s")
+    end: float | None = Field(None, description="unknown-burn, frames-left-out: when it ends, s")
     end_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, LVLH, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")

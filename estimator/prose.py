@@ -14,6 +14,7 @@ from baryscope.estimator.result import (
     Estimate,
     ExcessResiduals,
     Finding,
+    FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
     ProcessNoise,
@@ -50,6 +51,11 @@ def sentence(finding: Finding) -> str:
             return f"no free tumble fits: residuals are {finding.ratio:.3g} times those with free attitudes"
         case ExcessResiduals():
             return f"{finding.model} does not fit: residuals are {finding.ratio:.2g} times those of the bodies alone"
+        case FramesLeftOut():
+            return (
+                f"nothing fits from {finding.begin:.1f} to {finding.end:.1f} s: all {finding.frames} frames there are "
+                f"left out, off by {finding.magnitude:.2g} m"
+            )
         case Departure():
             return (
                 f"the path departs from {finding.path} by {finding.magnitude:.2g} m rms, as white acceleration of "

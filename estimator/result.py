@@ -136,6 +136,19 @@ class WrongOrbit:
 
 
 @dataclass(frozen=True)
+class FramesLeftOut:
+    """All observations of successive frames from begin to end, in s, are rejected: the estimate does not hold there.
+
+    frames: their number; magnitude: median shift of the features of a frame from where the estimate has them, m.
+    """
+
+    begin: float
+    end: float
+    frames: int
+    magnitude: float
+
+
+@dataclass(frozen=True)
 class UnknownBurn:
     """A burn that nothing told, in s, changes the chaser's velocity in LVLH, m/s; with deviations."""
 
@@ -172,7 +185,15 @@ class FreeAttitudes:
 
 
 Finding = (
-    LackOfFit | ExcessResiduals | DifferentPoints | Departure | WrongOrbit | UnknownBurn | WrongSigma | FreeAttitudes
+    LackOfFit
+    | ExcessResiduals
+    | FramesLeftOut
+    | DifferentPoints
+    | Departure
+    | WrongOrbit
+    | UnknownBurn
+    | WrongSigma
+    | FreeAttitudes
 )
 
 
@@ -304,7 +325,8 @@ class Estimate:
         """Whether the estimate can be used: the most severe of its defects."""
         if not self.converged:
             return Status.NOT_CONVERGED
-        if any(isinstance(finding, LackOfFit | ExcessResiduals | WrongSigma) for finding in self.findings):
+        misfits = LackOfFit | ExcessResiduals | FramesLeftOut | WrongSigma
+        if any(isinstance(finding, misfits) for finding in self.findings):
             return Status.MODEL_DOES_NOT_FIT
         if self.observability is not None and not self.observability.observable.all():
             return Status.NOT_OBSERVABLE

@@ -5,7 +5,16 @@ import pytest
 
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.claims import claimed
-from baryscope.estimator.result import Departure, ExcessResiduals, LackOfFit, Motion, Noise, ProcessNoise, Status
+from baryscope.estimator.result import (
+    Departure,
+    ExcessResiduals,
+    FramesLeftOut,
+    LackOfFit,
+    Motion,
+    Noise,
+    ProcessNoise,
+    Status,
+)
 from free_paths import FEATURES, NOISE, on_parabola, turning
 from results import an_estimate
 from synthetic import make_case
@@ -68,3 +77,17 @@ def test_with_process_noise_the_same_path_is_named_and_calibrated():
     assert found.findings[0].path == "polynomial:1"
     error = found.position[100] - case.com[100]
     assert error @ np.linalg.solve(found.covariance[100], error) < 20
+
+
+def test_a_run_of_frames_that_nothing_fits_is_named():
+    """The body jumps aside by 30 m for 20 of 200 frames, which no smooth path does."""
+    time, R = turning(200)
+    com = on_parabola(time)
+    com[60:80] += [30.0, 0.0, 0.0]
+    case = make_case(time, R, com, FEATURES, noise=NOISE)
+    found = estimate(case.tracks, options=PathOptions(trajectory="polynomial:2", process_noise="none"))
+    assert [type(finding) for finding in found.findings] == [FramesLeftOut]
+    left_out = found.findings[0]
+    assert (left_out.begin, left_out.end, left_out.frames) == (time[60], time[79], 20)
+    assert left_out.magnitude == pytest.approx(30.0, rel=0.01)
+    assert found.status is Status.MODEL_DOES_NOT_FIT

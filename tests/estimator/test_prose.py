@@ -7,6 +7,7 @@ from baryscope.estimator.result import (
     Departure,
     DifferentPoints,
     ExcessResiduals,
+    FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
     Noise,
@@ -56,6 +57,10 @@ def test_verdict_names_a_skew_axis():
             Departure("relative-orbit", 0.0152, 3e-9, 90.0),
             "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
             "the covariance allows for it",
+        ),
+        (
+            FramesLeftOut(3.0, 15.5, 13, 0.456),
+            "nothing fits from 3.0 to 15.5 s: all 13 frames there are left out, off by 0.46 m",
         ),
         (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the bodies alone show 0.0204: claims are widened to that"),
         (WrongSigma(0.02, 0.0104), "sigma is 0.02, but the bodies alone show 0.0104: claims are too wide"),
