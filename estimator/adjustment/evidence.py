@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dpotrs, dtrtri
 from scipy.optimize import minimize
 
+from baryscope.estimator.adjustment.scan import scanned_minimum
 from baryscope.estimator.dynamics.prior import Prior
 
 FloatArray = NDArray[np.float64]
@@ -123,14 +124,13 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     values, axes = np.linalg.eigh((scaled + scaled.T) / 2)
     values = np.maximum(values, 0.0)
     beta = (axes.T @ (root * (absolute[of] - crossed.T @ left[:, -1]))) ** 2
-    theta = np.linspace(bounds[0], bounds[1], FINE_SCAN)
-    for _ in range(FINE_SWEEPS):
+
+    def value(theta: FloatArray) -> FloatArray:
         grown = 1 + np.exp(theta)[:, None] * values
-        value = (np.log(grown) - beta * np.exp(theta)[:, None] / grown).sum(axis=1)
-        value += prior.penalty(theta[:, None])[0]
-        best = int(np.argmin(value))
-        theta = np.linspace(theta[max(best - 1, 0)], theta[min(best + 1, FINE_SCAN - 1)], FINE_SCAN)
-    return theta[FINE_SCAN // 2 : FINE_SCAN // 2 + 1]
+        terms = np.log(grown) - beta * np.exp(theta)[:, None] / grown
+        return np.asarray(terms.sum(axis=1) + prior.penalty(theta[:, None])[0])
+
+    return np.array([scanned_minimum(value, bounds[0], bounds[1], FINE_SCAN, FINE_SWEEPS)[0]])
 
 
 def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) -> float:

@@ -56,6 +56,11 @@ class Pieces:
             return np.asarray(np.tile(np.eye(3), m) * np.repeat(self._weight, 3, axis=1)[:, None, :])
         return np.ascontiguousarray(self._precision.transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
 
+    def shift_alone(self) -> tuple[FloatArray, FloatArray]:
+        """The frames' blocks of τ (n, 3, 3) with φ unknown, and their right-hand sides (n, 3)."""
+        back = np.swapaxes(self.turn_shift, 1, 2) @ symmetric_inverses(self.turn)
+        return self.shift - back @ self.turn_shift, self.shift_rhs - (back @ self.turn_rhs[:, :, None])[:, :, 0]
+
     def unknowns_points(self, turn: FloatArray | None, shift: FloatArray) -> FloatArray:
         """The block (p, 3 m) that couples p unknowns with the points.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
+from baryscope.estimator.adjustment.scan import scanned_minimum
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -30,19 +30,17 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
     for body in bodies:
         own = observations.frames(body.frames).features(body.features)
         found = pieces(own, body.attitude, origin[body.frames], body.points)
-        back = np.swapaxes(found.turn_shift, 1, 2) @ symmetric_inverses(found.turn)
-        information = found.shift - back @ found.turn_shift
-        rhs = found.shift_rhs - (back @ found.turn_rhs[:, :, None])[:, :, 0]
+        information, rhs = found.shift_alone()
         along, axes = np.linalg.eigh(information)
         known = along > 1e-9 * along[:, -1:]
         squares.append(((np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0][known] ** 2) / along[known] / variance)
         values.append(along[known] / variance)
     size, square = np.concatenate(values), np.concatenate(squares)
     low, high = np.log(np.array(RANGE) / np.median(size))
-    scan = np.linspace(low, high, SCAN)
-    for _ in range(SWEEPS):
-        grown = 1 + np.exp(scan)[:, None] * size
-        cost = (np.log(grown) + square / grown).sum(axis=1)
-        best = int(np.argmin(cost))
-        scan = np.linspace(scan[max(best - 1, 0)], scan[min(best + 1, SCAN - 1)], SCAN)
-    return float(np.exp(scan[SCAN // 2])) if square.sum() - cost.min() > SIGNIFICANT else 0.0
+
+    def cost(logarithm: FloatArray) -> FloatArray:
+        grown = 1 + np.exp(logarithm)[:, None] * size
+        return np.asarray((np.log(grown) + square / grown).sum(axis=1))
+
+    best, least = scanned_minimum(cost, low, high, SCAN, SWEEPS)
+    return float(np.exp(best)) if square.sum() - least > SIGNIFICANT else 0.0

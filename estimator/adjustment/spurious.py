@@ -54,6 +54,14 @@ def spurious_information_columns(
     return columns, crossed.T @ information @ columns
 
 
+def likely_spurious_information(
+    body: Body, observations: Observations, origin: FloatArray, variance: float, shift: FloatArray | None = None
+) -> FloatArray:
+    """The spurious information (3, 3) on a body's offset with a margin of three standard deviations."""
+    expected = spurious_information(body, observations, origin, variance, shift)
+    return three_sigma_factor(len(body.frames)) * expected
+
+
 def spurious_information(
     body: Body,
     observations: Observations,
@@ -73,13 +81,12 @@ def spurious_information(
     every = max(1, len(body.frames) // FRAMES)
     frames, attitude = body.frames[::every], body.attitude[::every]
     found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
-    inverse = symmetric_inverses(found.turn)
-    known = found.shift - np.swapaxes(found.turn_shift, 1, 2) @ inverse @ found.turn_shift
+    known, _ = found.shift_alone()
     if shift is not None:
         noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
         known = known @ np.linalg.inv(np.eye(3) + noise @ known)
     axes = cross_matrices(np.eye(3))
-    values, vectors = np.linalg.eigh(variance * inverse)
+    values, vectors = np.linalg.eigh(variance * symmetric_inverses(found.turn))
     values /= 1 + values
     turned = (1 + values[:, -1:, None]) * (vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2)
     return np.asarray(every * np.einsum("iba,kbc,jcd,kda->ij", axes, known, axes, turned, optimize=True))

@@ -8,9 +8,7 @@ from scipy.stats import chi2
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.spurious import (
     farthest,
-    spurious_information,
     spurious_information_columns,
-    three_sigma_factor,
 )
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
@@ -62,23 +60,23 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
 
 def _is_poorly_observed(found: Pivot) -> bool:
     """Whether spurious information is a large part of the information on some body's offset."""
-    corrected = without_spurious_information(found, found.sampled.position(found.solution.x))[1]
+    corrected = without_spurious_information(found)[1]
     before = found.variance * _diagonal_blocks(found.solution.offset_covariance)
     growth = np.trace(corrected, axis1=1, axis2=2), MAX_SPURIOUS_GROWTH * np.trace(before, axis1=1, axis2=2)
     return bool(np.any(growth[0] > growth[1]))
 
 
-def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+def without_spurious_information(found: Pivot) -> tuple[FloatArray, FloatArray]:
     """The covariances of x (p, p) and of each body's offset (k, 3, 3) in m², without spurious information.
 
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
     information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, with a margin of three standard
     deviations; what remains is that of `farthest`. Directions without any information get a standard deviation of the
-    greatest distance of origin (n, 3) in m.
+    path's greatest distance.
     """
     variance, solution = found.variance, found.solution
-    distance = float(np.linalg.norm(origin, axis=1).max())
-    spurious = _spurious(found, origin)
+    distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
+    spurious = _spurious(found)
     least = variance / max(farthest(body.points) for body in found.bodies) ** 2
     of_offsets, of_x = spurious_information_columns(solution.offset_covariance, solution.offset_path, spurious, least)
     spread = distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300)
@@ -90,33 +88,15 @@ def without_spurious_information(found: Pivot, origin: FloatArray) -> tuple[Floa
     return covariance, _diagonal_blocks(offsets)
 
 
-def spurious_share(found: Pivot, origin: FloatArray) -> float:
-    """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
-    return _share(found, _expected(found, origin))
-
-
-def _share(found: Pivot, spurious: list[FloatArray]) -> float:
-    return float(np.linalg.eigvals(found.solution.offset_covariance @ block_diag(*spurious)).real.max())
-
-
-def _expected(found: Pivot, origin: FloatArray) -> list[FloatArray]:
-    """The spurious information (3, 3) on the offset of each body, in the weights' units, with its margin."""
-    return [
-        three_sigma_factor(len(body.frames))
-        * spurious_information(body, found.observations, origin, found.variance, found.shift)
-        for body in found.bodies
-    ]
-
-
-def _spurious(found: Pivot, origin: FloatArray) -> FloatArray:
+def _spurious(found: Pivot) -> FloatArray:
     """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as their attitudes show it.
 
     Jointly for all bodies: spurious information of one body on the path would propagate to the others.
     """
-    spurious = _expected(found, origin)
-    if _share(found, spurious) >= SPURIOUS:
-        shown = [excess_noise(body, found.observations, found.variance) for body in found.bodies]
-        spurious = [excess * own for excess, own in zip(shown, spurious, strict=True)]
+    spurious = found.spurious
+    if found.spurious_share >= SPURIOUS:
+        shown = (excess_noise(body, found.observations, found.variance) for body in found.bodies)
+        spurious = tuple(excess * own for excess, own in zip(shown, spurious, strict=True))
     return np.asarray(block_diag(*spurious))
 
 

@@ -80,7 +80,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter."""
     errors, x = errors_of(tracks), found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
-    of_x, offsets = without_spurious_information(found, seen)
+    of_x, offsets = without_spurious_information(found)
     if errors is not None and errors.scale is not None:
         offsets = _of_true_size(found, errors_in(found.path).start + errors.scale, of_x, offsets)
     covariance = path.covariance(of_x)

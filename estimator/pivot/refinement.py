@@ -1,14 +1,17 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.evidence import Linear, Posterior, held, maximise, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.spurious import likely_spurious_information
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated import interpolated
@@ -98,6 +101,20 @@ class Pivot:
     def bodies(self) -> tuple[Body, ...]:
         """The bodies, with points in m from the centre of mass."""
         return self.solution.bodies
+
+    @cached_property
+    def spurious(self) -> tuple[FloatArray, ...]:
+        """The spurious information (3, 3) on each body's offset, in the weights' units, with a margin of 3σ."""
+        origin = self.sampled.position(self.solution.x)
+        return tuple(
+            likely_spurious_information(body, self.observations, origin, self.variance, self.shift)
+            for body in self.bodies
+        )
+
+    @property
+    def spurious_share(self) -> float:
+        """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
+        return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())
 
     def significance(self, name: str) -> float:
         """That of a hyperparameter of the path's prior; zero if it has none of this name."""
