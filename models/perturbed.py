@@ -20,7 +20,7 @@ from baryscope.models.forces import (
     light_pressure,
 )
 from baryscope.models.frames import Symbol
-from baryscope.models.gravity import Zonal, point_mass_gravity, zonal_gravity
+from baryscope.models.gravity import point_mass_gravity, zonal_gravity, zonal_strength
 from baryscope.models.keplerian import Elements, conic
 from baryscope.models.variables import Force, Forces
 
@@ -33,7 +33,7 @@ def constants_of(parameters: Values, forces: Forces) -> dict[str, Symbol]:
     constants = {"mu": parameters["orbit.gravitationalParameter"]}
     if Force.J2 in forces:
         j2, radius = parameters["orbit.j2"], parameters["orbit.equatorialRadius"]
-        constants["zonal"] = Zonal.of(constants["mu"], j2, radius).strength
+        constants["zonal"] = zonal_strength(constants["mu"], j2, radius)
     if Force.LIGHT in forces:
         direction = parameters["sun.direction"]
         constants["sun"] = direction / ca.norm_2(direction)
@@ -51,7 +51,7 @@ def accelerations(position: Pair, velocity: Pair, constants: Values, forces: For
     """Accelerations of target (base) and chaser (with the excess) without thrust, in I, m/s²."""
     total = point_mass_gravity(position, constants["mu"])
     if Force.J2 in forces:
-        total = total + zonal_gravity(position, Zonal(constants["zonal"], ca.SX([0, 0, 1])))
+        total = total + zonal_gravity(position, constants["zonal"])
     if Force.DRAG in forces:
         names = ("density", "referenceRadius", "scaleHeight", "rotationRate")
         air = Atmosphere(*(constants[f"atmosphere.{name}"] for name in names))

@@ -14,7 +14,7 @@ from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.frames import Symbol, rotation_I_L
-from baryscope.models.gravity import Zonal, point_mass_gravity, zonal_gravity
+from baryscope.models.gravity import point_mass_gravity, zonal_gravity, zonal_strength
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 from baryscope.models.orbit import Orbit
 
@@ -74,7 +74,7 @@ def _body(orbit: Orbit) -> list[float]:
 def _gravity(position: Pair, body: Symbol, oblate: bool) -> Pair:
     mu, j2, radius = ca.vertsplit(body)
     central = point_mass_gravity(position, mu)
-    return central + zonal_gravity(position, Zonal.of(mu, j2, radius)) if oblate else central
+    return central + zonal_gravity(position, zonal_strength(mu, j2, radius)) if oblate else central
 
 
 @cache
