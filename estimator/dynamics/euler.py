@@ -1,20 +1,19 @@
 """Euler's equation, its steps of order 8 and their sensitivities, as functions for many points.
 
-The steps are those of Dormand and Prince; the tableau is scipy's. A torque that is not the gravity gradient enters as
+The steps are those of Dormand and Prince. A torque that is not the gravity gradient enters as
 the angular acceleration at POINTS times of the step, with a cubic between them.
 """
 
-from collections.abc import Callable
 from functools import cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from baryscope.estimator.dynamics.torque import POINTS, stage_weights
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
+from baryscope.models.ephemeris.dormand_prince import step
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 
@@ -62,7 +61,7 @@ def advance(gravity_gradient: bool, forced: bool) -> ca.Function:
         found = _rates(state, c, gravity_gradient)
         return found + ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0) if forced else found
 
-    after = _step(rates, x, h)
+    after = step(rates, x, h)
     inputs = [x, h, f, c] if forced else [x, h, c]
     return ca.Function("advance", inputs, [after], {"cse": True}).mapaccum(CHUNK)
 
@@ -91,7 +90,7 @@ def sensitivity_step(gravity_gradient: bool, forced: bool) -> ColumnFunction:
         return ca.vertcat(motion, ca.vec(change))
 
     start = ca.horzcat(ca.SX.eye(11)[:6, :], ca.SX(6, size - 11))
-    after = _step(rates, ca.vertcat(x, ca.vec(start)), h)
+    after = step(rates, ca.vertcat(x, ca.vec(start)), h)
     inputs = [x, h, f, c] if forced else [x, h, c]
     return ColumnFunction("sensitivity", inputs, ca.reshape(after[8:], 6, size))
 
@@ -129,22 +128,6 @@ def _rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
         torque = gravity_gradient_torque(J, rotation_from_quaternion(q).T @ R_I_L[:, 0], place.stiffness)
         anomaly_rate = place.anomaly_rate
     return ca.vertcat(quaternion_rate(q, w), angular_acceleration(J, symmetric_inverse(J), w, torque), anomaly_rate)
-
-
-def _step(rates: Callable[[ca.SX, float], ca.SX], x: ca.SX, h: ca.SX) -> ca.SX:
-    """One step of the eighth-order formula of Dormand and Prince (Hairer, Nørsett, Wanner 1993, DOP853).
-
-    rates: (x, fraction of the step) → ẋ.
-    """
-    slopes: list[ca.SX] = []
-    for row, fraction in zip(DOP853.A, DOP853.C, strict=True):
-        slopes.append(rates(_moved(x, h, row, slopes), float(fraction)))
-    return _moved(x, h, DOP853.B, slopes)
-
-
-def _moved(x: ca.SX, h: ca.SX, weights: FloatArray, slopes: list[ca.SX]) -> ca.SX:
-    """x + h Σ weight · slope; h times a weight is a common subexpression of all points."""
-    return sum((h * weight * slope for weight, slope in zip(weights, slopes, strict=False) if weight), x)
 
 
 def _product(p: ca.SX, q: ca.SX) -> ca.SX:

@@ -8,10 +8,10 @@ from functools import cache
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
+from baryscope.models.ephemeris.dormand_prince import step
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.frames import Symbol, rotation_I_L
 from baryscope.models.gravity import point_mass_gravity, zonal_gravity, zonal_strength
@@ -115,41 +115,37 @@ def _field_function() -> ColumnFunction:
 @cache
 def _advance() -> ca.Function:
     """(state, (μ, J₂, R), step) → states (6, CHUNK) after each of CHUNK steps of order 8 (Dormand, Prince)."""
-    state, body, step = ca.SX.sym("state", 6), ca.SX.sym("body", 3), ca.SX.sym("step")
+    state, body, h = ca.SX.sym("state", 6), ca.SX.sym("body", 3), ca.SX.sym("step")
 
-    def moved(weights: FloatArray, slopes: list[Symbol]) -> Symbol:
-        return sum((step * w * slope for w, slope in zip(weights, slopes, strict=False) if w), state)
+    def rates(here: Symbol, _: float) -> Symbol:
+        return ca.vertcat(here[3:], _field(here[:3], body, True))
 
-    slopes: list[Symbol] = []
-    for row in DOP853.A:
-        here = moved(row, slopes)
-        slopes.append(ca.vertcat(here[3:], _field(here[:3], body, True)))
-    return ca.Function("advance", [state, body, step], [moved(DOP853.B, slopes)], {"cse": True}).mapaccum(CHUNK)
+    return ca.Function("advance", [state, body, h], [step(rates, state, h)], {"cse": True}).mapaccum(CHUNK)
 
 
 def _oblate_states(orbit: Orbit, time: FloatArray) -> FloatArray:
     """The motion under J2 from the elements at time 0, integrated to nodes ARC apart, and quintics between them."""
-    step = ARC / orbit.periapsis_rate
-    first, last = (int(np.floor(t / step)) for t in (time.min(initial=0.0), time.max(initial=0.0)))
+    h = ARC / orbit.periapsis_rate
+    first, last = (int(np.floor(t / h)) for t in (time.min(initial=0.0), time.max(initial=0.0)))
     if last - first > MOST_STEPS:
         raise ComputationError(
-            f"the tracks are {max(-first, last) * step / orbit.period:.2g} turns away from time 0 of the orbit, "
+            f"the tracks are {max(-first, last) * h / orbit.period:.2g} turns away from time 0 of the orbit, "
             "too many to integrate it under J2",
             Reason.TOO_LONG,
         )
     begin = kepler_states(orbit, np.zeros(1))[0]
-    back, forth = _walk(orbit, begin, -step, -first), _walk(orbit, begin, step, last + 1)
+    back, forth = _walk(orbit, begin, -h, -first), _walk(orbit, begin, h, last + 1)
     nodes = np.concatenate([back[:0:-1], forth])
     pull = _field_function()(nodes[:, :3].T, _body(orbit))
-    left = np.floor(time / step).astype(np.intp) - first
-    return _quintic(time / step - (left + first), left, nodes, pull, step)
+    left = np.floor(time / h).astype(np.intp) - first
+    return _quintic(time / h - (left + first), left, nodes, pull, h)
 
 
-def _walk(orbit: Orbit, begin: FloatArray, step: float, count: int) -> FloatArray:
-    """The states (count + 1, 6) from `begin`, each `step` s after the last."""
+def _walk(orbit: Orbit, begin: FloatArray, h: float, count: int) -> FloatArray:
+    """The states (count + 1, 6) from `begin`, each `h` s after the last."""
     states, advance = [begin[None]], _advance()
     while sum(map(len, states)) <= count:
-        states.append(np.asarray(advance(states[-1][-1], _body(orbit), step)).T)
+        states.append(np.asarray(advance(states[-1][-1], _body(orbit), h)).T)
     return np.concatenate(states)[: count + 1]
 
 
