@@ -144,7 +144,7 @@ def _oblate_states(orbit: Orbit, time: FloatArray) -> FloatArray:
 def _walk(orbit: Orbit, begin: FloatArray, h: float, count: int) -> FloatArray:
     """The states (count + 1, 6) from `begin`, each `h` s after the last."""
     states, advance = [begin[None]], _advance()
-    while sum(map(len, states)) <= count:
+    for _ in range(0, count, CHUNK):
         states.append(np.asarray(advance(states[-1][-1], _body(orbit), h)).T)
     return np.concatenate(states)[: count + 1]
 
