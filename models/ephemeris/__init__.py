@@ -1,10 +1,8 @@
 """Where the target is at a time: under J2, by SGP4 or from a table; and the files that tell: TLE, OMM and OEM.
 
-By `dormand_prince`, a step of integration, which the rotation of a body uses, too.
-
 `target_states` of `trajectory` gives position and velocity on any orbit. `orbit_of_message` recognises a file's form:
 two-line elements (TLE) and orbit mean-elements messages (OMM) are propagated by SGP4, orbit ephemeris messages (OEM)
-are interpolated. The forms are those of CCSDS 502.0-B.
+are interpolated. The forms are those of CCSDS 502.0-B. `dormand_prince` integrates orbits, and rotations elsewhere.
 """
 
 from baryscope.models.ephemeris.elements import elements_of
