@@ -25,21 +25,15 @@ def read_acceleration(path: AnyPath, epoch: str | None = None) -> tuple[FloatArr
     table = read_table(read_bytes(path, FORM.what), str(path), FORM)
     columns = table.columns
     for name in COLUMNS:
-        values = columns.numbers[name]
         limit, unit = (LATEST, "s") if name == "time" else (STRONGEST, "m/s²")
-        wrong = ~(np.abs(values) <= limit)
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            found = "empty" if np.isnan(values[row]) else str(values[row])
-            raise InputError(f"{table.place(row)}, column {name}: {found}, expected a number within ±{limit:g} {unit}")
+        expected = f"a number within ±{limit:g} {unit}"
+        table.refuse(np.isnan(columns.numbers[name]), name, f"empty, expected {expected}")
+        table.refuse_beyond(name, limit, expected)
     time = columns.numbers["time"]
     if columns.epoch is not None:
         if epoch is None:
             raise InputError(f"{path}: UTC times, expected seconds, as in the tracks; or UTC times there, or --epoch")
         time = time + seconds_between(utc_of(epoch, "epoch"), columns.epoch)
-    late = np.flatnonzero(np.diff(time) <= 0)
-    if late.size:
-        raise InputError(
-            f"{table.place(int(late[0]) + 1)}, column time: not after the row before, expected ascending times"
-        )
+    late = np.diff(time, prepend=-np.inf) <= 0
+    table.refuse(late, "time", "not after the row before, expected ascending times")
     return time, np.stack([columns.numbers[name] for name in COLUMNS[1:]], axis=1)

@@ -3,11 +3,16 @@
 from codecs import BOM_UTF8
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from baryscope.estimator.tables.fast import read_fast
 from baryscope.estimator.tables.form import Columns, Form
 from baryscope.estimator.tables.strict import data_rows, read_header, read_strict
 from baryscope.models.errors import InputError
 from baryscope.models.files import decoded
+
+BoolArray = NDArray[np.bool_]
 
 LONG = 1_000_000  # bytes from which the fast reader saves more time than the import of polars takes
 
@@ -28,6 +33,26 @@ class Table:
             if index == row:
                 return f"{self.source}, line {line}"
         raise IndexError(row)
+
+    def refuse(self, wrong: BoolArray, column: str, message: str) -> None:
+        """Check that no row is wrong, (rows,).
+
+        Raises:
+            InputError: one is; it names the first one's line.
+        """
+        if wrong.any():
+            raise InputError(f"{self.place(int(np.argmax(wrong)))}, column {column}: {message}")
+
+    def refuse_beyond(self, column: str, limit: float, expected: str) -> None:
+        """Check that the numbers of a column are within ±limit; empty cells are.
+
+        Raises:
+            InputError: one is not.
+        """
+        values = self.columns.numbers[column]
+        wrong = np.abs(values) > limit
+        if wrong.any():
+            self.refuse(wrong, column, f"{values[int(np.argmax(wrong))]}, expected {expected}")
 
 
 def read_table(content: bytes, source: str, form: Form) -> Table:

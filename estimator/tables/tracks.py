@@ -29,13 +29,13 @@ def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], Fl
     """
     numbers, labels, codes = table.columns.numbers, table.columns.labels, table.columns.codes
     empty = np.stack([np.isnan(numbers[axis]) for axis in "xyz"])
-    _refuse(table, np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
-    _refuse_beyond(table, "time", LATEST, "a number of seconds")
+    table.refuse(np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
+    table.refuse_beyond("time", LATEST, f"a number of seconds within ±{LATEST:g}")
     seen = np.asarray(~empty.all(axis=0))
     for index, axis in enumerate("xyz"):
-        _refuse(table, seen & empty[index], axis, "empty, expected a number (x, y and z, or none of them)")
-        _refuse_beyond(table, axis, FARTHEST, "a number of metres")
-    _refuse(table, seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
+        table.refuse(seen & empty[index], axis, "empty, expected a number (x, y and z, or none of them)")
+        table.refuse_beyond(axis, FARTHEST, f"a number of metres within ±{FARTHEST:g}")
+    table.refuse(seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
     time, frame = _frames(numbers["time"])
     _refuse_sparse(table, len(time), len(labels))
     place = frame * len(labels) + codes
@@ -66,7 +66,7 @@ def refuse_covariances(table: Table) -> None:
         for name, (row, column) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
             covariance[:, row, column] = covariance[:, column, row] = numbers[name]
         wrong = ~is_covariance(covariance) & ~np.isnan(numbers["x"])
-        _refuse(table, wrong, "cxx to czz", "not positive semidefinite, expected a covariance matrix in m²")
+        table.refuse(wrong, "cxx to czz", "not positive semidefinite, expected a covariance matrix in m²")
 
 
 def _frames(time: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -105,19 +105,6 @@ def _check_covariance_cells(table: Table, seen: BoolArray) -> None:
     for name in COVARIANCE_COLUMNS:
         if name in table.columns.numbers:
             empty = np.isnan(table.columns.numbers[name])
-            _refuse(table, seen & empty, name, "empty, expected a number (all six, wherever x, y, z stand)")
-            _refuse(table, ~seen & ~empty, name, "a number without a position, expected an empty cell")
-            _refuse_beyond(table, name, COARSEST**2, "a number of m²")
-
-
-def _refuse_beyond(table: Table, column: str, limit: float, expected: str) -> None:
-    """Refuse numbers of a column that are not within ±limit."""
-    values = table.columns.numbers[column]
-    wrong = np.abs(values) > limit
-    if wrong.any():
-        _refuse(table, wrong, column, f"{values[int(np.argmax(wrong))]}, expected {expected} within ±{limit:g}")
-
-
-def _refuse(table: Table, wrong: BoolArray, column: str, message: str) -> None:
-    if wrong.any():
-        raise InputError(f"{table.place(int(np.argmax(wrong)))}, column {column}: {message}")
+            table.refuse(seen & empty, name, "empty, expected a number (all six, wherever x, y, z stand)")
+            table.refuse(~seen & ~empty, name, "a number without a position, expected an empty cell")
+            table.refuse_beyond(name, COARSEST**2, f"a number of m² within ±{COARSEST**2:g}")
