@@ -10,7 +10,8 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.tables.form import Form
 from baryscope.estimator.tables.table import read_table
-from baryscope.models.ephemeris.utc import utc_of, utc_text
+from baryscope.models.checks import UNIT_TOLERANCE
+from baryscope.models.ephemeris.utc import seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
 
@@ -18,7 +19,6 @@ FloatArray = NDArray[np.float64]
 
 COLUMNS = ("time", "qw", "qx", "qy", "qz")
 FORM = Form("the camera's attitude in CSV", COLUMNS, clock="time")
-UNIT_TOLERANCE = 1e-3  # of a quaternion's length: enough for four printed digits
 SAME_TIME = 1e-6  # s: a time so near a row's takes its attitude
 WIDEST_TURN = np.deg2rad(10.0)  # from row to row, between which the attitude is interpolated
 LONGEST_GAP = 10.0  # median intervals: what the camera did in a longer one is not known
@@ -113,8 +113,7 @@ class AttitudeSeries:
             raise InputError(
                 f"camera's attitude: UTC times of the {dated}, but seconds of the {other}, expected the same of both"
             )
-        elapsed = utc_of(epoch, "epoch") - utc_of(self.epoch, "epoch")
-        return float(elapsed / np.timedelta64(1, "ns")) * 1e-9
+        return seconds_between(utc_of(self.epoch, "epoch"), utc_of(epoch, "epoch"))
 
     def _refuse_gaps(self, left: NDArray[np.intp], between: NDArray[np.bool_], turn: FloatArray) -> None:
         """Check that the attitude is not interpolated over a long interval or a wide turn."""

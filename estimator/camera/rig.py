@@ -6,13 +6,13 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from baryscope.models.checks import UNIT_TOLERANCE
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario.schema import FileModel, Unit, read_toml
 
 LONGEST_ARM = 1e4  # m
 WIDEST_ANGLE = 0.2  # rad: to first order, an angle's error is its sine
 WIDEST_SCALE = 0.2
-UNIT_TOLERANCE = 1e-3  # of a quaternion's length
 NOT_TURNED = (1.0, 0.0, 0.0, 0.0)
 
 Triple = tuple[float, float, float]
