@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import observability_of
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended import Factor
-from baryscope.estimator.dynamics.seen import UNITS
+from baryscope.estimator.dynamics.extended import named_factors
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Cluster, Estimate, Motion
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -27,9 +26,8 @@ def considered(result: Estimate, tracks: FeatureTracks) -> Estimate:
     errors = errors_of(tracks)
     if errors is None or result.method in ESTIMATING:
         return result
-    rows = zip(errors.names, errors.deviations.tolist(), strict=True)
-    factors = tuple(Factor(name, 0.0, deviation, UNITS[name.split()[0]]) for name, deviation in rows)
-    result = replace(result, forces=result.forces + factors)
+    named = named_factors(errors.names, errors.units, np.zeros_like(errors.deviations), errors.deviations)
+    result = replace(result, forces=result.forces + named)
     if result.covariance is None or result.observability is None:
         return result
     factor = _by_noise(result, tracks, errors)

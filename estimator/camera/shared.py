@@ -11,6 +11,7 @@ what g moves, turn about it by R β, and grow by s. A noise ε of the attitude d
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 FloatArray = NDArray[np.float64]
 
 NAMES = (*(f"boresight {axis}" for axis in "xyz"), "scale", *(f"lever arm {axis}" for axis in "xyz"))
+UNITS = ("rad",) * 3 + ("1",) + ("m",) * 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,12 @@ class SharedErrors:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the constant errors."""
-        return tuple(name for name, uncertain in zip(NAMES, self._uncertain, strict=True) if uncertain)
+        return tuple(compress(NAMES, self._uncertain))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        return tuple(compress(UNITS, self._uncertain))
 
     @property
     def scale(self) -> int | None:

@@ -1,6 +1,6 @@
 """Paths that add something to another one, and the factors that they estimate."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,13 @@ class Factor:
     value: float
     deviation: float
     unit: str
+
+
+def named_factors(
+    names: Sequence[str], units: Sequence[str], values: FloatArray, deviations: FloatArray
+) -> tuple[Factor, ...]:
+    """Factors (k,) of these names, units, values and deviations."""
+    return tuple(map(Factor, names, values.tolist(), deviations.tolist(), units))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import Extended, Factor
+from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors
 from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, forced
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
@@ -92,8 +92,7 @@ class Forced(Extended):
         own = slice(self.base.size, self.size)
         values = x[own] / self._displacement
         deviations = np.sqrt(np.diag(of_x)[own]) / self._displacement
-        rows = zip(self.force.names, values.tolist(), deviations.tolist(), strict=True)
-        return tuple(Factor(name, value, deviation, self.force.unit) for name, value, deviation in rows)
+        return named_factors(self.force.names, (self.force.unit,) * len(values), values, deviations)
 
     @cached_property
     def _displacement(self) -> FloatArray:

@@ -12,31 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended import Extended, Factor, parts_of
+from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors, parts_of
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 
 FloatArray = NDArray[np.float64]
 
-UNITS = {"boresight": "rad", "scale": "1", "lever": "m"}  # by the first word of an error's name
-
 
 @dataclass(frozen=True, eq=False)
 class SeenPath(Extended):
-    """The unknowns of `base`, then k constant errors of standard deviations (k,), which do not move the path."""
+    """The unknowns of `base`, then the k constant errors of a camera, which do not move the path."""
 
-    deviations: FloatArray
-    names: tuple[str, ...]
+    camera: SharedErrors
 
     @property
     def size(self) -> int:
         """The number of unknowns."""
-        return self.base.size + len(self.deviations)
+        return self.base.size + len(self.camera.deviations)
 
     @property
     def prior(self) -> Prior:
         """The prior of the base, and that of the errors."""
-        return self.base.prior.joined(Prior.known(self.deviations**2))
+        return self.base.prior.joined(Prior.known(self.camera.deviations**2))
 
     @property
     def errors(self) -> slice:
@@ -46,16 +43,19 @@ class SeenPath(Extended):
     def factors(self, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
         """The errors as estimated, from x and its covariance."""
         own = self.errors
-        rows = zip(self.names, x[own].tolist(), np.sqrt(np.diag(of_x)[own]).tolist(), strict=True)
-        return tuple(Factor(name, value, deviation, UNITS[name.split()[0]]) for name, value, deviation in rows)
+        return named_factors(self.camera.names, self.camera.units, x[own], np.sqrt(np.diag(of_x)[own]))
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return self.base.at(time).extended(np.zeros((len(time), 3, len(self.deviations))))
+        return self.base.at(time).extended(self._still(time))
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        return self.base.rate_at(time).extended(np.zeros((len(time), 3, len(self.deviations))))
+        return self.base.rate_at(time).extended(self._still(time))
+
+    def _still(self, time: FloatArray) -> FloatArray:
+        """The derivatives (n, 3, k) of the path by the errors: none."""
+        return np.zeros((len(time), 3, len(self.camera.deviations)))
 
 
 def errors_in(path: Path) -> slice:

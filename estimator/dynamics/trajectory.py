@@ -47,7 +47,7 @@ def chosen_path(
     trajectory, known = trajectory_of(options.trajectory, orbit), options.acceleration
     path = trajectory.path(orbit, begin, end, known)
     if errors is not None and len(errors.deviations):
-        path = SeenPath(path, errors.deviations, errors.names)
+        path = SeenPath(path, errors)
     if known is not None and known.scale > 0:
         path = Forced(path, thrust_of(known, orbit, begin, end), begin, end)
     if known is not None and known.firing > 0 and (known.firings(begin, end) >= 0).any():
