@@ -112,19 +112,20 @@ class Burned(Extended):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return _moved(self.base.at(time).extended(self.columns(time)), self.bend(time))
+        found, bend = self.base.at(time).extended(self.columns(time)), self.bend(time)
+        return found if bend is None else found.moved(bend)
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        return _moved(self.base.rate_at(time).extended(self.columns(time, rate=True)), self.bend(time, rate=True))
+        found, bend = self.base.rate_at(time).extended(self.columns(time, rate=True)), self.bend(time, rate=True)
+        return found if bend is None else found.moved(bend)
 
     def columns(self, time: FloatArray, *, rate: bool = False) -> FloatArray:
         """The derivatives (n, 3, 5 k) of position, or of velocity, by the unknowns of the burns."""
-        edges = np.array([[burn.begin, burn.end] for burn in self.burns])
-        equation = self._equation(time, edges.ravel())
+        edges, equation = self._edges, self._equation(time)
         seen = Motion.velocity if rate else Motion.position
-        now, free = seen(equation.free, time), np.linalg.inv(equation.transition(edges.ravel()))
-        axes = burn_axes(self.orbit, edges.ravel())
+        now, free = seen(equation.free, time), np.linalg.inv(equation.transition(edges))
+        axes = burn_axes(self.orbit, edges)
         pushed = seen(equation.forced(self._pushes(equation.panels.points)), time).reshape(len(time), 3, -1, 3)
         found = np.empty((len(time), 3, len(self.burns), UNKNOWNS))
         for index, burn in enumerate(self.burns):
@@ -143,7 +144,7 @@ class Burned(Extended):
         """What gravity beyond its gradient adds to the response to the burns, (n, 3) in m or m/s; None if left out."""
         if self.about is None or self.orbit is None:
             return None
-        equation = self._equation(time, np.array([[burn.begin, burn.end] for burn in self.burns]).ravel())
+        equation = self._equation(time)
         points = equation.panels.points
         reference, before = target_states(self.orbit, points), self.base.at(points).position(self.about)
         gradient = np.zeros((len(points), 3, 3)) if equation.gradient is None else equation.gradient
@@ -198,20 +199,21 @@ class Burned(Extended):
         span = max(self.last - self.first, SHORTEST)
         return np.array([[span] * 3 + [burn.speed] * 2 for burn in self.burns]).reshape(-1, UNKNOWNS)
 
-    def _equation(self, time: FloatArray, edges: FloatArray) -> LinearMotion:
+    @property
+    def _edges(self) -> FloatArray:
+        """Begin and end of each burn, (2 k,) in s."""
+        return np.array([[burn.begin, burn.end] for burn in self.burns]).ravel()
+
+    def _equation(self, time: FloatArray) -> LinearMotion:
+        """The motion over times (n,), with panels that end where a burn begins or ends."""
         longest = longest_on(self.orbit, self.first, self.last)
-        return LinearMotion.over(Panels.over(time, self.first, longest, edges), self.base.gravity_gradient)
+        return LinearMotion.over(Panels.over(time, self.first, longest, self._edges), self.base.gravity_gradient)
 
     def _pushes(self, time: FloatArray) -> FloatArray:
         """The accelerations (k, 3, 3 b) of the centre of mass in C, 1/s, by a unit change of velocity of each burn."""
         axes = burn_axes(self.orbit, time)
         on = [((time >= burn.begin) & (time < burn.end)) / burn.duration for burn in self.burns]
         return np.concatenate([-one[:, None, None] * axes for one in on], axis=2)
-
-
-def _moved(path: SampledPath, by: FloatArray | None) -> SampledPath:
-    """The path moved by (n, 3) m, or where it is."""
-    return path if by is None else SampledPath(path.jacobian, lambda x: path.position(x) + by)
 
 
 def burn_axes(orbit: Orbit | None, time: FloatArray) -> FloatArray:

@@ -142,14 +142,11 @@ class Thrusted(Extended):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return self._moved(self.base.at(time), self._response(time).position(time))
+        return self.base.at(time).moved(self._response(time).position(time)[:, :, 0])
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        return self._moved(self.base.rate_at(time), self._response(time).velocity(time))
-
-    def _moved(self, sampled: SampledPath, by: FloatArray) -> SampledPath:
-        return SampledPath(sampled.jacobian, lambda x: sampled.position(x) + by[:, :, 0])
+        return self.base.rate_at(time).moved(self._response(time).velocity(time)[:, :, 0])
 
     def _response(self, time: FloatArray) -> Motion:
         force = thrust_of(self.known, self.orbit, self.begin, self.end)

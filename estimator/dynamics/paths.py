@@ -5,7 +5,7 @@ polynomials are linear in x. Relative motion stands in `relative_motion`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -124,6 +124,10 @@ class SampledPath:
             np.concatenate([self.jacobian, columns], axis=2),
             lambda x: self.position(x[:size]) + columns @ x[size:],
         )
+
+    def moved(self, by: FloatArray) -> "SampledPath":
+        """The path moved by (n, 3) in m."""
+        return replace(self, position=lambda x: self.position(x) + by)
 
     def lengths(self, directions: FloatArray) -> FloatArray:
         """The rms displacement (k,) of the path, m, for changes (p, k) of x."""
