@@ -182,10 +182,15 @@ class BurnEquations:
         known = (matrix / fit.variance + np.diag(precision))[np.ix_(kept, kept)]
         return squares - float(right @ solved(known, right[:, None])[:, 0])
 
+    def known(self, fit: BurnFit) -> FloatArray:
+        """The information on offsets, path and burns of a fit without noise, for known cells, and that of the prior."""
+        matrix = fit.matrix[: -3 * self.cells, : -3 * self.cells] / fit.variance
+        return np.asarray(matrix + np.diag(self.prior(fit.burns).precision(np.zeros(0))))
+
     def cost_of_noise(self, fit: BurnFit) -> float:
         """The deviation of the offsets over that without noise, burns being as they are."""
-        own, rest = slice(self.offsets), slice(len(fit.rhs) - 3 * self.cells)
-        known = fit.matrix[rest, rest] / fit.variance + np.diag(self.prior(fit.burns).precision(np.zeros(0)))
+        own = slice(self.offsets)
+        known = self.known(fit)
         quiet = solved(known, np.eye(len(known))[:, own])[own]
         return float(np.sqrt(np.trace(fit.covariance[own, own]) / np.trace(quiet)))
 

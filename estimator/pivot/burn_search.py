@@ -146,9 +146,8 @@ def _of_windows(
     """
     others, n = len(fit.rhs) - 3 * equations.cells, equations.cells
     matrix, rhs = fit.matrix / fit.variance, fit.rhs / fit.variance
-    known = matrix[:others, :others] + np.diag(equations.prior(fit.burns).precision(np.zeros(0)))
     mixed = np.column_stack([matrix[:others, others:], rhs[:others]])
-    gone = mixed[:, :-1].T @ solved(known, mixed)
+    gone = mixed[:, :-1].T @ solved(equations.known(fit), mixed)
     own = np.column_stack([matrix[others:, others:], rhs[others:]]) - gone
     density = float(np.exp(fit.theta[0]))
     own -= own[:, :-1] @ solved(own[:, :-1] + equations.width / density * np.eye(3 * n), own)

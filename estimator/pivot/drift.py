@@ -67,16 +67,16 @@ def _normal_equations(
     p, d = path.size, 3 * len(registered.bodies)
     matrix, rhs, total, known = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0, path.offset
     for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
-        parallel_axis = slice(3 * index, 3 * index + 3)
+        own = slice(3 * index, 3 * index + 3)
         left = origin - known[body.frames]
         rows = np.concatenate([body.attitude, path.jacobian[body.frames], left[:, :, None]], axis=2)
         scaled = (rows * np.sqrt(weight)[:, None, None]).reshape(-1, 4 + p)
         outer = scaled.T @ scaled
-        matrix[parallel_axis, parallel_axis] = outer[:3, :3]
-        matrix[parallel_axis, d:] += outer[:3, 3:-1]
-        matrix[d:, parallel_axis] += outer[3:-1, :3]
+        matrix[own, own] = outer[:3, :3]
+        matrix[own, d:] += outer[:3, 3:-1]
+        matrix[d:, own] += outer[3:-1, :3]
         matrix[d:, d:] += outer[3:-1, 3:-1]
-        rhs[parallel_axis] = outer[:3, -1]
+        rhs[own] = outer[:3, -1]
         rhs[d:] += outer[3:-1, -1]
         total += float(outer[-1, -1])
     return matrix, rhs, total

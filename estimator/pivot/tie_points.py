@@ -159,7 +159,7 @@ class _Comparison:
         complete = TiePoints(bodies, features, (first, second), means, np.eye(len(means) ** 2))
         values, axes = np.linalg.eigh(self.misclosures([complete]).covariance)
         spread = max(
-            float(np.trace(self.covariances(index, rows, means), axis1=2, axis2=3).diagonal().max())
+            float(self.excess(index, rows, means).diagonal().max())
             for index, rows in zip(bodies, complete.rows, strict=True)
         )
         usable = (values > ROUNDING * values[-1]) & (values > (LINEARITY * spread) ** 2 * self.variance)
@@ -171,23 +171,23 @@ class _Comparison:
         square = float(misclosures.values @ symmetric_pseudo_inverse(misclosures.covariance) @ misclosures.values)
         return bool(chi2.sf(square / max(self.variance, 1e-300), len(misclosures.values)) > SIGNIFICANCE)
 
-    def covariances(self, index: int, rows: IntArray, means: FloatArray) -> FloatArray:
-        """Covariances (g, g, 3, 3) of means of some points of a body, relative to the variance of an observation."""
+    def excess(self, index: int, rows: IntArray, means: FloatArray) -> FloatArray:
+        """By how much the products (g, g) of means of some points of a body are too large on average.
+
+        That is the trace of the means' covariance, here relative to the variance of an observation.
+        """
         factor = self.factors.points[index].reshape(-1, 3, self.factors.x.shape[1])[rows]
-        averaged = np.einsum("gm,mik->gik", means, factor)
-        return np.asarray(np.einsum("gik,hjk->ghij", averaged, averaged, optimize=True))
+        averaged = np.tensordot(means, factor, 1).reshape(len(means), -1)
+        return np.asarray(averaged @ averaged.T)
 
     def misclosures(self, ties: list[TiePoints]) -> _Misclosures:
-        """The misclosures of tie points in the solution without them.
-
-        An estimated product is too large by the trace of the points' covariance on average, which is subtracted.
-        """
+        """The misclosures of tie points in the solution without them, of products without their excess."""
         values, factors = [], []
         for tie in ties:
             value, factor = np.zeros(len(tie.compared)), np.zeros((len(tie.compared), self.factors.x.shape[1]))
             for index, rows, sign in zip(tie.bodies, tie.rows, (1.0, -1.0), strict=True):
                 product, slope = _products(self.solution.bodies[index].points[rows], tie.means)
-                excess = self.variance * np.trace(self.covariances(index, rows, tie.means), axis1=2, axis2=3)
+                excess = self.variance * self.excess(index, rows, tie.means)
                 columns = (3 * rows[:, None] + np.arange(3)).ravel()
                 value += sign * tie.compared @ (product - excess.ravel())
                 factor += sign * (tie.compared @ slope) @ self.factors.points[index][columns]
