@@ -7,7 +7,7 @@ from baryscope.estimator.ekf.linearised import Linearised, points_from
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.solution import Solution
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.so3 import turned_information
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 
@@ -44,8 +44,7 @@ def spurious_growth(
     offset = attached @ solution.of_theta[points, points] @ attached.T
     crossed = (solution.crossed[:, :, points] @ attached.T).reshape(n * d, 3).T
     position = system.information[:, :3, :3] / variance
-    axes = cross_matrices(np.eye(3))
-    spurious = np.einsum("iba,kbc,jcd,kda->ij", axes, position, axes, solution.spread, optimize=True)
+    spurious = turned_information(position, solution.spread)
     factor = three_sigma_factor(int(system.seen.sum()))
     of_offset, of_states = spurious_information_columns(offset, crossed, factor * spurious, least)
     return of_offset, of_states.reshape(n, d, 3)

@@ -26,6 +26,15 @@ def log_rotation(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)[:, None] * q[:, 1:])
 
 
+def turned_information(information: FloatArray, turn: FloatArray) -> FloatArray:
+    """Σ tr([eᵢ]×ᵀ Q [eⱼ]× C) (3, 3): the mean information on d of observations Q (n, 3, 3) of φ × d, with random φ.
+
+    turn C (n, 3, 3): the covariance of φ, a rotation vector in rad, of mean zero.
+    """
+    axes = cross_matrices(np.eye(3))
+    return np.asarray(np.einsum("iba,kbc,jcd,kda->ij", axes, information, axes, turn, optimize=True))
+
+
 def cross_matrices(vectors: FloatArray) -> FloatArray:
     """[v]× (m, 3, 3) of vectors (m, 3)."""
     matrix = np.zeros((len(vectors), 3, 3))

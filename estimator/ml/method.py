@@ -30,7 +30,7 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
-from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
+from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
 from baryscope.estimator.ml.blocks import Jacobians
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised, turned_by
@@ -38,7 +38,7 @@ from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
-from baryscope.estimator.pivot.refinement import Pivot, least_variance
+from baryscope.estimator.pivot.refinement import Pivot, least_variance, values_for_path
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence
@@ -190,10 +190,8 @@ def _excess_residuals(
     cost, free_cost = (
         float(np.vdot(weight, free.squares(np.where(used[..., None], one, 0.0)))) for one in (residual, own)
     )
-    attitudes = 3 * sum(len(body.frames) for body in pivot.bodies)
-    points = sum(3 * len(body.features) - 3 for body in pivot.bodies)
-    more = attitudes + points + pivot.path_unknowns - best.unknowns - 3 * np.count_nonzero(weight.any(axis=0))
-    dof = 3 * float(weight.sum()) - attitudes - points - pivot.path_unknowns
+    dof = values_for_path(pivot.bodies, free.weighted(weight)) - pivot.path_unknowns
+    more = 3 * float(weight.sum()) - 3 * np.count_nonzero(weight.any(axis=0)) - best.unknowns - dof
     if more <= 0 or dof <= 0 or cost <= dof * least_variance(free, ROUNDING):
         return ()
     ratio = (cost - free_cost) / more / (free_cost / dof)
@@ -233,11 +231,7 @@ def _covariances(
     variance = max(best.variance, 1e-300)
     y = _covariance_of_unknowns(best, distance, variance)
     spread = variance * _spread(turn, best.motion.attitude, y[: best.rotation.size, : best.rotation.size])
-    position_information = _position_information(best)
-    axes = cross_matrices(np.eye(3))
-    spurious = three_sigma_factor(RATE_AND_INERTIA) * np.einsum(
-        "iba,kbc,jcd,kda->ij", axes, position_information, axes, spread, optimize=True
-    )
+    spurious = three_sigma_factor(RATE_AND_INERTIA) * turned_information(_position_information(best), spread)
     of_y, offsets = y, []
     least = variance / max(farthest(best.found.points[features]) for features in clusters) ** 2
     for features in clusters:
