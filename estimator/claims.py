@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import observability_of
 from baryscope.estimator.prediction import Widening
+from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import (
     Cluster,
     Departure,
@@ -52,12 +53,10 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     known = result.used & np.isfinite(result.residuals[..., 0])
     shown = np.flatnonzero(known.sum(axis=1) >= FEATURES)
     out = (result.rejected | ~known)[shown].all(axis=1)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], out, [False]])))
-    begins, lengths = ends[::2], ends[1::2] - ends[::2]
-    if not len(lengths) or lengths.max() < max(FEWEST_FRAMES, LEAST_SHARE * len(shown)):
+    first, stop = max(runs_of(out).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    if stop - first < max(FEWEST_FRAMES, LEAST_SHARE * len(shown)):
         return ()
-    longest = int(lengths.argmax())
-    run = shown[begins[longest] : begins[longest] + lengths[longest]]
+    run = shown[first:stop]
     shift = np.linalg.norm(np.nanmean(result.residuals[run], axis=1), axis=1)
     return (FramesLeftOut(float(result.time[run[0]]), float(result.time[run[-1]]), len(run), float(np.median(shift))),)
 

@@ -27,6 +27,7 @@ from baryscope.estimator.document_details import (
 from baryscope.estimator.observability import Observability, PrincipalAxes
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import sentence, verdict
+from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import (
     Cluster,
     Estimate,
@@ -317,10 +318,8 @@ def rejected_intervals(result: Estimate) -> dict[str, tuple[Interval, ...]]:
     """For each feature with rejected observations, their intervals from first to last time, s."""
     found = {}
     for index in np.nonzero(result.rejected.any(axis=0))[0]:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], result.rejected[:, index], [False]]).astype(np.int8)))
-        found[result.labels[index]] = tuple(
-            (float(result.time[first]), float(result.time[stop - 1])) for first, stop in edges.reshape(-1, 2)
-        )
+        runs = runs_of(result.rejected[:, index])
+        found[result.labels[index]] = tuple((float(result.time[a]), float(result.time[b - 1])) for a, b in runs)
     return found
 
 

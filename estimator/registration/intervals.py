@@ -39,6 +39,11 @@ def sampling_interval(time: NDArray[np.float64]) -> float:
     return float(np.median(np.diff(time))) if len(time) > 1 else 1.0
 
 
+def runs_of(rows: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """The first index and that after the last (k, 2) of each run of True in rows (n,)."""
+    return np.flatnonzero(np.diff(rows.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+
+
 def find_intervals(tracks: FeatureTracks) -> tuple[Interval, ...]:
     """Cut the tracks at gaps in time, at frames with fewer than three features, and where the cluster changes.
 

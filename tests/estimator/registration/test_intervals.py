@@ -1,6 +1,6 @@
 import numpy as np
 
-from baryscope.estimator.registration.intervals import find_intervals
+from baryscope.estimator.registration.intervals import find_intervals, runs_of
 from baryscope.estimator.tracks import FeatureTracks
 
 
@@ -66,3 +66,10 @@ def test_intervals_agree_with_the_frame_by_frame_rule():
 def test_a_single_frame_and_no_observations():
     assert spans(tracks_of(np.ones((1, 3)))) == [(0, 1)]
     assert spans(tracks_of(np.zeros((3, 3)))) == []
+
+
+def test_runs_of_true():
+    rows = np.array([True, False, False, True, True, False, True])
+    assert runs_of(rows).tolist() == [[0, 1], [3, 5], [6, 7]]
+    assert runs_of(np.zeros(3, dtype=bool)).tolist() == []
+    assert runs_of(np.ones(2, dtype=bool)).tolist() == [[0, 2]]
