@@ -79,14 +79,20 @@ def _widening(result: Estimate) -> Widening:
 def _widened(result: Estimate, by: Widening) -> Estimate:
     if result.covariance is None or result.observability is None:
         return result
-    covariance = by.of_position(result.covariance)
     clusters = tuple(_widened_cluster(cluster, by) for cluster in result.clusters)
+    return with_wider(result, by.of_position(result.covariance), clusters, _widened_motion(result.motion, by), by)
+
+
+def with_wider(
+    result: Estimate, covariance: FloatArray, clusters: tuple[Cluster, ...], motion: Motion, by: Widening
+) -> Estimate:
+    """The result with wider covariances: of the path (n, 3, 3), of clusters and of the motion, and of predictions."""
     return replace(
         result,
         covariance=covariance,
         clusters=clusters,
         observability=observability_of(clusters, covariance),
-        motion=_widened_motion(result.motion, by),
+        motion=motion,
         predictor=None if result.predictor is None else result.predictor.widened(by),
     )
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.diagnostics import observability_of
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.claims import with_wider
 from baryscope.estimator.dynamics.extended import named_factors
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.result import Cluster, Estimate, Motion
@@ -32,17 +32,9 @@ def considered(result: Estimate, tracks: FeatureTracks) -> Estimate:
         return result
     factor = _by_noise(result, tracks, errors)
     added = errors.consider_covariance(result.position)
-    covariance = factor * result.covariance + added
     clusters = tuple(_cluster(cluster, factor, errors) for cluster in result.clusters)
     by = Widening(factor, float(np.trace(added, axis1=1, axis2=2).mean() / 3))
-    return replace(
-        result,
-        covariance=covariance,
-        clusters=clusters,
-        observability=observability_of(clusters, covariance),
-        motion=_motion(result, factor, errors),
-        predictor=None if result.predictor is None else result.predictor.widened(by),
-    )
+    return with_wider(result, factor * result.covariance + added, clusters, _motion(result, factor, errors), by)
 
 
 def _by_noise(result: Estimate, tracks: FeatureTracks, errors: SharedErrors) -> float:
