@@ -20,9 +20,7 @@ from baryscope.estimator.document_details import (
     Part,
     Vector,
     details_part,
-    matrix,
-    number,
-    vector,
+    plain,
 )
 from baryscope.estimator.observability import Observability, PrincipalAxes
 from baryscope.estimator.prediction import Prediction
@@ -194,7 +192,7 @@ def document_of(result: Estimate) -> EstimateDocument:
         converged=result.converged,
         rounds=result.rounds,
         coverage=result.coverage,
-        predicted_rmse=number(result.predicted_rmse),
+        predicted_rmse=plain(result.predicted_rmse),
         noise=NoisePart(
             a_priori=result.noise.a_priori,
             a_posteriori=result.noise.a_posteriori,
@@ -204,7 +202,7 @@ def document_of(result: Estimate) -> EstimateDocument:
         observability=None if result.observability is None else _observability(result.observability),
         clusters=tuple(_cluster(cluster, result) for cluster in result.clusters),
         residual_rms={
-            label: number(value) for label, value in zip(result.labels, result.feature_rms.tolist(), strict=True)
+            label: plain(value) for label, value in zip(result.labels, result.feature_rms.tolist(), strict=True)
         },
         rejected=RejectedPart(
             share=result.rejected_share, features=result.rejected_features, intervals=rejected_intervals(result)
@@ -277,11 +275,11 @@ def _rows(names: tuple[str, ...], columns: list[list[object]]) -> Callable[[Text
 
 def _option(value: Any) -> Any:
     """An option as JSON has it, a known acceleration in words."""
-    return str(value) if isinstance(value, KnownAcceleration) else number(value)
+    return str(value) if isinstance(value, KnownAcceleration) else plain(value)
 
 
 def _axes(axes: PrincipalAxes) -> AxesPart:
-    return AxesPart(deviations=vector(axes.deviations), directions=matrix(axes.directions))
+    return AxesPart(deviations=plain(axes.deviations), directions=plain(axes.directions))
 
 
 def _observability(found: Observability) -> ObservabilityPart:
@@ -291,7 +289,7 @@ def _observability(found: Observability) -> ObservabilityPart:
         cluster=found.cluster,
         threshold=found.threshold,
         observable=(first, second, third),
-        condition_number=number(found.condition_number),
+        condition_number=plain(found.condition_number),
         body=_axes(found.body),
         inertial=_axes(found.inertial),
     )
@@ -305,12 +303,12 @@ def _cluster(cluster: Cluster, result: Estimate) -> ClusterPart:
         frames=len(cluster.frames),
         intervals=tuple((float(time[one.start]), float(time[one.stop - 1])) for one in cluster.intervals),
         features={
-            label: vector(point)
+            label: plain(point)
             for label, point in zip(cluster.labels, cluster.points, strict=True)
             if np.isfinite(point).all()
         },
-        centre_of_mass=vector(cluster.centre_of_mass) if np.isfinite(cluster.centre_of_mass).all() else None,
-        centre_of_mass_covariance=None if cluster.covariance is None else matrix(cluster.covariance),
+        centre_of_mass=plain(cluster.centre_of_mass) if np.isfinite(cluster.centre_of_mass).all() else None,
+        centre_of_mass_covariance=None if cluster.covariance is None else plain(cluster.covariance),
     )
 
 
@@ -329,8 +327,8 @@ def _process_noise(noise: ProcessNoise) -> ProcessNoisePart:
         density=noise.density,
         unit="m²" if noise.of_position else "m²/s³",
         bounds=noise.interval,
-        significance=number(noise.significance),
-        displacement=number(noise.displacement),
+        significance=plain(noise.significance),
+        displacement=plain(noise.displacement),
     )
 
 

@@ -4,7 +4,6 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from baryscope.estimator import details as kinds
@@ -94,73 +93,45 @@ class ScrewPart(Part):
 DetailsPart = Annotated[PivotPart | TumblePart | FilterPart | ScorePart | ScrewPart, Field(discriminator="kind")]
 
 
-def number(value: Any) -> Any:
-    """The value, None if it is a number that is not finite, which JSON does not have."""
+def plain(value: Any) -> Any:
+    """The value as JSON has it: arrays as tuples, and None for a number that is not finite."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return tuple(plain(one) for one in value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def vector(values: NDArray[np.float64]) -> Any:
-    """Numbers (n,) as plain values."""
-    return tuple(float(value) for value in values)
-
-
-def matrix(values: NDArray[np.float64]) -> Any:
-    """Rows (n, m) as plain values."""
-    return tuple(vector(row) for row in values)
 
 
 def details_part(found: kinds.Details) -> Any:
     """The part of a method's own results."""
     match found:
         case kinds.PivotDetails():
-            return PivotPart(
-                tie_points=tuple({"clusters": t.clusters, "labels": t.labels} for t in found.tie_points),
-                position_noise=found.position_noise,
-            )
+            ties = tuple({"clusters": tied.clusters, "labels": tied.labels} for tied in found.tie_points)
+            return _part(PivotPart, found, tie_points=ties)
         case kinds.TumbleDetails():
             values, axes = np.linalg.eigh(found.inertia)
-            return TumblePart(
-                epoch=found.epoch,
-                attitude=matrix(found.attitude),
-                angular_rate=vector(found.angular_rate),
-                angular_rate_deviation=vector(found.angular_rate_deviation),
-                inertia_over_trace=matrix(found.inertia),
-                inertia_deviation=found.inertia_deviation,
-                principal_moments_over_trace=vector(values),
-                principal_axes=matrix(axes.T),
-                gravity_gradient=found.gravity_gradient,
-                torque_noise=found.torque_noise,
-                torque_noise_bounds=found.torque_noise_bounds,
-                position_noise=found.position_noise,
+            return _part(
+                TumblePart,
+                found,
+                inertia_over_trace=found.inertia,
+                principal_moments_over_trace=values,
+                principal_axes=axes.T,
             )
         case kinds.FilterDetails():
-            return FilterPart(
-                order=found.order,
-                process_noise=found.process_noise,
-                process_noise_bounds=found.process_noise_bounds,
-                torque_noise=found.torque_noise,
-                torque_noise_bounds=found.torque_noise_bounds,
-                gravity_gradient=found.gravity_gradient,
-                mean_normalised_innovation_squared=number(found.nis),
-                log_likelihood=number(found.log_likelihood),
-                final_position_covariance=matrix(found.final_covariance),
-                angular_rate=vector(found.angular_rate),
-                inertia_over_trace=matrix(found.inertia),
+            return _part(
+                FilterPart,
+                found,
+                mean_normalised_innovation_squared=found.nis,
+                final_position_covariance=found.final_covariance,
+                inertia_over_trace=found.inertia,
             )
         case kinds.ScoreDetails():
-            return ScorePart(centre_residual=found.centre_residual)
+            return _part(ScorePart, found)
         case kinds.ScrewDetails():
-            return ScrewPart(
-                chosen_from_data=found.chosen,
-                sampling_interval=found.sampling_interval,
-                screw_angle=found.screw_angle,
-                axis_angle=found.axis_angle,
-                segment_rms=found.segment_rms,
-                segment_median=found.segment_median,
-                fit_rms=found.fit_rms,
-                axis_spread=vector(found.axis_spread),
-                axis_directions=matrix(found.axis_directions),
-                screws=found.screws,
-                intersections=found.intersections,
-                com_scatter=tuple(tuple(number(v) for v in one.tolist()) for one in found.com_scatter),
-            )
+            return _part(ScrewPart, found, chosen_from_data=found.chosen)
+
+
+def _part(part: type[Part], found: kinds.Details, **others: Any) -> Part:
+    """A part whose fields are those of the details, plain; others: the fields of another name, or another content."""
+    same = {name: getattr(found, name) for name in part.model_fields if hasattr(found, name)}
+    return part.model_validate({name: plain(value) for name, value in (same | others).items()})
