@@ -308,7 +308,7 @@ def _cluster(cluster: Cluster, result: Estimate) -> ClusterPart:
             if np.isfinite(point).all()
         },
         centre_of_mass=plain(cluster.centre_of_mass) if np.isfinite(cluster.centre_of_mass).all() else None,
-        centre_of_mass_covariance=None if cluster.covariance is None else plain(cluster.covariance),
+        centre_of_mass_covariance=plain(cluster.covariance),
     )
 
 

@@ -44,6 +44,11 @@ class Prediction:
     velocity: FloatArray
     covariance: FloatArray
 
+    @classmethod
+    def of(cls, time: FloatArray, state: FloatArray, covariance: FloatArray) -> "Prediction":
+        """That of position and velocity (n, 6)."""
+        return cls(time, state[:, :3], state[:, 3:], covariance)
+
 
 @dataclass(frozen=True)
 class Widening:
@@ -126,19 +131,19 @@ class PredictedPath:
             raise InputError(
                 "point: pivot has attitudes in its frames only, not between and after them, expected ml or ekf"
             )
-        place, speed, covariance = _by_chunks(self._chunk, time)
-        return Prediction(time, place, speed, self.wider.of_both(covariance + self.added(time), time - self.end))
+        state, covariance = _by_chunks(self._chunk, time)
+        return Prediction.of(time, state, self.wider.of_both(covariance + self.added(time), time - self.end))
 
-    def _chunk(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, velocity (n, 3) and covariance (n, 6, 6) by that of x."""
-        place, speed, by_x = self.sampled(time)
-        return place, speed, by_x @ self.covariance @ np.swapaxes(by_x, 1, 2)
+    def _chunk(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6), and their covariance (n, 6, 6) by that of x."""
+        state, by_x = self.sampled(time)
+        return state, by_x @ self.covariance @ np.swapaxes(by_x, 1, 2)
 
-    def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position and velocity (n, 3) in C, and the Jacobian (n, 6, p) of both by x."""
+    def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6) in C, and their Jacobian (n, 6, p) by x."""
         place, rate = self.path.at(time), self.path.rate_at(time)
-        both = np.concatenate([place.jacobian, rate.jacobian], axis=1)
-        return place.position(self.x), rate.position(self.x), both
+        state = np.concatenate([place.position(self.x), rate.position(self.x)], axis=1)
+        return state, np.concatenate([place.jacobian, rate.jacobian], axis=1)
 
     def added(self, time: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) of what the tracks do not tell: noise after the last one, and of higher modes."""
@@ -201,24 +206,22 @@ class PredictedBody:
         seen = np.diag(own_covariance)[::3] > 0
         b, by_points = point_in_body(point, self.labels, self.points, seen, self.attached)
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
-        place, speed, covariance = _by_chunks(lambda part: self._chunk(part, b, by_unknowns, own), time)
+        state, covariance = _by_chunks(lambda part: self._chunk(part, b, by_unknowns, own), time)
         covariance = covariance + self._grown(time, b)
-        return Prediction(time, place, speed, self.path.wider.of_both(covariance, time - self.path.end))
+        return Prediction.of(time, state, self.path.wider.of_both(covariance, time - self.path.end))
 
     def _chunk(
         self, time: FloatArray, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, velocity (n, 3) and covariance (n, 6, 6) of a point b (3,) that changes by −by_unknowns δu."""
-        place, speed, by_x = self.path.sampled(time)
-        motion = self.rotation.at(time)
-        R, size = motion.attitude, self.rotation.size
-        by_motion = by_state(R, motion.rate, b)
-        by_b = np.concatenate([R, R @ cross_matrices(motion.rate)], axis=1)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6) and covariance (n, 6, 6) of a point b (3,) that changes by −by_unknowns δu."""
+        state, by_x = self.path.sampled(time)
+        motion, size = self.rotation.at(time), self.rotation.size
+        arm, by_motion, by_b = carried(motion.attitude, motion.rate, b)
         total = -by_b @ by_unknowns
         total[:, :, :size] += by_motion @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
         total[:, :, size:] += by_x
         covariance = total @ self.covariance @ np.swapaxes(total, 1, 2) + by_b @ own @ np.swapaxes(by_b, 1, 2)
-        return place + R @ b, speed + np.einsum("nij,nj->ni", R, np.cross(motion.rate, b)), covariance
+        return state + arm, covariance
 
     def _grown(self, time: FloatArray, b: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) by noise of path and torque that the tracks do not tell."""
@@ -226,7 +229,7 @@ class PredictedBody:
         ahead = time > self.path.end
         if self.torque_density > 0 and ahead.any():
             motion = self.rotation.at(time[ahead])
-            by_motion = by_state(motion.attitude, motion.rate, b)
+            by_motion = carried(motion.attitude, motion.rate, b)[1]
             turned = rotation_growth(self.rotation, self.torque_density, self.path.end, time[ahead])
             grown[ahead] += by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
         return grown
@@ -238,14 +241,17 @@ class PredictedBody:
         return np.asarray(block_diag(*self.points_covariance))
 
 
-def by_state(R: FloatArray, rate: FloatArray, b: FloatArray) -> FloatArray:
-    """The Jacobian (n, 6, 6) of position and velocity in C of a point b (3,) in B by attitude and rate.
+def carried(R: FloatArray, rate: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Position and velocity (n, 6) in C of a point b (3,) in B that turns about the centre of mass.
 
-    R (n, 3, 3) R_C_B, of which a change is a rotation vector in B; rate (n, 3), rad/s in B.
+    R (n, 3, 3) R_C_B, of which a change is a rotation vector in B; rate (n, 3), rad/s in B. Also the Jacobians
+    (n, 6, 6) by attitude and rate, and (n, 6, 3) by b.
     """
-    arm = np.broadcast_to(cross_matrices(b[None]), R.shape)
-    by_turn = np.concatenate([-R @ arm, -R @ cross_matrices(np.cross(rate, b))], axis=1)
-    return np.concatenate([by_turn, np.concatenate([np.zeros_like(R), -R @ arm], axis=1)], axis=2)
+    by_arm, speed = -R @ cross_matrices(b[None]), np.cross(rate, b)
+    by_turn = np.concatenate([by_arm, -R @ cross_matrices(speed)], axis=1)
+    by_motion = np.concatenate([by_turn, np.concatenate([np.zeros_like(R), by_arm], axis=1)], axis=2)
+    by_b = np.concatenate([R, R @ cross_matrices(rate)], axis=1)
+    return by_b @ b, by_motion, by_b
 
 
 def point_in_body(

@@ -52,6 +52,17 @@ class Axis:
         """The density at a level, or the given one."""
         return level * self.level if self.free else self.given
 
+    @property
+    def coarse(self) -> list[float]:
+        """The densities that are tried first."""
+        return [0.0, *(self.at(level) for level in COARSE)] if self.free else [self.given]
+
+    def around(self, density: float) -> list[float]:
+        """The neighbours of a density, if it is to be estimated."""
+        if not self.free:
+            return []
+        return [0.0, density / FINE, density * FINE] if density else [self.at(COARSE[0])]
+
     def log_prior(self, density: float) -> float:
         """Logarithm of the probability of a factor of ten around the density, or of none, but for a constant."""
         return -log(DECADES) if self.free and density > 0 else 0.0
@@ -80,8 +91,8 @@ class Bank:
         """The most probable member: from `start`, or from the coarse levels."""
         if start is None:
             generous = self.path.at(GENEROUS)
-            best = self._best([Member(generous, turn) for turn in self._levels(self.turn)])
-            best = self._best([replace(best, path=path) for path in self._levels(self.path)])
+            best = self._best([Member(generous, turn) for turn in self.turn.coarse])
+            best = self._best([replace(best, path=path) for path in self.path.coarse])
         else:
             best = start
         for _ in range(MAX_REFINEMENTS):
@@ -116,19 +127,10 @@ class Bank:
         weight = width * np.exp(logarithm - logarithm.max())
         return densities, weight / weight.sum()
 
-    def _levels(self, axis: Axis) -> list[float]:
-        return [0.0, *(axis.at(level) for level in COARSE)] if axis.free else [axis.given]
-
     def _around(self, best: Member) -> list[Member]:
         """Neighbours of a member along both axes."""
-        members = []
-        if self.path.free:
-            paths = [0.0, best.path / FINE, best.path * FINE] if best.path else [self.path.at(COARSE[0])]
-            members += [replace(best, path=path) for path in paths]
-        if self.turn.free:
-            turns = [0.0, best.turn / FINE, best.turn * FINE] if best.turn else [self.turn.at(COARSE[0])]
-            members += [replace(best, turn=turn) for turn in turns]
-        return members
+        paths, turns = self.path.around(best.path), self.turn.around(best.turn)
+        return [replace(best, path=path) for path in paths] + [replace(best, turn=turn) for turn in turns]
 
     def _best(self, members: Sequence[Member]) -> Member:
         new = [member for member in dict.fromkeys(members) if member not in self.scores]

@@ -25,6 +25,7 @@ from baryscope.estimator.ekf.linearised import points_from
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
+from baryscope.estimator.ekf.solution import Gaussian
 from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
 from baryscope.estimator.ekf.start import Start, starts
 from baryscope.estimator.geometry.gauge import turn_by_points
@@ -163,31 +164,13 @@ def _refuse_effort(nodes: int, features: int) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """The path at the frames for one order, or the mean of several: position (n, 3), velocity, and covariances; offset
-    (3,) of the features' centroid from the centre of mass, in axes attached to the points, with its covariance.
+    """The path at the frames for one order, or the mean of several: position and velocity (n, 3); offset (3,) of the
+    features' centroid from the centre of mass, in axes attached to the points.
     """
 
-    position: FloatArray
-    covariance: FloatArray
-    velocity: FloatArray
-    velocity_covariance: FloatArray
-    offset: FloatArray
-    offset_covariance: FloatArray
-
-
-def _mean_of(answers: list[_Answer], weight: FloatArray) -> _Answer:
-    """The mean and covariance of a mixture with probabilities (k,)."""
-
-    def mean(name: str, covariance: str) -> tuple[FloatArray, FloatArray]:
-        values = np.array([getattr(answer, name) for answer in answers])
-        centre = np.tensordot(weight, values, 1)
-        off = values - centre
-        own = np.array([getattr(answer, covariance) for answer in answers])
-        return centre, np.tensordot(weight, own + off[..., :, None] * off[..., None, :], 1)
-
-    return _Answer(
-        *mean("position", "covariance"), *mean("velocity", "velocity_covariance"), *mean("offset", "offset_covariance")
-    )
+    position: Gaussian
+    velocity: Gaussian
+    offset: Gaussian
 
 
 def _result(
@@ -199,7 +182,12 @@ def _result(
     relative = _ranked(orders)
     probability = np.exp([relative.get(one, 0.0) for one in orders])
     probability /= probability.sum()
-    answer = _mean_of([_answer(one, start) for one in orders], probability)
+    answers = [_answer(one, start) for one in orders]
+    answer = _Answer(
+        position=Gaussian.mixture((one.position for one in answers), probability),
+        velocity=Gaussian.mixture((one.velocity for one in answers), probability),
+        offset=Gaussian.mixture((one.offset for one in answers), probability),
+    )
     cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
     order, gravity_gradient = at.deviation.shape[1] // 3 - 1, start.rotation.orbit is not None
@@ -207,10 +195,10 @@ def _result(
     return Estimate(
         time=tracks.time,
         labels=tracks.labels,
-        position=answer.position,
-        covariance=answer.covariance,
+        position=answer.position.mean,
+        covariance=answer.position.covariance,
         motion=_motion(found, start, answer),
-        observability=observability_of([cluster], answer.covariance),
+        observability=observability_of([cluster], answer.position.covariance),
         clusters=(cluster,),
         noise=Noise(options.sigma, float(np.sqrt(last.residual_variance)), tracks.covariance is not None),
         residuals=np.where(tracks.seen[..., None], tracks.position - at.seen_at(start.nodes), np.nan),
@@ -232,7 +220,7 @@ def _result(
             gravity_gradient=gravity_gradient,
             nis=last.residual_variance / last.variance,
             log_likelihood=found.evidence(found.last.variance),
-            final_covariance=answer.covariance[-1],
+            final_covariance=answer.position.covariance[-1],
             angular_rate=at.rate[frames[-1]],
             inertia=at.inertia,
         ),
@@ -285,13 +273,12 @@ def _answer(found: Passes, start: Start) -> _Answer:
     points, growth = slice(points_from(p) - 1, None), growth[frames, :p]
     of_path = solution.of_state[frames, :p, :p] + growth @ np.swapaxes(growth, 1, 2)
     H, H_rate = at.path.observed[frames], at.path.observed_rate[frames]
+    speed = at.path.nominal_rate[frames] + (H_rate @ at.deviation[frames, :, None])[:, :, 0]
+    of_points = attached @ solution.of_theta[points, points] @ attached.T
     return _Answer(
-        at.origin[frames],
-        H @ of_path @ np.swapaxes(H, 1, 2),
-        at.path.nominal_rate[frames] + (H_rate @ at.deviation[frames, :, None])[:, :, 0],
-        H_rate @ of_path @ np.swapaxes(H_rate, 1, 2),
-        offset,
-        attached @ solution.of_theta[points, points] @ attached.T + of_offset @ of_offset.T,
+        Gaussian(at.origin[frames], H @ of_path @ np.swapaxes(H, 1, 2)),
+        Gaussian(speed, H_rate @ of_path @ np.swapaxes(H_rate, 1, 2)),
+        Gaussian(offset, of_points + of_offset @ of_offset.T),
     )
 
 
@@ -304,8 +291,8 @@ def _motion(found: Passes, start: Start, answer: _Answer) -> Motion:
     crossed = solution.crossed[frames, p : p + 3, points] @ turn.T
     of_turn = turn @ solution.of_theta[points, points] @ turn.T
     return Motion(
-        velocity=answer.velocity,
-        velocity_covariance=answer.velocity_covariance,
+        velocity=answer.velocity.mean,
+        velocity_covariance=answer.velocity.covariance,
         attitude=at.attitude[frames],
         attitude_covariance=of_state[:, p : p + 3, p : p + 3] + crossed + np.swapaxes(crossed, 1, 2) + of_turn,
         angular_rate=at.rate[frames],
@@ -319,6 +306,6 @@ def _cluster(
     """All features as one cluster, with the mean offset."""
     frames = np.nonzero((weight > NEGLIGIBLE).sum(axis=1) >= 3)[0]
     intervals = cut_intervals(tracks.seen, np.zeros(len(tracks.time) - 1, dtype=bool))
-    moved = points - points.mean(axis=0) + answer.offset
+    moved = points - points.mean(axis=0) + answer.offset.mean
     body = Body(features, frames, moved, np.empty((0, 3, 3)), intervals)
-    return cluster_of(body, moved, answer.offset_covariance, tracks.labels)
+    return cluster_of(body, moved, answer.offset.covariance, tracks.labels)

@@ -123,10 +123,16 @@ def turning_noise(time: FloatArray) -> FloatArray:
     return np.asarray(np.kron(noise, np.eye(3)))
 
 
-def gravity_gradient_axis(orbit: Orbit, time: FloatArray) -> FloatArray:
-    """The axis of the gravity gradient at times (n,) in s: √(3 μ/r³) û, (n, 3), 1/s, û the upward vertical, in C."""
-    gradient_L = _gravity_gradient_root()(time[None, :], orbit.elements)
-    return np.asarray(lvlh_attitude(orbit, time)[:, :, 0] * gradient_L)
+def gravity_gradient_axis(orbit: Orbit | None, time: FloatArray) -> FloatArray:
+    """The axis of the gravity gradient amid the steps between times (n,) in s: √(3 μ/r³) û, (n - 1, 3), 1/s in C.
+
+    û is the upward vertical. Zero without an orbit.
+    """
+    if orbit is None:
+        return np.zeros((len(time) - 1, 3))
+    middle = (time[1:] + time[:-1]) / 2
+    gradient_L = _gravity_gradient_root()(middle[None, :], orbit.elements)
+    return np.asarray(lvlh_attitude(orbit, middle)[:, :, 0] * gradient_L)
 
 
 def rotated(

@@ -135,9 +135,7 @@ class Passes:
 def passes(problem: Problem) -> Passes:
     """Passes until the linearisation holds, the first with generous process noise, and the mean over the bank."""
     start, time = problem.start, problem.start.nodes.time
-    axis = np.zeros((len(time) - 1, 3))
-    if start.rotation.orbit is not None:
-        axis = gravity_gradient_axis(start.rotation.orbit, (time[1:] + time[:-1]) / 2)
+    axis = gravity_gradient_axis(start.rotation.orbit, time)
     size = 3 * (problem.order + 1)
     shift = np.zeros(size)
     path = problem.process(shift)

@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baryscope.estimator.dynamics.rotation import too_long
-from baryscope.estimator.ekf.linearised import Linearised, Nodes, Reference, linearised, points_from
+from baryscope.estimator.ekf.linearised import Linearised, Nodes, Reference, linearised, moved, points_from
 from baryscope.estimator.ekf.motion import gravity_gradient_axis, rotated
 from baryscope.estimator.ekf.passes import Passes
-from baryscope.estimator.ekf.solution import Solution, mixed, solve
+from baryscope.estimator.ekf.solution import Gaussian, Solution, mixed, solve
 from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
 from baryscope.estimator.ekf.start import MAX_NODES, NODE_ANGLE
-from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Widening, by_state, point_in_body
+from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Widening, carried, point_in_body
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 AT_ONCE = 5000  # times, at each of which is a node of the smoother
@@ -47,22 +46,18 @@ class PredictedTumble:
             ComputationError: the rotation cannot be followed so far.
         """
         ascending, index = np.unique(time, return_inverse=True)
-        means, covariances = (
-            np.array(each) for each in zip(*(self._in_parts(one, ascending, point) for one in self.orders), strict=True)
-        )
-        mean = np.tensordot(self.probability, means, 1)
-        off = means - mean
-        covariance = np.tensordot(self.probability, covariances + off[..., :, None] * off[..., None, :], 1)
+        parts = (self._in_parts(one, ascending, point) for one in self.orders)
+        state = Gaussian.mixture(parts, self.probability)
         end = float(self.orders[0].problem.start.nodes.time[-1])
-        return Prediction(time, mean[index, :3], mean[index, 3:], self.wider.of_both(covariance[index], time - end))
+        return Prediction.of(time, state.mean[index], self.wider.of_both(state.covariance[index], time - end))
 
-    def _in_parts(self, found: Passes, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
+    def _in_parts(self, found: Passes, time: FloatArray, point: Point) -> Gaussian:
         """The same as `_of_order`, with a bounded memory."""
         parts = [self._of_order(found, time[k : k + AT_ONCE], point) for k in range(0, len(time), AT_ONCE)]
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+        return Gaussian(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
 
-    def _of_order(self, found: Passes, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity (n, 6) at ascending times (n,), and their covariance (n, 6, 6)."""
+    def _of_order(self, found: Passes, time: FloatArray, point: Point) -> Gaussian:
+        """Position and velocity (n, 6) at ascending times (n,)."""
         nodes, rows, reference = _extended(found, time)
         system, solution = _solved(found, nodes, reference)
         _, attached, least = attached_offset(found, self.features)
@@ -72,33 +67,23 @@ class PredictedTumble:
         observed = np.concatenate([path.observed, path.observed_rate], axis=1)[rows]
         nominal = np.concatenate([path.nominal, path.nominal_rate], axis=1)[rows]
         mean = nominal + (observed @ (reference.deviation[rows] + state[:, :p])[:, :, None])[:, :, 0]
-        by_all = np.zeros((len(rows), 6, state.shape[1]))
-        by_all[:, :, :p] = observed
-        by_b, of_b, crossed, grown = (
-            np.zeros((len(rows), 6, 3)),
-            np.zeros((3, 3)),
-            np.zeros((len(rows), 6 + p, 3)),
-            None,
-        )
-        if point is not None:
-            R, rate = (
-                reference.attitude[rows] @ exp_rotation(state[:, p : p + 3]),
-                reference.rate[rows] + state[:, p + 3 :],
-            )
-            moved = reference.points + solution.theta[points_from(p) - 1 :].reshape(-1, 3)
-            seen = np.isin(np.arange(len(moved)), self.features)
-            b, by_points = point_in_body(point, self.labels, moved, seen, self.features)
-            own = slice(points_from(p) - 1, None)
-            of_b = by_points @ solution.of_theta[own, own] @ by_points.T
-            crossed = solution.crossed[rows][:, :, own] @ by_points.T
-            by_all[:, :, p:] = by_state(R, rate, b)
-            by_b = np.concatenate([R, R @ cross_matrices(rate)], axis=1)
-            mean = mean + np.concatenate([R @ b, np.einsum("nij,nj->ni", R, np.cross(rate, b))], axis=1)
-            grown = by_points @ np.tile(np.eye(3), (len(moved), 1)) @ of_offset
-        both = by_all @ crossed @ np.swapaxes(by_b, 1, 2)
-        covariance = by_all @ solution.of_state[rows] @ np.swapaxes(by_all, 1, 2) + both + np.swapaxes(both, 1, 2)
-        columns = by_all @ growth[rows] + (0.0 if grown is None else by_b @ grown)
-        return mean, covariance + by_b @ of_b @ np.swapaxes(by_b, 1, 2) + columns @ np.swapaxes(columns, 1, 2)
+        if point is None:
+            of_path, columns = solution.of_state[rows, :p, :p], observed @ growth[rows, :p]
+            own = observed @ of_path @ np.swapaxes(observed, 1, 2)
+            return Gaussian(mean, own + columns @ np.swapaxes(columns, 1, 2))
+        after = moved(reference, solution.state, solution.theta)
+        seen = np.isin(np.arange(len(after.points)), self.features)
+        b, by_points = point_in_body(point, self.labels, after.points, seen, self.features)
+        arm, by_motion, by_b = carried(after.attitude[rows], after.rate[rows], b)
+        by_both = np.concatenate([observed, by_motion, by_b], axis=2)
+        points = slice(points_from(p) - 1, None)
+        crossed = solution.crossed[rows][:, :, points] @ by_points.T
+        of_b = np.broadcast_to(by_points @ solution.of_theta[points, points] @ by_points.T, (len(rows), 3, 3))
+        of_both = np.block([[solution.of_state[rows], crossed], [np.swapaxes(crossed, 1, 2), of_b]])
+        grown = by_points @ np.tile(np.eye(3), (len(after.points), 1)) @ of_offset
+        columns = by_both[:, :, : p + 6] @ growth[rows] + by_b @ grown
+        covariance = by_both @ of_both @ np.swapaxes(by_both, 1, 2) + columns @ np.swapaxes(columns, 1, 2)
+        return Gaussian(mean + arm, covariance)
 
 
 def _extended(found: Passes, time: FloatArray) -> tuple[Nodes, IntArray, Reference]:
@@ -118,10 +103,7 @@ def _extended(found: Passes, time: FloatArray) -> tuple[Nodes, IntArray, Referen
     known = np.searchsorted(every, own.time)
     before = np.full(len(every), -1)
     before[known] = np.arange(len(own.time))
-    orbit = found.problem.start.rotation.orbit
-    axis = np.zeros((len(every) - 1, 3))
-    if orbit is not None:
-        axis = gravity_gradient_axis(orbit, (every[1:] + every[:-1]) / 2)
+    axis = gravity_gradient_axis(found.problem.start.rotation.orbit, every)
     path = found.problem.process(found.shift, every)
     deviation, attitude, rate = (
         np.empty((len(every), *values.shape[1:])) for values in (about.deviation, about.attitude, about.rate)

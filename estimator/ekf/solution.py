@@ -1,5 +1,6 @@
 """The solution of the linearised problem for one or several process noises: parameters, states, likelihood."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,6 +124,22 @@ def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[S
             own = own + crossed @ np.swapaxes(by_theta, 1, 2)
             found.append((Solution(theta, of_theta, mean, own, crossed, spread), parameters))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussian:
+    """Vectors by their mean (..., c) and covariance (..., c, c)."""
+
+    mean: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def mixture(cls, parts: Iterable["Gaussian"], weight: FloatArray) -> "Gaussian":
+        """The mean and covariance of a mixture of k parts with probabilities (k,)."""
+        means, covariances = (np.array(each) for each in zip(*((p.mean, p.covariance) for p in parts), strict=True))
+        mean = np.tensordot(weight, means, 1)
+        off = means - mean
+        return cls(mean, np.tensordot(weight, covariances + off[..., :, None] * off[..., None, :], 1))
 
 
 def mixed(solutions: list[Solution], weight: FloatArray, variance: FloatArray) -> Solution:
