@@ -197,7 +197,7 @@ def _result(
         labels=tracks.labels,
         position=answer.position.mean,
         covariance=answer.position.covariance,
-        motion=_motion(found, start, answer),
+        motion=_motion(found, start, features, answer),
         observability=observability_of([cluster], answer.position.covariance),
         clusters=(cluster,),
         noise=Noise(options.sigma, float(np.sqrt(last.residual_variance)), tracks.covariance is not None),
@@ -282,12 +282,13 @@ def _answer(found: Passes, start: Start) -> _Answer:
     )
 
 
-def _motion(found: Passes, start: Start, answer: _Answer) -> Motion:
-    """Velocity of the centre of mass, and attitude and rate of axes that are attached to the points."""
+def _motion(found: Passes, start: Start, features: IntArray, answer: _Answer) -> Motion:
+    """Velocity of the centre of mass, and attitude and rate of axes that are attached to some features' points."""
     at, frames, solution = found.reference, start.nodes.frames, found.solution
     p = at.deviation.shape[1]
     points, of_state = slice(points_from(p) - 1, None), solution.of_state[frames]
-    turn = turn_by_points(at.points)
+    turn = np.zeros((3, 3 * len(at.points)))
+    turn.reshape(3, -1, 3)[:, features] = turn_by_points(at.points[features]).reshape(3, -1, 3)
     crossed = solution.crossed[frames, p : p + 3, points] @ turn.T
     of_turn = turn @ solution.of_theta[points, points] @ turn.T
     return Motion(

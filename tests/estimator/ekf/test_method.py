@@ -270,6 +270,17 @@ def test_attitudes_and_rates_have_their_covariances(tracked, sampled):
     np.testing.assert_allclose(step / 3.0, middle, atol=3e-3 * np.deg2rad(3.5))
 
 
+def test_a_label_that_is_never_seen_changes_no_covariance(tracked):
+    """The axes of the attitude are attached to the features that are seen."""
+    case = tracked()
+    plain, position = case.tracks, case.tracks.position
+    unseen = np.full_like(position[:, :1], np.nan)
+    more = FeatureTracks(plain.time, np.concatenate([position, unseen], axis=1), (*plain.labels, "unseen"))
+    found, same = (estimate_by_filter(one, CIRCULAR.model(), FREE) for one in (more, plain))
+    for name in ("attitude_covariance", "angular_rate_covariance", "velocity_covariance"):
+        np.testing.assert_allclose(getattr(found.motion, name), getattr(same.motion, name), rtol=1e-3, atol=1e-12)
+
+
 def test_a_pure_spin_without_an_orbit_is_not_observable():
     """About the greatest principal axis, along which the centre of mass is unknown; the field of gravity shows it."""
     time = np.arange(0.0, 300.0, 2.0)
