@@ -52,7 +52,7 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     """The longest run of frames of which all observations are rejected, if it is no chance."""
     known = result.used & np.isfinite(result.residuals[..., 0])
     shown = np.flatnonzero(known.sum(axis=1) >= FEATURES)
-    out = (result.rejected | ~known)[shown].all(axis=1)
+    out = np.asarray((result.rejected | ~known)[shown].all(axis=1))
     first, stop = max(runs_of(out).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
     if stop - first < max(FEWEST_FRAMES, LEAST_SHARE * len(shown)):
         return ()
