@@ -66,16 +66,22 @@ def problem(request):
     return equations(observations, Model(motion, sampled, origin, points)), points, residual, J[:, : Q + 3 * (M - 1)]
 
 
-def test_matrix_is_the_schur_complement(problem):
-    found, _, residual, J = problem
-    matrix, rhs = J.T @ J, -J.T @ residual
+def assert_is_schur_complement(found, matrix, rhs, tolerances):
+    """The equations without the points, which dense normal equations have after the Q unknowns; each in its size."""
     known = matrix[Q:, Q:]
     eliminated = matrix[:Q, :Q] - matrix[:Q, Q:] @ np.linalg.solve(known, matrix[Q:, :Q])
-    # Between nodes the sensitivity is a cubic: (0.4 rad)⁴/384 = 7e-5 of it.
-    scale = np.sqrt(np.outer(np.diag(eliminated), np.diag(eliminated)))
-    np.testing.assert_allclose(found.matrix / scale, eliminated / scale, atol=1e-4)
     expected = rhs[:Q] - matrix[:Q, Q:] @ np.linalg.solve(known, rhs[Q:])
-    np.testing.assert_allclose(found.rhs / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-4)
+    size = np.sqrt(np.diag(eliminated))
+    np.testing.assert_allclose(
+        found.matrix / np.outer(size, size), eliminated / np.outer(size, size), atol=tolerances[0]
+    )
+    np.testing.assert_allclose(found.rhs / size, expected / size, atol=tolerances[1])
+
+
+def test_matrix_is_the_schur_complement(problem):
+    found, _, residual, J = problem
+    # Between nodes the sensitivity is a cubic: (0.4 rad)⁴/384 = 7e-5 of it.
+    assert_is_schur_complement(found, J.T @ J, -J.T @ residual, (1e-4, 1e-4))
 
 
 def test_points_are_the_linear_least_squares_for_a_given_motion(problem):
@@ -197,11 +203,7 @@ def test_frame_noise_agrees_with_the_dense_covariance(full):
     inverse = np.linalg.inv(covariance)
     matrix, rhs = J.T @ inverse @ J, -J.T @ inverse @ residual
     known = matrix[Q:, Q:]
-    eliminated = matrix[:Q, :Q] - matrix[:Q, Q:] @ np.linalg.solve(known, matrix[Q:, :Q])
-    scale = np.sqrt(np.outer(np.diag(eliminated), np.diag(eliminated)))
-    np.testing.assert_allclose(found.matrix / scale, eliminated / scale, atol=2e-4)
-    expected = rhs[:Q] - matrix[:Q, Q:] @ np.linalg.solve(known, rhs[Q:])
-    np.testing.assert_allclose(found.rhs / np.sqrt(np.diag(scale)), expected / np.sqrt(np.diag(scale)), atol=1e-3)
+    assert_is_schur_complement(found, matrix, rhs, (2e-4, 1e-3))
     change = np.linalg.solve(known, rhs[Q:])
     np.testing.assert_allclose(found.points[:5], points[:5] + change.reshape(-1, 3), atol=1e-6)
     left = residual + J[:, Q:] @ change
