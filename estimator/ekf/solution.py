@@ -7,12 +7,12 @@ import numpy as np
 
 from baryscope.estimator.ekf.filter import Forward, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import Linearised
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError, Reason
 
 LARGEST = 1e100  # number in a cost that is still one
-MARGIN = 10.0  # of the least eigenvalue of the parameters' information over its rounding errors
+MARGIN = 10.0  # of an eigenvalue of the parameters' scaled information over its rounding errors, to be known
+INDISTINCT = 1e-3  # such rounding errors of which hardly anything is known
 MEMORY = 3e8  # bytes for the smoother of some members at a time
 
 
@@ -39,22 +39,32 @@ class Parameters:
 def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
     """The parameters that minimise the quadratic cost of a member.
 
+    Directions whose information is lost in rounding, as that of an offset that generous noise of the path hides, have
+    that of the prior alone.
+
     Raises:
-        ComputationError: the cost has overflown, or is lost in rounding.
+        ComputationError: the cost has overflown or is lost in rounding, or in a direction without a prior.
     """
     cost = forward.cost[member]
     matrix = cost[1:, 1:] + np.diag(prior.information)
     if not (np.isfinite(cost).all() and np.abs(cost).max() < LARGEST and np.diag(matrix).min() > 0):
         raise diverged()
     scale = 1 / np.sqrt(np.diag(matrix))
-    values = np.linalg.eigvalsh(matrix * np.outer(scale, scale))
-    if values[0] <= MARGIN * float(np.max(forward.rounding[member, 1:, 1:] * np.outer(scale, scale))):
+    values, axes = np.linalg.eigh(matrix * np.outer(scale, scale))
+    rounding = MARGIN * float(np.max(forward.rounding[member, 1:, 1:] * np.outer(scale, scale)))
+    known = values > rounding
+    own = scale[:, None] * axes[:, ~known]
+    of_prior = own.T @ (prior.information[:, None] * own)
+    least = np.linalg.eigvalsh(of_prior)
+    if rounding > INDISTINCT or least.min(initial=1.0) <= 0:
         raise diverged()
-    covariance = symmetric_pseudo_inverse(matrix)
-    theta = covariance @ (prior.information * prior.mean - cost[1:, 0])
+    axes = scale[:, None] * axes[:, known]
+    theta = axes @ ((axes.T @ (prior.information * prior.mean - cost[1:, 0])) / values[known])
+    theta += own @ np.linalg.solve(of_prior, own.T @ (prior.information * (prior.mean - theta)))
     off = theta - prior.mean
     squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ (prior.information * off)
-    determinant = float(np.log(values).sum() - 2 * np.log(scale).sum())
+    determinant = float(np.log(values[known]).sum() + np.log(least).sum() - 2 * np.log(scale).sum())
+    covariance = (axes / values[known]) @ axes.T + own @ np.linalg.inv(of_prior) @ own.T
     return Parameters(theta, covariance, float(squares), determinant + float(forward.log_determinant[member]))
 
 
