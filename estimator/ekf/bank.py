@@ -103,6 +103,11 @@ class Bank:
             best = found
         return best
 
+    def scaled(self, member: Member, factor: float) -> Member:
+        """A member with densities that are estimated times a factor."""
+        path, turn = (factor if axis.free else 1.0 for axis in (self.path, self.turn))
+        return Member(path * member.path, turn * member.turn)
+
     def posterior(self, best: Member) -> tuple[list[Member], FloatArray]:
         """The members with their probabilities (k,), as if path and rotation were independent around the best one."""
         paths, path_weight = self._weights(

@@ -25,6 +25,7 @@ ROUGH_TURN = 0.03  # rad, median of a pass
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
+VARIANCE_TOLERANCE = 0.05  # change of the logarithm of an observation's variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,16 @@ class Pass:
     linear: bool
     steady: bool
 
+    @property
+    def settled(self) -> bool:
+        """Whether the variance is about that to which the process noise was relative."""
+        return bool(abs(np.log(self.variance / self.noise_variance)) <= VARIANCE_TOLERANCE)
+
+    @property
+    def final(self) -> bool:
+        """Whether another pass would change nothing."""
+        return self.bank is not None and self.linear and self.steady and self.settled
+
 
 @dataclass(frozen=True, eq=False)
 class Passes:
@@ -69,7 +80,7 @@ class Passes:
     @property
     def converged(self) -> bool:
         """Whether the linearisation holds, and the weights are settled."""
-        return self.last.bank is not None and self.last.linear and self.last.steady
+        return self.last.final
 
     @cached_property
     def members(self) -> tuple[Member, ...]:
@@ -146,7 +157,7 @@ def passes(problem: Problem) -> Passes:
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
     count = 1
-    while count < MAX_PASSES and not (last.bank and last.linear and last.steady):
+    while count < MAX_PASSES and not last.final:
         reference = last.after
         if problem.motion is not None:
             shift = shift + reference.deviation[0]
@@ -170,7 +181,7 @@ def _pass(
     dof = problem.dof(observations)
     axes, bank = problem.axes(variance), None
     member = Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
-    if last is not None and last.bank and last.linear:
+    if last is not None and last.bank and last.linear and last.settled:
         bank, member = last.bank, last.member
     elif last is not None:
 
@@ -178,7 +189,7 @@ def _pass(
             return log_likelihoods(system, problem.noise(members, variance), prior, dof + shift.size, problem.sigma)
 
         bank = Bank(*axes, scores)
-        member = bank.best(last.member if last.bank else None)
+        member = bank.best(last.bank.scaled(last.member, variance / last.noise_variance) if last.bank else None)
     try:
         solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
     except ComputationError:
