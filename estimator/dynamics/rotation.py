@@ -24,7 +24,7 @@ from baryscope.estimator.dynamics.euler import (
     rate_columns,
     sensitivity_step,
 )
-from baryscope.estimator.dynamics.interpolation import cubic, cubic_slope, quintic
+from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope, quintic
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.estimator.geometry.so3 import exp_rotation

@@ -25,7 +25,7 @@ from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
-from baryscope.estimator.ml.blocks import Knots
+from baryscope.estimator.ml.jacobians import Knots
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -306,12 +306,11 @@ def _squares(observations: Observations, model: Model) -> tuple[FloatArray, floa
 def _parts(observations: Observations, model: Model) -> list[slice]:
     """Chunks of frames that fit the processor's cache; with blocks, of whole ones."""
     n, m = observations.weight.shape
-    if model.knots is None:
-        size = max(64, CHUNK_SIZE // max(9 * m, 3 * model.size))
-        return [slice(first, first + size) for first in range(0, n, size)]
-    first = model.knots.blocks.first
-    starts = first[np.searchsorted(first, [chunk.start for chunk in _chunks(n, m, True)], side="right") - 1]
-    return [slice(a, b) for a, b in pairwise([*np.unique(starts).tolist(), n])]
+    starts = np.arange(0, n, max(64, CHUNK_SIZE // max(9 * m, 3 * model.size)))
+    if model.knots is not None:
+        first = model.knots.blocks.first[:-1]
+        starts = np.unique(first[np.searchsorted(first, starts, side="right") - 1])
+    return [slice(a, b) for a, b in pairwise([*starts.tolist(), n])]
 
 
 def _chunks(n: int, m: int, full: bool) -> list[slice]:

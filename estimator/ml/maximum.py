@@ -1,6 +1,7 @@
 """The maximum a posteriori estimate: damped Gauss–Newton steps with updates of robust weights and noise densities."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +12,16 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.rotation import NODE_ANGLE, Attitudes, Rotation
+from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.dynamics.seen import errors_in
 from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
-from baryscope.estimator.ml.blocks import Blocks, Knots, blocks_of
 from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME, Tumble
+from baryscope.estimator.ml.jacobians import PHASE, Knots, worthwhile
 from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.options import PathOptions
@@ -95,10 +97,15 @@ class _Problem:
     floor: float
     stereo: bool
 
+    @cached_property
+    def path_at_knots(self) -> FloatArray:
+        """The path's Jacobian (k, 3, p) at the knots of the blocks."""
+        return self.path.at(self.blocks.knots.ravel()).jacobian
+
     def model(self, state: _State, points: FloatArray) -> Model:
         """What is seen of points (m, 3) at a state."""
-        smooth = self.blocks.worthwhile and self.sampled.seen_of is None
-        knots = Knots.of(self.blocks, state.motion, self.path) if smooth else None
+        smooth = worthwhile(self.blocks) and self.sampled.seen_of is None
+        knots = Knots(self.blocks, state.motion, self.path_at_knots) if smooth else None
         origin, turned = self.sampled.position(state.x), turned_by(self.sampled, state.x)
         return Model(state.motion, self.sampled, origin, points, self.noise, knots, turned)
 
@@ -151,7 +158,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
 
     def problem_of(rotation: Rotation) -> _Problem:
         priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
-        blocks = blocks_of(tracks.time, _block_length(rotation, pivot.path, float(np.ptp(tracks.time))))
+        blocks = Blocks.over(tracks.time, _block_length(rotation, pivot.path, float(np.ptp(tracks.time))))
         return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, measured, floor, stereo)
 
     rotation = tumble.rotation
@@ -317,11 +324,11 @@ def _attitude_information(best: _Iterate) -> float:
 
 
 def _block_length(rotation: Rotation, path: Path, span: float) -> float:
-    """The longest block in s in which rotation and path are cubics; span: of the tracks, s."""
+    """The longest block in s in which rotation and path are polynomials; span: of the tracks, s."""
     rate = float(np.linalg.norm(rotation.rate))
     torque = 0.0 if rotation.torque is None else rotation.torque.highest_frequency
     waves = np.pi * path.size / 3 / max(span, 1e-300)
-    return NODE_ANGLE / max(rate + torque, waves)
+    return PHASE / max(rate + torque, waves)
 
 
 def _dof(observations: Observations, unknowns: float) -> float:

@@ -28,11 +28,11 @@ from baryscope.estimator.adjustment.spurious import farthest, spurious_informati
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.interpolated import interpolated
+from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
-from baryscope.estimator.ml.blocks import Jacobians
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
+from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised, turned_by
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.relabelling import relabelled

@@ -26,7 +26,7 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.interpolated import interpolated
+from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of

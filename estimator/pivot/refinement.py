@@ -14,7 +14,7 @@ from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.spurious import likely_spurious_information
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.interpolated import interpolated
+from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed

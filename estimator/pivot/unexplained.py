@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.interpolated import interpolated
+from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.options import PathOptions

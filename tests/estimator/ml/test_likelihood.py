@@ -8,10 +8,11 @@ from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.dynamics.torque import Torque
-from baryscope.estimator.ml.blocks import Knots, blocks_of
+from baryscope.estimator.ml.jacobians import Knots, worthwhile
 from baryscope.estimator.ml.likelihood import FrameNoise, Model, equations
 from synthetic import ENVISAT, differences, roots, turned_back
 
@@ -148,7 +149,7 @@ def test_unobserved_directions_get_the_given_displacement():
 
 
 def test_blocks_agree_with_every_frame():
-    """Jacobians at four times of each block against those of all 400 frames, with precisions."""
+    """Jacobians at eight knots of each block against those of all 400 frames, with precisions."""
     rng = np.random.default_rng(1)
     n, m = 400, 5
     time = np.sort(rng.uniform(0.0, 60.0, n))
@@ -164,15 +165,17 @@ def test_blocks_agree_with_every_frame():
         (rng.random((n, m)) < 0.8) * 1.0,
         factor @ np.swapaxes(factor, 2, 3) + 0.3 * np.eye(3),
     )
-    blocks = blocks_of(time, 6.0)
-    assert blocks.worthwhile
-    assert len(blocks.first) == 10
+    blocks = Blocks.over(time, 6.0)
+    assert worthwhile(blocks)
+    assert len(blocks.knots) == 10
     turn, shift = (np.tile(np.diag(one), (n, 1, 1)) for one in ([1e-4, 1e-4, 1e-4], [0.1, 0.2, 0.0]))
     noise = FrameNoise(turn, shift, np.zeros((n, 3)))
     for frames in (None, noise):
         model = Model(motion, sampled, origin, points, frames)
         every = equations(observations, model)
-        few = equations(observations, replace(model, knots=Knots.of(blocks, motion, path)))
+        few = equations(
+            observations, replace(model, knots=Knots(blocks, motion, path.at(blocks.knots.ravel()).jacobian))
+        )
         scale = np.sqrt(np.outer(np.diag(every.matrix), np.diag(every.matrix)))
         np.testing.assert_allclose(few.matrix / scale, every.matrix / scale, atol=1e-4)
         size = np.sqrt(np.diag(every.matrix))

@@ -1,11 +1,11 @@
-"""A path interpolated between the points of panels, against the same path sampled at every frame."""
+"""A path interpolated between the knots of blocks, against the same path sampled at every frame."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.interpolated import InterpolatedPath, interpolated
+from baryscope.estimator.dynamics.interpolated_path import InterpolatedPath, interpolated
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath, Smooth
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
@@ -16,7 +16,7 @@ ORBIT = Orbit(semi_major_axis=7.15e6, eccentricity=0.02, inclination=1.7)
 ECCENTRIC = replace(ORBIT, semi_major_axis=2.4e7, eccentricity=0.7)
 OBLATE = replace(ORBIT, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
 MIDDLE = 2900.0
-# A wave over a panel has an error of 1e-11; that of RelativeOrbit.at, of its own spline, is 5/384 (0.01 rad)⁴, and that
+# A wave over a block has an error of 1e-11; that of RelativeOrbit.at, of its own spline, is 5/384 (0.01 rad)⁴, and that
 # of the response to process noise, of another spline, 5/384 (0.03 rad)⁴. Slopes lose an order, 0.01 or 0.03 rad.
 NOISY = 3e-8
 CASES = {
@@ -38,7 +38,7 @@ def test_interpolation_agrees_with_the_path_itself(name, noisy):
     for at, accuracy in ((path.at, tolerance), (path.rate_at, 100 * tolerance)):
         few, every = interpolated(at, path.frequency, TIME), at(TIME)
         assert isinstance(few, InterpolatedPath)
-        assert len(few.panels.points) < len(TIME) / 4
+        assert len(few.blocks.knots.ravel()) < len(TIME) / 4
         size = np.maximum(np.abs(every.jacobian).max(axis=(0, 1)), 1e-300)
         np.testing.assert_allclose(few.jacobian / size, every.jacobian / size, atol=accuracy)
         x = 20.0 * np.random.default_rng(1).normal(size=few.size)
@@ -55,7 +55,7 @@ def few():
 @pytest.mark.parametrize(
     "frames", [slice(0, 20_000), slice(3_111, 9_998), np.flatnonzero(np.arange(20_000) % 7 > 2), np.arange(40, 45)]
 )
-def test_sums_over_panels_are_those_over_frames(few, frames):
+def test_sums_over_blocks_are_those_over_frames(few, frames):
     every = SampledPath(few.jacobian, few.position)
     count = len(np.arange(20_000)[frames])
     rng = np.random.default_rng(2)

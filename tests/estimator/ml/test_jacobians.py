@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.ml.blocks import Jacobians, blocks_of
+from baryscope.estimator.dynamics.blocks import Blocks
+from baryscope.estimator.ml.jacobians import Jacobians, worthwhile
 
 TIME = np.sort(np.random.default_rng(0).uniform(10.0, 40.0, 500))
 
@@ -15,10 +16,10 @@ def waves(time):
 
 
 def test_jacobians_over_blocks_agree_with_all_frames():
-    blocks = blocks_of(TIME, 0.8)
-    assert blocks.worthwhile
+    blocks = Blocks.over(TIME, 0.8)
+    assert worthwhile(blocks)
     few, every = Jacobians.of(waves, TIME, blocks), Jacobians(waves, TIME, None)
-    assert len(blocks.first) == 38
+    assert len(blocks.knots) == 38
     rng = np.random.default_rng(1)
     root = rng.normal(size=(4, 4))
     # Of a wave 3e-4 (ωT)⁴ with ωT = 0.8; the covariances are of the order of ten, of four columns.
@@ -31,13 +32,14 @@ def test_jacobians_over_blocks_agree_with_all_frames():
 
 def test_gaps_have_no_blocks():
     time = np.concatenate([np.linspace(0.0, 9.0, 100), np.linspace(91.0, 100.0, 100)])
-    blocks = blocks_of(time, 5.0)
-    assert len(blocks.first) == 4
-    assert blocks.time.min() > 0.0
-    np.testing.assert_array_equal(blocks.of_frame, np.searchsorted([5.0, 90.0, 95.0], time, side="right"))
-    np.testing.assert_allclose(np.einsum("nc,nc->n", blocks.weights, blocks.time[blocks.of_frame]), time, atol=1e-12)
+    blocks = Blocks.over(time, 5.0)
+    assert len(blocks.knots) == 4
+    assert blocks.knots.min() > 0.0
+    of_frame = np.repeat(np.arange(4), np.diff(blocks.first))
+    np.testing.assert_array_equal(of_frame, np.searchsorted([5.0, 90.0, 95.0], time, side="right"))
+    np.testing.assert_allclose(blocks.at_frames(blocks.knots.ravel()), time, atol=1e-12)
 
 
 @pytest.mark.parametrize(("time", "longest"), [(np.arange(10.0), 1.0), (np.zeros(1), 1.0), (np.arange(3.0), np.inf)])
 def test_few_frames_are_not_worth_blocks(time, longest):
-    assert not blocks_of(time, longest).worthwhile
+    assert not worthwhile(Blocks.over(time, longest))

@@ -10,7 +10,11 @@ IntArray = NDArray[np.intp]
 def lagrange_weights(nodes: FloatArray, at: FloatArray) -> FloatArray:
     """The weights (n, k) of values at nodes (k,) in the polynomial through them, at (n,)."""
     others = nodes + np.diag(np.full(len(nodes), np.nan))
-    return np.asarray(np.nanprod((at[:, None, None] - others) / (nodes[:, None] - others), axis=2))
+    apart = at[:, None] - nodes
+    before, after = np.ones_like(apart), np.ones_like(apart)
+    np.cumprod(apart[:, :-1], axis=1, out=before[:, 1:])
+    np.cumprod(apart[:, :0:-1], axis=1, out=after[:, -2::-1])
+    return np.asarray(before * after / np.nanprod(nodes[:, None] - others, axis=1))
 
 
 def cubic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> FloatArray:

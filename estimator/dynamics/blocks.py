@@ -1,0 +1,106 @@
+"""Blocks of time in which functions are polynomials: sums over many frames become sums over few knots.
+
+In a block a function is the polynomial of degree KNOTS − 1 through its values at Chebyshev's points, its knots. So
+Σ Jᵀ W J over the frames of a block needs of the weights W only the sums with products of two interpolation weights,
+and neither time nor memory for a Jacobian J of every frame. The error of a wave of phase φ = ω T in a block of length T
+is 2 (φ/4)^KNOTS / KNOTS! of it (Trefethen, Approximation Theory and Approximation Practice, ch. 8).
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.paths import Frames
+from baryscope.estimator.dynamics.polynomials import lagrange_weights
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+KNOTS = 8
+NODES = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)  # Chebyshev's points of −1 … 1
+SHORTEST = 1e-9  # s, of a block
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """k blocks that n frames lie in: their knots (k, KNOTS) in s, ascending, and the weights (n, KNOTS) of the frames.
+
+    The value at a frame is the sum of its weights times the values at the knots of its block; block j has the frames
+    first[j] to first[j + 1], first (k + 1,).
+    """
+
+    knots: FloatArray
+    first: IntArray
+    weights: FloatArray
+
+    @classmethod
+    def over(cls, time: FloatArray, longest: float) -> "Blocks":
+        """Blocks of at most `longest` s, equally long, over ascending times (n,) in s, but those without frames."""
+        span = float(time[-1] - time[0])
+        count = int(np.clip(np.ceil(span / longest), 1, len(time))) if longest > 0 else len(time)
+        length = max(span / count, SHORTEST)
+        index = np.minimum(((time - time[0]) / length).astype(np.intp), count - 1)
+        first = np.flatnonzero(np.diff(index, prepend=-1))
+        middle = time[0] + (index + 0.5) * length
+        weights = lagrange_weights(NODES, (time - middle) / (length / 2))
+        return cls(middle[first, None] + length / 2 * NODES, np.append(first, len(time)), weights)
+
+    @property
+    def frames_per_knot(self) -> float:
+        """How many frames there are for each knot: how much is saved."""
+        return len(self.weights) / self.knots.size
+
+    def around(self, frames: Frames) -> tuple[slice, IntArray]:
+        """Which blocks hold the ascending frames, and where in `frames` each of them begins, with the end of the last.
+
+        Blocks between the first and the last may hold none.
+        """
+        if isinstance(frames, slice):
+            begin, end, _ = frames.indices(len(self.weights))
+            bounds = np.clip(self.first, begin, end) - begin
+        else:
+            bounds = np.searchsorted(frames, self.first)
+        some = np.flatnonzero(np.diff(bounds))
+        held = slice(int(some[0]), int(some[-1]) + 1) if some.size else slice(0, 0)
+        return held, bounds[held.start : held.stop + 1]
+
+    def at_frames(self, values: FloatArray) -> FloatArray:
+        """The values (n, ...) at the frames of values (k KNOTS, ...) at the knots."""
+        by_block = values.reshape(len(self.knots), KNOTS, -1)
+        found = np.empty((len(self.weights), by_block.shape[2]))
+        for own, (begin, end) in zip(by_block, pairwise(self.first.tolist()), strict=True):
+            np.matmul(self.weights[begin:end], own, out=found[begin:end])
+        return found.reshape(len(found), *values.shape[1:])
+
+    def covariances(self, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+        """J C Jᵀ (n, 3, 3) at the frames for a Jacobian (k KNOTS, 3, q) at the knots and a covariance C (q, q)."""
+        found = np.empty((len(self.weights), 9))
+        by_block = jacobian.reshape(len(self.knots), 3 * KNOTS, -1)
+        for own, (begin, end) in zip(by_block, pairwise(self.first.tolist()), strict=True):
+            block = (own @ covariance @ own.T).reshape(KNOTS, 3, KNOTS, 3)
+            pairs = block.transpose(0, 2, 1, 3).reshape(KNOTS * KNOTS, 9)
+            np.matmul(_pairs(self.weights[begin:end]), pairs, out=found[begin:end])
+        return found.reshape(-1, 3, 3)
+
+    def sums(self, frames: Frames, values: FloatArray) -> FloatArray:
+        """Σ w v (b, KNOTS, c) over ascending frames in each of the blocks around them, for values v (f, c)."""
+        return self._summed(frames, self.weights[frames], values)
+
+    def pair_sums(self, frames: Frames, values: FloatArray) -> FloatArray:
+        """Σ w wᵀ v (b, KNOTS, KNOTS, c) likewise, with the products of two weights."""
+        summed = self._summed(frames, _pairs(self.weights[frames]), values)
+        return summed.reshape(len(summed), KNOTS, KNOTS, -1)
+
+    def _summed(self, frames: Frames, weights: FloatArray, values: FloatArray) -> FloatArray:
+        held, bounds = self.around(frames)
+        found = np.empty((held.stop - held.start, weights.shape[1], values.shape[1]))
+        for own, (begin, end) in zip(found, pairwise(bounds.tolist()), strict=True):
+            np.matmul(weights[begin:end].T, values[begin:end], out=own)
+        return found
+
+
+def _pairs(weights: FloatArray) -> FloatArray:
+    """The products (n, KNOTS²) of two of the weights (n, KNOTS)."""
+    return np.asarray((weights[:, :, None] * weights[:, None]).reshape(len(weights), -1))

@@ -1,0 +1,92 @@
+"""A path at many times, interpolated between few."""
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
+from baryscope.estimator.dynamics.paths import Frames, SampledPath
+
+FloatArray = NDArray[np.float64]
+
+PHASE = 0.6  # rad of the highest frequency in a block: an error of 1e-11
+FEWEST = 1000  # frames, and
+WORTHWHILE = 4  # frames of a knot, on average, from which interpolation is much faster
+
+
+class InterpolatedPath(SampledPath):
+    """A path at the frames of blocks, from itself at their knots."""
+
+    def __init__(self, blocks: Blocks, at_knots: SampledPath) -> None:
+        object.__setattr__(self, "blocks", blocks)
+        object.__setattr__(self, "at_knots", at_knots)
+        object.__setattr__(self, "position", lambda x: blocks.at_frames(at_knots.position(x)))
+        object.__setattr__(self, "seen_of", None)
+        object.__setattr__(self, "turn", None)
+
+    blocks: Blocks
+    at_knots: SampledPath
+
+    @cached_property
+    def jacobian(self) -> FloatArray:
+        """The Jacobian (n, 3, p) at the frames."""
+        return self.blocks.at_frames(self.at_knots.jacobian)
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        return self.at_knots.size
+
+    @cached_property
+    def _by_block(self) -> FloatArray:
+        """The Jacobian (k, 3 KNOTS, p) at the knots of each block."""
+        return self.at_knots.jacobian.reshape(-1, 3 * KNOTS, self.size)
+
+    def grams(self, frames: Frames, weights: FloatArray) -> FloatArray:
+        """See `SampledPath`."""
+        several, jacobian = weights.shape[1], self._by_block[self.blocks.around(frames)[0]]
+        pairs = self.blocks.pair_sums(frames, weights.reshape(len(weights), -1))
+        blocks = pairs.reshape(-1, KNOTS, KNOTS, several, 3, 3).transpose(3, 0, 1, 4, 2, 5)
+        weighted = blocks.reshape(several, -1, 3 * KNOTS, 3 * KNOTS) @ jacobian
+        return jacobian.reshape(-1, self.size).T @ weighted.reshape(several, -1, self.size)
+
+    @property
+    def frames(self) -> int:
+        """The number of times n."""
+        return len(self.blocks.weights)
+
+    def moment(self, frames: Frames, values: FloatArray) -> FloatArray:
+        """See `SampledPath`."""
+        jacobian, columns = self._by_block[self.blocks.around(frames)[0]], values.shape[2]
+        sums = self.blocks.sums(frames, values.reshape(len(values), -1))
+        return np.asarray(jacobian.reshape(-1, self.size).T @ sums.reshape(-1, columns))
+
+    def covariance(self, of_x: FloatArray) -> FloatArray:
+        """See `SampledPath`."""
+        return self.blocks.covariances(self.at_knots.jacobian, of_x)
+
+    def times(self, columns: FloatArray) -> FloatArray:
+        """See `SampledPath`."""
+        return self.blocks.at_frames(self.at_knots.jacobian @ columns)
+
+    def lengths(self, directions: FloatArray) -> FloatArray:
+        """See `SampledPath`."""
+        pairs = self.blocks.pair_sums(slice(None), np.ones((self.frames, 1)))[..., 0]
+        moves = (self._by_block @ directions).reshape(len(pairs), KNOTS, -1)
+        squares = np.sum(moves * (pairs @ moves), axis=(0, 1)).reshape(3, -1).sum(axis=0) / self.frames
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+
+def interpolated(at: Callable[[FloatArray], SampledPath], frequency: float, time: FloatArray) -> SampledPath:
+    """A path at ascending times (n,) in s: interpolated where they are many for its highest frequency in rad/s.
+
+    at: gives it sampled at times, such as `Path.at` and `Path.rate_at` do.
+    """
+    span = float(time[-1] - time[0])
+    count = max(span * frequency / PHASE, 1.0)
+    if not max(FEWEST, WORTHWHILE * KNOTS * count) <= len(time) or span <= 0:
+        return at(time)
+    blocks = Blocks.over(time, span / np.ceil(count))
+    return InterpolatedPath(blocks, at(blocks.knots.ravel()))
