@@ -170,13 +170,13 @@ class _Nodes:
     quaternion: FloatArray  # (k, 4) R_C_B, scalar first, without jumps of sign
     rate: FloatArray  # (k, 3)
     acceleration: FloatArray  # (k, 3)
-    turn: FloatArray  # (k, 3, size) in C
-    turn_rate: FloatArray  # (k, 3, size) in C
+    sensitivity: FloatArray  # (k, 6, size) of the rotation vector in C and of the rate in B
 
     @property
     def finite(self) -> bool:
-        """Whether the integration has not diverged."""
-        return bool(np.isfinite(self.quaternion).all() and np.isfinite(self.turn_rate).all())
+        """Whether the integration, which begins within, has not diverged."""
+        ends = self.quaternion[[0, -1]], self.sensitivity[[0, -1]]
+        return all(bool(np.isfinite(one).all()) for one in ends)
 
     def between(self, time: FloatArray) -> Attitudes:
         h = self.time[1] - self.time[0]
@@ -186,7 +186,7 @@ class _Nodes:
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
         attitude = matrix_from_quaternion(quaternion)
         rate = cubic(s, left, self.rate, h * self.acceleration)
-        return Attitudes(time, attitude, rate, self.turn.shape[2], self)
+        return Attitudes(time, attitude, rate, self.sensitivity.shape[2], self)
 
     def turn_at(self, time: FloatArray) -> FloatArray:
         """The rotation's Jacobian (n, 3, size) in C."""
@@ -202,7 +202,8 @@ class _Nodes:
         left, s = self._locate(time)
         first = int(left.min(initial=len(self.time)))
         around, h = slice(first, int(left.max(initial=0)) + 2), self.time[1] - self.time[0]
-        values, slopes = self.turn[around], h * self.turn_rate[around]
+        values, rates = np.split(self.sensitivity[around], 2, axis=1)
+        slopes = h * matrix_from_quaternion(self.quaternion[around]) @ rates
         return s, left - first, values.reshape(len(values), -1), slopes.reshape(len(values), -1)
 
     def _locate(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
@@ -243,26 +244,19 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     forced = None if torque is None or modes is None else (modes @ torque.coefficients).reshape(-1, FORCED).T
     back = _integrate(start, constants, sizes[:before], None if forced is None else forced[:, :before])
     forth = _integrate(start, constants, sizes[before:], None if forced is None else forced[:, before:])
-    starts = np.hstack([back[:, :-1], forth[:, :-1]])
+    starts, states = np.hstack([back[:, :-1], forth[:, :-1]]), np.hstack([back[:, :0:-1], forth])
+    states[:4] /= np.linalg.norm(states[:4], axis=0)
     of_step = sensitivity_step(gravity_gradient, torque is not None)
-    if forced is None:
-        steps = of_step(starts, sizes[None], constants)
-    else:
-        steps = of_step(starts, sizes[None], forced, constants)
-    states = np.hstack([back[:, :0:-1], forth])
-    sensitivity = np.concatenate(
-        [_chained(steps, modes, slice(0, before))[:0:-1], _chained(steps, modes, slice(before, None))]
-    )
-    R = matrix_from_quaternion(states[:4].T / np.linalg.norm(states[:4], axis=0)[:, None])
+    inputs = (sizes[None],) if forced is None else (sizes[None], forced)
+    steps = of_step(starts, *inputs, constants)
+    sensitivity = np.zeros((len(time), 6, start.size))
+    sensitivity[before, 3:, :3] = np.eye(3)
+    _chain(sensitivity[before::-1], steps[:before], None if modes is None else modes[:before])
+    _chain(sensitivity[before:], steps[before:], None if modes is None else modes[before:])
     acceleration = rate_columns(gravity_gradient)(states, constants)[:, 4:7]
-    return _Nodes(
-        time,
-        states[:4].T,
-        states[4:7].T,
-        acceleration if torque is None else acceleration + torque.at(time),
-        sensitivity[:, :3],
-        R @ sensitivity[:, 3:],
-    )
+    if torque is not None:
+        acceleration += torque.at(time)
+    return _Nodes(time, states[:4].T, states[4:7].T, acceleration, sensitivity)
 
 
 def _longest_step(start: Rotation) -> float:
@@ -298,46 +292,33 @@ def _integrate(
 
     accelerations (FORCED, k): those of a torque in each step.
     """
-    function = advance(start.orbit is not None, accelerations is not None)
-    states = np.empty((8, len(sizes) + 1))
+    function, count = advance(start.orbit is not None, accelerations is not None), len(sizes)
+    padding = ((0, 0), (0, -count % CHUNK))  # with steps of no length
+    given = [np.pad(one, padding) for one in (sizes[None], accelerations) if one is not None]
+    states = np.empty((8, 1 + given[0].shape[1]))
     states[:, 0] = [*quaternion_from_matrix(start.attitude[None])[0], *start.rate, _true_anomaly(start)]
-    for first in range(0, len(sizes), CHUNK):
-        chunk = slice(first, min(first + CHUNK, len(sizes)))
-        length = chunk.stop - first
-        inputs = [_padded(sizes[None, chunk])]
-        if accelerations is not None:
-            inputs.append(_padded(accelerations[:, chunk]))
-        found = np.asarray(function(states[:, first], *inputs, constants))
-        states[:, first + 1 : first + 1 + length] = found[:, :length]
-    return states
+    for first in range(0, count, CHUNK):
+        chunk = slice(first, first + CHUNK)
+        states[:, first + 1 : first + 1 + CHUNK] = function(
+            states[:, first], *(one[:, chunk] for one in given), constants
+        )
+    return states[:, : count + 1]
 
 
-def _padded(columns: FloatArray) -> FloatArray:
-    """Columns (r, CHUNK), zero after the given ones."""
-    return np.pad(columns, ((0, 0), (0, CHUNK - columns.shape[1])))
+def _chain(sensitivity: FloatArray, steps: FloatArray, modes: FloatArray | None) -> None:
+    """Write the sensitivities (k + 1, 6, size) after each step to those before the first one.
 
-
-def _chained(steps: FloatArray, modes: FloatArray | None, part: slice) -> FloatArray:
-    """The sensitivities (k + 1, 6, size) to the unknowns, from those of a part of the steps, k of (6, 11 or more).
-
-    modes (steps, POINTS, j): the modes of a torque in the steps, to whose values the other columns belong.
+    steps (k, 6, 11 or more): by attitude, rate and inertia, and by the values of a torque of modes (k, POINTS, j).
     """
-    own, k = steps[part], len(steps[part])
-    forced = 0 if modes is None else 3 * modes.shape[2]
-    chain = np.zeros((k + 1, 11, RATE_AND_INERTIA + forced))
-    chain[0, 3:6, :3] = np.eye(3)
-    chain[:, 6:, 3:RATE_AND_INERTIA] = np.eye(5)
-    if modes is None:
-        for before, step, after in zip(chain, own, chain[1:, :6], strict=False):
-            np.matmul(step, before, out=after)
-        return chain[:, :6]
-    by_values = own[:, :, 11:].reshape(k, 6, (own.shape[2] - 11) // 3, 3).transpose(0, 1, 3, 2)
-    added = (by_values @ modes[part, None]).transpose(0, 1, 3, 2).reshape(k, 6, forced)
-    moved = np.ascontiguousarray(own[:, :, :11])
-    for before, step, after, more in zip(chain, moved, chain[1:, :6], added, strict=False):
-        np.matmul(step, before, out=after)
-        after[:, RATE_AND_INERTIA:] += more
-    return chain[:, :6]
+    moved, by_values = np.ascontiguousarray(steps[:, :, :6]), steps[:, :, 11:]
+    sensitivity[1:, :, 3:RATE_AND_INERTIA] = steps[:, :, 6:11]
+    if modes is not None:
+        for axis in range(3):
+            np.matmul(by_values[:, :, axis::3], modes, out=sensitivity[1:, :, RATE_AND_INERTIA + axis :: 3])
+    more = np.empty(sensitivity.shape[1:])
+    for before, step, after in zip(sensitivity, moved, sensitivity[1:], strict=False):
+        np.matmul(step, before, out=more)
+        after += more
 
 
 def _constants(start: Rotation) -> FloatArray:
