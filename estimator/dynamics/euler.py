@@ -1,7 +1,8 @@
 """Euler's equation, its steps of order 8 and their sensitivities, as functions for many points.
 
-The steps are those of Dormand and Prince. A torque that is not the gravity gradient enters as
-the angular acceleration at POINTS times of the step, with a cubic between them.
+The steps are those of Dormand and Prince. A torque that is not the gravity gradient enters as the angular acceleration
+at POINTS times of the step, with a cubic between them. Without gravity gradient the rate depends on nothing but itself:
+it alone goes step by step, and by what quaternion each step turns the body is evaluated for all steps at once.
 """
 
 from functools import cache
@@ -19,7 +20,7 @@ from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 
 FloatArray = NDArray[np.float64]
 
-CHUNK = 32  # steps in one call of the compiled function
+CHUNK = 64  # steps in one call of the compiled function
 FORCED = 3 * POINTS  # values of the angular acceleration in a step
 
 _HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
@@ -50,20 +51,41 @@ def rate_columns(gravity_gradient: bool) -> ColumnFunction:
 
 @cache
 def advance(gravity_gradient: bool, forced: bool) -> ca.Function:
-    """The function (x, sizes, constants) → states (8, CHUNK) after each of CHUNK steps.
+    """The function (x, sizes, constants) → states (size, CHUNK) after each of CHUNK steps.
 
-    If `forced`, (x, sizes, accelerations (FORCED, CHUNK), constants).
+    x is (q, ω, true anomaly) with gravity gradient, else ω alone. If `forced`, (x, sizes, accelerations (FORCED,
+    CHUNK), constants).
     """
     x, h, c = _symbols(gravity_gradient)
     f = ca.SX.sym("f", FORCED)
+    state = x if gravity_gradient else x[4:7]
 
-    def rates(state: ca.SX, fraction: float) -> ca.SX:
-        found = _rates(state, c, gravity_gradient)
-        return found + ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0) if forced else found
+    def rates(here: ca.SX, fraction: float) -> ca.SX:
+        if gravity_gradient:
+            found = _rates(here, c, gravity_gradient)
+            return found + ca.vertcat(ca.SX(4, 1), _interpolated(f, fraction), 0) if forced else found
+        found = _rate_alone(here, c)
+        return found + _interpolated(f, fraction) if forced else found
 
-    after = step(rates, x, h)
-    inputs = [x, h, f, c] if forced else [x, h, c]
-    return ca.Function("advance", inputs, [after], {"cse": True}).mapaccum(CHUNK)
+    inputs = [state, h, f, c] if forced else [state, h, c]
+    return ca.Function("advance", inputs, [step(rates, state, h)], {"cse": True}).mapaccum(CHUNK)
+
+
+@cache
+def turn_of_step(forced: bool) -> ColumnFunction:
+    """The function (ω, size, constants) → quaternion q by which a step without gravity gradient turns the body.
+
+    The attitude after it is that before it times q. If `forced`, (ω, size, accelerations (FORCED,), constants).
+    """
+    w, h, f, c = ca.SX.sym("w", 3), ca.SX.sym("h"), ca.SX.sym("f", FORCED), ca.SX.sym("c", 9)
+
+    def rates(here: ca.SX, fraction: float) -> ca.SX:
+        q, rate = here[:4], here[4:]
+        own = _rate_alone(rate, c)
+        return ca.vertcat(quaternion_rate(q, rate), own + _interpolated(f, fraction) if forced else own)
+
+    after = step(rates, ca.vertcat(1, 0, 0, 0, w), h)
+    return ColumnFunction("turn", [w, h, f, c] if forced else [w, h, c], after[:4])
 
 
 @cache
@@ -115,6 +137,12 @@ def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
     rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
     linear = ca.jacobian(rates, ca.vertcat(turn, w, change))
     return ca.substitute(linear, ca.vertcat(turn, change), ca.SX.zeros(8))
+
+
+def _rate_alone(w: ca.SX, c: ca.SX) -> ca.SX:
+    """ω̇ without a torque."""
+    J = ca.reshape(c[:9], 3, 3)
+    return angular_acceleration(J, symmetric_inverse(J), w, ca.SX(3, 1))
 
 
 def _rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:

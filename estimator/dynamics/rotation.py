@@ -23,6 +23,7 @@ from baryscope.estimator.dynamics.euler import (
     anomaly_function,
     rate_columns,
     sensitivity_step,
+    turn_of_step,
 )
 from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope, quintic
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
@@ -295,14 +296,30 @@ def _integrate(
     function, count = advance(start.orbit is not None, accelerations is not None), len(sizes)
     padding = ((0, 0), (0, -count % CHUNK))  # with steps of no length
     given = [np.pad(one, padding) for one in (sizes[None], accelerations) if one is not None]
-    states = np.empty((8, 1 + given[0].shape[1]))
-    states[:, 0] = [*quaternion_from_matrix(start.attitude[None])[0], *start.rate, _true_anomaly(start)]
-    for first in range(0, count, CHUNK):
-        chunk = slice(first, first + CHUNK)
-        states[:, first + 1 : first + 1 + CHUNK] = function(
-            states[:, first], *(one[:, chunk] for one in given), constants
-        )
-    return states[:, : count + 1]
+    first = np.concatenate([quaternion_from_matrix(start.attitude[None])[0], start.rate, [_true_anomaly(start)]])
+    state = slice(None) if start.orbit is not None else slice(4, 7)
+    states = np.repeat(first[:, None], 1 + given[0].shape[1], axis=1)
+    for begin in range(0, count, CHUNK):
+        chunk = slice(begin, begin + CHUNK)
+        found = function(states[state, begin], *(one[:, chunk] for one in given), constants)
+        states[state, begin + 1 : begin + 1 + CHUNK] = found
+    states = states[:, : count + 1]
+    if start.orbit is None and count:
+        inputs = [states[4:7, :-1], sizes[None]] + ([] if accelerations is None else [accelerations])
+        states[:4, 1:] = turn_of_step(accelerations is not None)(*inputs, constants).T
+        states[:4] = _running_products(states[:4])
+    return states
+
+
+def _running_products(quaternions: FloatArray) -> FloatArray:
+    """The products (4, n) q₀, q₀ ⊗ q₁, q₀ ⊗ q₁ ⊗ q₂, … of quaternions (4, n), scalar first: by doubling."""
+    found, apart = quaternions, 1
+    while apart < found.shape[1]:
+        p, q = found[:, :-apart], found[:, apart:]
+        scalar = p[0] * q[0] - np.einsum("in,in->n", p[1:], q[1:])
+        vector = p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:], axis=0)
+        found, apart = np.hstack([found[:, :apart], np.vstack([scalar, vector])]), 2 * apart
+    return found
 
 
 def _chain(sensitivity: FloatArray, steps: FloatArray, modes: FloatArray | None) -> None:
