@@ -7,7 +7,9 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.spurious import (
+    ProductNoise,
     farthest,
+    product_gradient,
     spurious_information_columns,
 )
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
@@ -71,21 +73,35 @@ def without_spurious_information(found: Pivot) -> tuple[FloatArray, FloatArray]:
 
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
     information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, with a margin of three standard
-    deviations; what remains is that of `farthest`. Directions without any information get a standard deviation of the
-    path's greatest distance.
+    deviations; what remains is that of `farthest`. Where it matters, products of errors are counted, too. Directions
+    without any information get a standard deviation of the path's greatest distance.
     """
     variance, solution = found.variance, found.solution
     distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
-    spurious = _spurious(found)
+    crossed = solution.offset_path
+    joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
     least = variance / max(farthest(body.points) for body in found.bodies) ** 2
-    of_offsets, of_x = spurious_information_columns(solution.offset_covariance, solution.offset_path, spurious, least)
-    spread = distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300)
-    covariance = (
-        variance * (solution.covariance + of_x @ of_x.T) + (solution.null_space * spread**2) @ solution.null_space.T
+    columns = np.concatenate(
+        spurious_information_columns(solution.offset_covariance, crossed, _spurious(found), least), axis=0
     )
-    offsets = variance * (solution.offset_covariance + of_offsets @ of_offsets.T)
-    offsets += (solution.offset_null_space * spread**2) @ solution.offset_null_space.T
-    return covariance, _diagonal_blocks(offsets)
+    unseen = np.concatenate([solution.offset_null_space, solution.null_space])
+    unseen = unseen * (distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300))
+    covariance = variance * (joint + columns @ columns.T) + unseen @ unseen.T
+    k = len(solution.offset_covariance)
+    if found.spurious_share >= SPURIOUS:
+        covariance += joint @ _products(found, _diagonal_blocks(covariance[:k, :k])) @ joint
+    return covariance[k:, k:], _diagonal_blocks(covariance[:k, :k])
+
+
+def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
+    """The variance (3 k + p, 3 k + p) of the cost's gradient from products of errors, for the offsets' covariances."""
+    k, size = 3 * len(found.bodies), len(found.solution.x)
+    total = np.zeros((k + size, k + size))
+    for index, (body, offset) in enumerate(zip(found.bodies, offsets, strict=True)):
+        noise = ProductNoise(offset, found.variance, found.shift)
+        own = np.r_[3 * index : 3 * index + 3, k : k + size]
+        total[np.ix_(own, own)] += product_gradient(body, found.observations, found.sampled, found.solution.x, noise)
+    return total
 
 
 def _spurious(found: Pivot) -> FloatArray:

@@ -7,6 +7,8 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
+    ProductNoise,
+    product_gradient,
     spurious_information,
     spurious_information_columns,
     three_sigma_factor,
@@ -35,6 +37,52 @@ def test_variance_of_an_estimating_equation():
     np.testing.assert_allclose(others + gain @ gain.T, expected_others, rtol=1e-9, atol=1e-9)
     expected_crossed = crossed + (expected - offset) @ regression.T
     np.testing.assert_allclose(crossed + columns @ gain.T, expected_crossed, rtol=1e-9, atol=1e-9)
+
+
+def test_spurious_information_along_other_axes_than_the_information():
+    """Against the same formula, for two offsets and a spurious information with axes of its own."""
+    rng = np.random.default_rng(1)
+    factor, other = rng.normal(size=(6, 6)), rng.normal(size=(6, 6))
+    offset, spurious = factor @ factor.T, other @ other.T
+    spurious *= 0.8 / np.linalg.eigvals(offset @ spurious).real.max()
+    columns, _ = spurious_information_columns(offset, np.zeros((6, 1)), spurious, 1e-9)
+    left = np.linalg.inv(np.linalg.inv(offset) - spurious)
+    np.testing.assert_allclose(offset + columns @ columns.T, left @ np.linalg.inv(offset) @ left, rtol=1e-8, atol=1e-8)
+
+
+def test_products_of_errors_against_random_ones():
+    """The gradient's covariance against that of 20,000 draws of attitude errors and errors of the offset.
+
+    An element of a covariance from n draws has a relative standard deviation of √(2/n), and of about √(8/n) where each
+    value is a product of two: 2 %.
+    """
+    rng = np.random.default_rng(4)
+    time, noise = np.linspace(0.0, 60.0, 6), 0.05
+    R = attitude(np.diag([1.0, 2.0, 2.5]), np.array([0.05, 0.0, 0.07]), time)
+    points, x = rng.normal(size=(4, 3)), np.array([4.0, -19, 3, 0, 0, 0])
+    sampled = Polynomial(1, 0.0, 60.0).at(time)
+    position = sampled.position(x)[:, None] + points @ np.swapaxes(R, 1, 2)
+    body, weight = Body(np.arange(4), np.arange(6), points, R), np.ones((6, 4))
+    factor = rng.normal(size=(3, 3))
+    found = product_gradient(
+        body, Observations(position, weight), sampled, x, ProductNoise(factor @ factor.T, noise**2)
+    )
+    squares = np.sum(points**2) * np.eye(3) - points.T @ points  # Σ [b]× [b]×ᵀ
+    mean = points.mean(axis=0)
+    known = 4 * np.eye(3) - 16 * _cross(mean).T @ np.linalg.inv(squares) @ _cross(mean)
+    draws = 20_000
+    turn = noise * rng.normal(size=(draws, 6, 3)) @ np.linalg.cholesky(np.linalg.inv(squares)).T
+    pulled = np.cross(turn, (rng.normal(size=(draws, 1, 3)) @ factor.T)) @ known
+    by_x = np.einsum("nki,kji,kjp->np", pulled, R, sampled.jacobian)
+    gradient = np.concatenate([pulled.sum(axis=1), by_x], axis=1)
+    scale = np.sqrt(np.diag(found))
+    np.testing.assert_allclose(
+        np.cov(gradient.T, bias=True) / np.outer(scale, scale), found / np.outer(scale, scale), atol=5 * 0.02
+    )
+
+
+def _cross(vector):
+    return np.cross(np.eye(3), -vector)
 
 
 def test_a_direction_without_information_gets_the_least():
