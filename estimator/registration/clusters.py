@@ -226,7 +226,8 @@ def _with_attitudes(shape: Shape, sightings: Sightings) -> tuple[Body, FloatArra
     shape.intervals.sort(key=lambda interval: interval.start)
     frames, _ = frames_of(shape.intervals)
     frames = frames[sightings.used[np.ix_(frames, features)].sum(axis=1) >= 3]
-    (attitude, origin), determined = aligned_frames(sightings, frames, features, points)
+    variances = shape.variances(sightings.noise)
+    (attitude, origin), determined = aligned_frames(sightings, frames, features, points, variances)
     frames = frames[determined]
     kept = steady(frames, attitude)
     return Body(features, frames[kept], points, attitude[kept], tuple(shape.intervals)), origin[kept]

@@ -52,6 +52,10 @@ class Shape:
         features = np.array(sorted(self.points), dtype=np.intp)
         return features, np.array([self.points[index] for index in features.tolist()])
 
+    def variances(self, noise: float) -> FloatArray:
+        """The variances (m,) of a coordinate of these points, m², for the standard deviation of an observation's."""
+        return noise**2 / np.maximum([self.counts[index] for index in sorted(self.points)], 1)
+
 
 def gathered(whole: Shape, pending: list[Interval], sightings: Sightings) -> list[Interval]:
     """Add to `whole` those of the pending intervals that fit it, with their new features; returns the others."""
@@ -60,7 +64,7 @@ def gathered(whole: Shape, pending: list[Interval], sightings: Sightings) -> lis
         rows, of_interval = frames_of(pending)
         enough = sightings.used[np.ix_(rows, features)].sum(axis=1) >= 3
         rows, of_interval = rows[enough], of_interval[enough]
-        aligned, determined = aligned_frames(sightings, rows, features, points)
+        aligned, determined = aligned_frames(sightings, rows, features, points, whole.variances(sightings.noise))
         rows, of_interval = rows[determined], of_interval[determined]
         fits = _fitting(whole, sightings, rows, of_interval, aligned, len(pending))
         if not fits.any():
@@ -90,18 +94,20 @@ def frames_of(intervals: list[Interval]) -> tuple[IntArray, IntArray]:
 
 
 def aligned_frames(
-    sightings: Sightings, rows: IntArray, features: IntArray, points: FloatArray
+    sightings: Sightings, rows: IntArray, features: IntArray, points: FloatArray, variances: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
     """Attitudes (k, 3, 3) R_C_S and origins (k, 3) in C, m, of points (m, 3) in S in the frames `rows` that give one.
 
-    Returns these, and which of the rows do: those whose features lie off a line by OFF_LINE.
+    variances (m,): of the points' coordinates, m². Returns these, and which of the rows do: those whose features lie
+    off a line by OFF_LINE, and by more than the points' own noise.
     """
     attitudes, translations, kept = [np.zeros((0, 3, 3))], [np.zeros((0, 3))], [np.zeros(0, dtype=bool)]
     for first in range(0, len(rows), CHUNK):
         block = np.ix_(rows[first : first + CHUNK], features)
         seen = sightings.used[block]
         found: Alignment = align(sightings.position[block], points, seen.astype(np.float64))
-        determined = _moments(seen, points) > (OFF_LINE * sightings.noise) ** 2
+        by_noise = 2 * seen @ variances + 3 * 2 * np.sqrt(seen @ variances**2)  # 3σ of what noise alone would show
+        determined = _moments(seen, points) > (OFF_LINE * sightings.noise) ** 2 + by_noise
         determined &= found.spread > 1e-18 * float(np.sum(points**2))
         attitudes.append(found.rotation[determined])
         translations.append(found.translation[determined])
@@ -168,12 +174,12 @@ def _add_features(whole: Shape, sightings: Sightings, rows: IntArray, aligned: t
 
 def refined_shape(whole: Shape, sightings: Sightings) -> None:
     """Bring the points of a shape that was put together to the mean over its frames, by Procrustes' iteration."""
-    features, points = whole.arrays()
+    (features, points), variances = whole.arrays(), whole.variances(sightings.noise)
     rows, _ = frames_of(whole.intervals)
     rows = rows[sightings.used[np.ix_(rows, features)].sum(axis=1) >= 3]
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_FRAMES)).astype(int))]
     for _ in range(MAX_ROUNDS):
-        (rotation, translation), determined = aligned_frames(sightings, rows, features, points)
+        (rotation, translation), determined = aligned_frames(sightings, rows, features, points, variances)
         block = np.ix_(rows[determined], features)
         weight = sightings.used[block].astype(np.float64)
         moved = np.where(weight[..., None] > 0, sightings.position[block] - translation[:, None], 0.0) @ rotation
