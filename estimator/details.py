@@ -50,14 +50,13 @@ class TumbleDetails:
 class FilterDetails:
     """Of `ekf`: the chosen process noise, and the filter's final state.
 
-    order: of the noisy derivative of the path; process_noise: spectral density of the next derivative, of order 1 the
-    acceleration, m²/s³ (for a fixed point the variance of its position's noise, m²); torque_noise: that of the angular
-    acceleration, rad²/s³; with their bounds, which hold 90 %; gravity_gradient: whether the model has this torque; nis:
-    mean normalised innovation squared, 1 is expected; log_likelihood of the innovations; final_covariance (3, 3) of the
-    position at the last frame, m²; angular_rate (3,) there, rad/s in B; inertia (3, 3) over its trace.
+    process_noise: spectral density of the path's acceleration, m²/s³ (for a fixed point the variance of its position's
+    noise, m²); torque_noise: that of the angular acceleration, rad²/s³; with their bounds, which hold 90 %;
+    gravity_gradient: whether the model has this torque; nis: mean normalised innovation squared, 1 is expected;
+    log_likelihood of the innovations; final_covariance (3, 3) of the position at the last frame, m²; angular_rate (3,)
+    there, rad/s in B; inertia (3, 3) over its trace.
     """
 
-    order: int
     process_noise: float
     process_noise_bounds: tuple[float, float]
     torque_noise: float

@@ -50,8 +50,7 @@ class FilterPart(Part):
     """Of ekf."""
 
     kind: Literal["filter"] = "filter"
-    order: int = Field(description="of the noisy derivative of the path")
-    process_noise: float = Field(description="density of the next derivative, of order 1 in m²/s³; of order 0 in m²")
+    process_noise: float = Field(description="density of the path's acceleration, m²/s³; of a fixed point's place, m²")
     process_noise_bounds: tuple[float, float] = Field(description="that hold 90 %")
     torque_noise: float = Field(description="density of the angular acceleration, rad²/s³")
     torque_noise_bounds: tuple[float, float] = Field(description="that hold 90 %")

@@ -8,7 +8,7 @@ equals the noise of a single observation.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import factorial, log
+from math import log
 
 import numpy as np
 
@@ -25,7 +25,7 @@ NEGLIGIBLE = 0.02  # probability below which a member does not enter the result
 
 @dataclass(frozen=True)
 class Member:
-    """A hypothesis: density of the path's process noise, m²/s^(2 order + 1), and of the rotation's, rad²/s³."""
+    """A hypothesis: density of the path's process noise, m²/s³, or m² of a position, and of the rotation's, rad²/s³."""
 
     path: float
     turn: float
@@ -68,14 +68,9 @@ class Axis:
         return -log(DECADES) if self.free and density > 0 else 0.0
 
 
-def path_level(order: int, variance: float, span: float) -> float:
-    """The density of the (order + 1)-th derivative that moves the position by `variance` in m² over a span in s."""
-    return variance * (2 * order + 1) * factorial(order) ** 2 / span ** (2 * order + 1) if order else variance
-
-
-def turn_level(variance: float, radius: float, span: float) -> float:
-    """The density of the angular acceleration that turns features at the radius in m by `variance` in m² in a span."""
-    return 3 * variance / radius**2 / span**3
+def level_of(variance: float, span: float) -> float:
+    """The density of an acceleration that moves by `variance` over a span in s."""
+    return 3 * variance / span**3
 
 
 @dataclass(eq=False)

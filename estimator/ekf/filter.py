@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.ekf.linearised import DRIVEN, Linearised
+from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.tracks import BoolArray, FloatArray
 
 SYMMETRISED = 8  # nodes between two symmetrisations of the covariance
@@ -73,7 +73,7 @@ def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
             if j:
                 F = system.transition[j - 1]
                 both = F @ both
-                both[:, :, DRIVEN] += system.drive[j - 1]
+                both[:, :, : system.drive.shape[2]] += system.drive[j - 1]
                 P = both[:, :, c:] @ F.T
                 if at % SYMMETRISED == 0:
                     P = 0.5 * (P + P.transpose(0, 2, 1))

@@ -1,9 +1,9 @@
 """The estimation problem of `ekf`, linearised about a reference motion.
 
 The dynamic state at a node is s = (u, φ, ω): deviations of the path's u, m, of the attitude, a rotation vector in B,
-and of the rate. Unknowns that are constant or initial values are the parameters θ = (five of the inertia, u and ω at
-the first node, points). Means are affine in θ: they are held as matrices whose first column is the mean for θ = 0 and
-whose others are its derivatives by θ (de Jong's augmentation).
+and of the rate. Unknowns that are constant or initial values are the parameters θ = (five of the inertia, x of the
+path, ω at the first node, points). Means are affine in θ: they are held as matrices whose first column is the mean for
+θ = 0 and whose others are its derivatives by θ (de Jong's augmentation).
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,8 @@ from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, log_r
 from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
 
 INERTIA = ROTATION - 6  # unknowns of the inertia
-DRIVEN = slice(0, 1 + INERTIA)  # columns that a step of the rotation adds to: its defect, and the inertia's
+STATE = 12  # unknowns at a node
+PATH, TURN, RATE = slice(0, 6), slice(6, 9), slice(9, STATE)  # of these
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +42,13 @@ class Nodes:
 class Reference:
     """The motion about which all is linearised: at n nodes, and the points.
 
-    path: the process, and deviation (n, p): its u; attitude (n, 3, 3) R_C_B; rate (n, 3), rad/s in B; inertia (3, 3) of
-    trace 1; points (m, 3), m in B; axis (n - 1, 3): of the gravity gradient in each step, see `motion.rotated`.
+    path: the process, its unknowns x (s,), and deviation (n, 6): its u; attitude (n, 3, 3) R_C_B; rate (n, 3), rad/s in
+    B; inertia (3, 3) of trace 1; points (m, 3), m in B; axis (n - 1, 3): of the gravity gradient in each step, see
+    `motion.rotated`.
     """
 
     path: PathProcess
+    x: FloatArray
     deviation: FloatArray
     attitude: FloatArray
     rate: FloatArray
@@ -56,7 +59,7 @@ class Reference:
     @property
     def origin(self) -> FloatArray:
         """The centre of mass in C, (n, 3), m."""
-        return np.asarray(self.path.nominal + (self.path.observed @ self.deviation[:, :, None])[:, :, 0])
+        return self.path.position(self.deviation)
 
     def seen_at(self, nodes: Nodes) -> FloatArray:
         """The positions (frames, m, 3) of the points in C, m."""
@@ -68,7 +71,8 @@ class Reference:
 class Linearised:
     """The linear system of n nodes, with d dynamic unknowns and c − 1 parameters.
 
-    transition (n - 1, d, d); drive (n - 1, d, 6): what a step adds to the columns DRIVEN; first (d, c): the affine
+    transition (n - 1, d, d); drive (n - 1, d, 6 + s): what a step adds to the first columns: its defect, and what
+    inertia and path have to do with it; first (d, c): the affine
     state at the first node; observed (n, 6, d): position and attitude in B; information (n, 6, 6) on them and rhs
     (n, 6, c), affine in θ; static (c, c): the quadratic form of the cost of residuals at the reference; seen (n,):
     whether a node has observations.
@@ -84,38 +88,40 @@ class Linearised:
     seen: BoolArray
 
     @property
-    def path_size(self) -> int:
-        """The number of unknowns of the path, p."""
-        return len(self.first) - 6
+    def points(self) -> slice:
+        """Where the points are among the parameters."""
+        return points_in(self.drive.shape[2] - 1 - INERTIA)
 
 
-def points_from(path_size: int) -> int:
-    """The column of the first point's first coordinate, for a path of that many unknowns."""
-    return 1 + INERTIA + path_size + 3
+def points_in(path_size: int) -> slice:
+    """Where the points are among the parameters, for a path of that many unknowns."""
+    return slice(INERTIA + path_size + 3, None)
 
 
 def linearised(reference: Reference, nodes: Nodes, observations: Observations) -> Linearised:
     """The linear system about a reference, for observations in all frames."""
     path, attitude = reference.path, reference.attitude
-    n, p = len(attitude), path.observed.shape[2]
-    d, c = p + 6, points_from(p) + 3 * len(reference.points)
+    n, of_path = len(attitude), slice(1 + INERTIA, 1 + INERTIA + len(reference.x))
+    c = of_path.stop + 3 + 3 * len(reference.points)
     after, rate, change = rotated(
         attitude[:-1], reference.rate[:-1], reference.inertia, reference.axis, np.diff(nodes.time)
     )
-    transition = np.zeros((n - 1, d, d))
-    transition[:, :p, :p] = path.transition
-    transition[:, p:, p:] = change[:, :, :6]
-    drive = np.zeros((n - 1, d, 1 + INERTIA))
-    drive[:, :p, 0] = (path.transition @ reference.deviation[:-1, :, None])[:, :, 0] - reference.deviation[1:]
-    drive[:, p : p + 3, 0] = log_rotation(np.swapaxes(attitude[1:], 1, 2) @ after)
-    drive[:, p + 3 :, 0] = rate - reference.rate[1:]
-    drive[:, p:, 1:] = change[:, :, 6:]
-    first = np.zeros((d, c))
-    first[:p, 1 + INERTIA : 1 + INERTIA + p] = np.eye(p)
-    first[p + 3 :, 1 + INERTIA + p : points_from(p)] = np.eye(3)
-    observed = np.zeros((n, 6, d))
-    observed[:, :3, :p] = np.swapaxes(attitude, 1, 2) @ path.observed
-    observed[:, 3:, p : p + 3] = np.eye(3)
+    transition = np.zeros((n - 1, STATE, STATE))
+    transition[:, PATH, PATH] = path.transition
+    transition[:, 6:, 6:] = change[:, :, :6]
+    drive = np.zeros((n - 1, STATE, of_path.stop))
+    went = path.transition @ reference.deviation[:-1, :, None] + path.drive @ reference.x[:, None]
+    drive[:, PATH, 0] = went[:, :, 0] - reference.deviation[1:]
+    drive[:, PATH, of_path] = path.drive
+    drive[:, TURN, 0] = log_rotation(np.swapaxes(attitude[1:], 1, 2) @ after)
+    drive[:, RATE, 0] = rate - reference.rate[1:]
+    drive[:, 6:, 1 : 1 + INERTIA] = change[:, :, 6:]
+    first = np.zeros((STATE, c))
+    first[PATH, of_path] = path.columns[0]
+    first[RATE, of_path.stop : of_path.stop + 3] = np.eye(3)
+    observed = np.zeros((n, 6, STATE))
+    observed[:, :3, :3] = np.swapaxes(attitude, 1, 2)
+    observed[:, 3:, TURN] = np.eye(3)
     information, rhs, static = _measured(reference, nodes, observations, c)
     seen = np.zeros(n, dtype=bool)
     seen[nodes.frames] = (observations.weight > 0).any(axis=1)
@@ -163,12 +169,13 @@ def _measured(
 
 def moved(reference: Reference, state: FloatArray, theta: FloatArray) -> Reference:
     """The reference changed by the dynamic state (n, d) and the parameters θ."""
-    p = reference.deviation.shape[1]
+    s = len(reference.x)
     return replace(
         reference,
-        deviation=reference.deviation + state[:, :p],
-        attitude=reference.attitude @ exp_rotation(state[:, p : p + 3]),
-        rate=reference.rate + state[:, p + 3 :],
+        x=reference.x + theta[INERTIA : INERTIA + s],
+        deviation=reference.deviation + state[:, PATH],
+        attitude=reference.attitude @ exp_rotation(state[:, TURN]),
+        rate=reference.rate + state[:, RATE],
         inertia=changed_inertia(reference.inertia, theta[:INERTIA]),
-        points=reference.points + theta[points_from(p) - 1 :].reshape(-1, 3),
+        points=reference.points + theta[points_in(s)].reshape(-1, 3),
     )

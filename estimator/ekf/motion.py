@@ -1,8 +1,7 @@
 """The process models of `ekf`: linear processes for the path, and the target's rotation."""
 
-from dataclasses import dataclass, replace
-from functools import cache
-from math import comb, factorial
+from dataclasses import dataclass
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
@@ -28,21 +27,30 @@ ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five o
 
 @dataclass(frozen=True, eq=False)
 class PathProcess:
-    """A path of the centre of mass as a linear process u_{k+1} = Φ_k u_k + w_k, with position nominal_k + H_k u_k in C.
+    """A path of the centre of mass as a linear process with s unknowns x, and a state u = (δg, T δġ) in m.
 
-    nominal (n, 3) in m; observed (n, 3, p): H; transition (n - 1, p, p): Φ. All components of u are in m. The velocity
-    is nominal_rate (n, 3), m/s, + observed_rate (n, 3, p) u, 1/s.
+    T is the span in s, δg the deviation from nominal (n, 3), m in C, with a velocity nominal_rate (n, 3), m/s. Without
+    noise u is columns (n, 6, s) times x; what noise adds goes on by the transition (n - 1, 6, 6).
     """
 
     nominal: FloatArray
-    observed: FloatArray
     nominal_rate: FloatArray
-    observed_rate: FloatArray
+    columns: FloatArray
     transition: FloatArray
+    span: float
 
-    def moved(self, by: FloatArray, rate: FloatArray) -> "PathProcess":
-        """The process about a nominal path that is moved by (n, 3) in m, with a velocity (n, 3) in m/s."""
-        return replace(self, nominal=self.nominal + by, nominal_rate=self.nominal_rate + rate)
+    @cached_property
+    def drive(self) -> FloatArray:
+        """What a step adds to u beside its transition, (n - 1, 6, s) times x."""
+        return np.asarray(self.columns[1:] - self.transition @ self.columns[:-1])
+
+    def position(self, u: FloatArray) -> FloatArray:
+        """The position (n, 3) in C, m, of states u (n, 6)."""
+        return np.asarray(self.nominal + u[:, :3])
+
+    def velocity(self, u: FloatArray) -> FloatArray:
+        """The velocity (n, 3) in C, m/s, of states u (n, 6)."""
+        return np.asarray(self.nominal_rate + u[:, 3:] / self.span)
 
 
 def at_rest(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArray) -> FloatArray:
@@ -60,38 +68,25 @@ def at_rest(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArra
 def relative_motion(motion: Path, time: FloatArray, x: FloatArray, span: float) -> PathProcess:
     """Relative motion on an orbit, linearised about an exact one with unknowns x (6,).
 
-    u is the deviation (δg, T δġ) in C, T the span in s; its transition follows from the Jacobians of `motion`.
+    The unknowns of the process are the deviation u at the first time; its transition follows from the Jacobians of
+    `motion`.
     """
     place, rate = motion.at(time), motion.rate_at(time)
     whole = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
-    observed, observed_rate = np.eye(3, 6), np.eye(3, 6, 3) / span
-    return PathProcess(
-        place.position(x),
-        np.tile(observed, (len(time), 1, 1)),
-        rate.position(x),
-        np.tile(observed_rate, (len(time), 1, 1)),
-        whole[1:] @ np.linalg.inv(whole[:-1]),
-    )
+    columns, transition = whole @ np.linalg.inv(whole[0]), whole[1:] @ np.linalg.inv(whole[:-1])
+    return PathProcess(place.position(x), rate.position(x), columns, transition, span)
 
 
-def derivatives(size: int, time: FloatArray, origin: FloatArray, span: float) -> PathProcess:
-    """A path in C whose derivatives of order `size` and above are noise or zero; origin (3,) in C, m.
+def free_motion(path: Path, time: FloatArray, origin: FloatArray, span: float) -> PathProcess:
+    """A path that is linear in its unknowns, beside which noise moves it as in free flight; x is zero at the origin.
 
-    u is T^j/j! times the j-th derivative of the position less origin, j < size, T the span in s.
+    origin (3,) in C, m: of a path whose constant term is the first three of its unknowns.
     """
-    steps = np.diff(time) / span
-    transition = np.zeros((len(steps), size, size))
-    for i in range(size):
-        for j in range(i, size):
-            transition[:, i, j] = comb(j, i) * steps ** (j - i)
-    observed, observed_rate = (np.kron(np.eye(1, size, k), np.eye(3)) for k in (0, 1))
-    return PathProcess(
-        np.tile(origin, (len(time), 1)),
-        np.tile(observed, (len(time), 1, 1)),
-        np.zeros((len(time), 3)),
-        np.tile(observed_rate / span, (len(time), 1, 1)),
-        np.kron(transition, np.eye(3)).astype(np.float64),
-    )
+    place, rate = path.at(time), path.rate_at(time)
+    step = np.tile(np.eye(2), (len(time) - 1, 1, 1))
+    step[:, 0, 1] = np.diff(time) / span
+    columns = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
+    return PathProcess(place.offset + origin, rate.offset, columns, np.kron(step, np.eye(3)), span)
 
 
 def span_of(time: FloatArray) -> float:
@@ -99,28 +94,11 @@ def span_of(time: FloatArray) -> float:
     return float(time[-1] - time[0]) or 1.0
 
 
-def white_noise(order: int, time: FloatArray, span: float) -> FloatArray:
-    """Covariance (n - 1, p, p), from frame to frame, of T^j/j! times the j-th derivatives, p = 3 (order + 1).
-
-    The (order + 1)-th derivative is white noise of the density 1 m²/s^(2 order + 1); a fixed point has none. T is the
-    span in s.
-    """
-    steps = np.diff(time) / span
-    noise = np.zeros((len(steps), order + 1, order + 1))
-    if order:
-        variance = span ** (2 * order + 1) / factorial(order) ** 2
-        for i in range(order + 1):
-            for j in range(order + 1):
-                power = 2 * order + 1 - i - j
-                noise[:, i, j] = variance * comb(order, i) * comb(order, j) * steps**power / power
-    return np.asarray(np.kron(noise, np.eye(3)))
-
-
-def turning_noise(time: FloatArray) -> FloatArray:
-    """Covariance (n - 1, 6, 6) of attitude and rate by white acceleration of 1 rad²/s³, from frame to frame."""
+def integrated_noise(time: FloatArray, span: float = 1.0) -> FloatArray:
+    """Covariance (n - 1, 6, 6), from time to time in s, of (a, T ȧ) by white noise ä of density 1, T the span in s."""
     dt = np.diff(time)[:, None, None]
-    noise = np.concatenate([np.concatenate([dt**3 / 3, dt**2 / 2], 2), np.concatenate([dt**2 / 2, dt], 2)], 1)
-    return np.asarray(np.kron(noise, np.eye(3)))
+    top, bottom = np.concatenate([dt**3 / 3, span * dt**2 / 2], 2), np.concatenate([dt**2 / 2, span * dt], 2)
+    return np.asarray(np.kron(np.concatenate([top, span * bottom], 1), np.eye(3)))
 
 
 def gravity_gradient_axis(orbit: Orbit | None, time: FloatArray) -> FloatArray:

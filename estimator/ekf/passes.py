@@ -1,21 +1,19 @@
 """The passes of `ekf`: linearise, choose the process noise, filter and smooth, until the linearisation holds."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import GATE, reweighted
+from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.ekf.bank import DECADES, GENEROUS, Bank, Member
-from baryscope.estimator.ekf.linearised import INERTIA, Linearised, Reference, linearised, moved, points_from
+from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
+from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
 from baryscope.estimator.ekf.motion import gravity_gradient_axis
-from baryscope.estimator.ekf.problem import PRIOR_EXTENTS, ROUNDING, Problem
+from baryscope.estimator.ekf.problem import ROUNDING, Problem
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
@@ -68,7 +66,7 @@ class Pass:
 class Passes:
     """The last of `count` passes, and what follows from it; covariances are averaged only where they are asked for.
 
-    about: what the last pass is linearised about, its nominal path moved by shift (p,).
+    about: what the last pass is linearised about, its nominal path moved by shift (s,).
     """
 
     problem: Problem
@@ -109,17 +107,6 @@ class Passes:
         return moved(self.about, self.solution.state, self.solution.theta)
 
     @cached_property
-    def constant(self) -> float:
-        """The logarithm of the evidence without the misfit."""
-        last, own = self.last, slice(INERTIA, INERTIA + self.about.deviation.shape[1])
-        u, of_u = last.parameters.theta[own], last.variance * last.parameters.covariance[own, own]
-        found = 0.5 * float(np.log(last.prior.information[own]).sum())
-        found += _gain_of_scales(self.problem, self.about.deviation[0] + u, of_u)
-        axes = zip(self.problem.axes(1.0), astuple(last.member), strict=True)
-        found += sum(axis.log_prior(density) for axis, density in axes)
-        return found - 0.5 * last.parameters.log_determinant - float(np.log(self.probability.max()))
-
-    @cached_property
     def _posterior(self) -> tuple[tuple[Member, ...], FloatArray]:
         if self.last.bank is None:
             return (self.last.member,), np.ones(1)
@@ -133,35 +120,23 @@ class Passes:
             return [(last.solution, last.parameters)]
         return solve(last.system, self.problem.noise(self.members, last.noise_variance), last.prior)
 
-    def evidence(self, variance: float) -> float:
-        """Logarithm of the likelihood of all members, with the prior's, for a variance of an observation of weight 1.
-
-        An outlier costs as much as an observation at the gate, so that solutions with other outliers can be compared.
-        """
-        weight = self.last.observations.weight
-        rejected = float((1 - weight[weight > 0]).sum())
-        return self.constant - 0.5 * (self.last.parameters.squares / variance + GATE * rejected)
-
 
 def passes(problem: Problem) -> Passes:
     """Passes until the linearisation holds, the first with generous process noise, and the mean over the bank."""
     start, time = problem.start, problem.start.nodes.time
     axis = gravity_gradient_axis(start.rotation.orbit, time)
-    size = 3 * (problem.order + 1)
-    shift = np.zeros(size)
-    path = problem.process(shift)
-    still = np.zeros((len(time), size))
-    inertia = of_a_body(start.rotation.inertia)
-    reference = Reference(path, still, start.attitude, start.rate, inertia, start.points, axis)
+    shift, still = np.zeros(problem.path.size), np.zeros((len(time), 6))
+    path, inertia = problem.process(shift), of_a_body(start.rotation.inertia)
+    reference = Reference(path, shift, still, start.attitude, start.rate, inertia, start.points, axis)
     observations = problem.measured.weighted(start.weight)
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
     count = 1
     while count < MAX_PASSES and not last.final:
         reference = last.after
-        if problem.motion is not None:
-            shift = shift + reference.deviation[0]
-            reference = replace(reference, path=problem.process(shift), deviation=still)
+        if problem.on_orbit:
+            shift = shift + reference.x
+            reference = replace(reference, path=problem.process(shift), x=np.zeros_like(shift), deviation=still)
         last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
         count += 1
     return Passes(problem, reference, shift, last, count)
@@ -177,7 +152,7 @@ def _pass(
 ) -> Pass:
     """A pass; the noise of the first is generous, that of the others from a bank around the last one's."""
     system = linearised(reference, problem.start.nodes, observations)
-    prior = problem.prior(reference, reference.deviation[0] + shift, variance)
+    prior = problem.prior(reference, reference.x + shift, variance)
     dof = problem.dof(observations)
     axes, bank = problem.axes(variance), None
     member = Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
@@ -186,7 +161,8 @@ def _pass(
     elif last is not None:
 
         def scores(members: Sequence[Member]) -> FloatArray:
-            return log_likelihoods(system, problem.noise(members, variance), prior, dof + shift.size, problem.sigma)
+            values = dof + problem.weakly_known
+            return log_likelihoods(system, problem.noise(members, variance), prior, values, problem.sigma)
 
         bank = Bank(*axes, scores)
         member = bank.best(last.bank.scaled(last.member, variance / last.noise_variance) if last.bank else None)
@@ -203,7 +179,7 @@ def _pass(
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
     seen = observations.position - after.seen_at(problem.start.nodes)
     squares = observations.weight * observations.squares(seen)
-    turn = np.linalg.norm(solution.state[system.seen, shift.size : shift.size + 3], axis=1)
+    turn = np.linalg.norm(solution.state[system.seen, TURN], axis=1)
     rough = bank is None or float(np.median(turn)) > ROUGH_TURN  # the residuals do not tell outliers yet
     weight = observations.weight if rough else reweighted(squares, observations.weight, dof, problem.floor)
     changed = float(np.vdot(squares, weight / np.where(observations.weight > 0, observations.weight, 1.0) - 1))
@@ -233,14 +209,14 @@ def _bounded(problem: Problem, reference: Reference, solution: Solution) -> Floa
     Raises:
         ComputationError: they are not finite.
     """
-    state, p = solution.state.copy(), reference.deviation.shape[1]
-    turn, rate = state[:, p : p + 3], reference.rate + state[:, p + 3 :]
+    state = solution.state.copy()
+    turn, rate = state[:, TURN], reference.rate + state[:, RATE]
     if not (np.isfinite(state).all() and np.isfinite(solution.theta).all()):
         raise diverged()
     most = MAX_RATE_RATIO * float(np.linalg.norm(problem.start.rate, axis=1).max())
     turn *= np.minimum(1.0, MAX_TURN / np.maximum(np.linalg.norm(turn, axis=1), 1e-300))[:, None]
     rate *= np.minimum(1.0, most / np.maximum(np.linalg.norm(rate, axis=1), 1e-300))[:, None]
-    state[:, p + 3 :] = rate - reference.rate
+    state[:, RATE] = rate - reference.rate
     return state
 
 
@@ -254,15 +230,14 @@ def _renewed(problem: Problem, last: Pass) -> Observations:
 
 def _is_linear(problem: Problem, reference: Reference, solution: Solution, variance: float) -> bool:
     """Whether terms of second order are small: of turns times points, and of rate and inertia over the time span."""
-    p = reference.deviation.shape[1]
-    turn = float(np.linalg.norm(solution.state[:, p : p + 3], axis=1).max())
-    rate = float(np.linalg.norm(solution.state[:, p + 3 :], axis=1).max())
+    turn = float(np.linalg.norm(solution.state[:, TURN], axis=1).max())
+    rate = float(np.linalg.norm(solution.state[:, RATE], axis=1).max())
     inertia = float(np.linalg.norm(solution.theta[:INERTIA]))
-    points = float(np.abs(solution.theta[points_from(p) - 1 :]).max())
+    points = float(np.abs(solution.theta[points_in(len(reference.x))]).max())
     speed = float(np.linalg.norm(reference.rate, axis=1).max())
     radius = float(np.linalg.norm(reference.points, axis=1).max())
     error = turn * (turn * radius + points) + radius * problem.span * inertia * (rate + speed * inertia)
-    least = float(_position_variance(reference, solution).min())
+    least = float(_position_variance(solution).min())
     return bool(error < TOLERANCE * np.sqrt(max(variance * least, 0.0)) + ROUNDING * radius)
 
 
@@ -271,26 +246,9 @@ def _has_stayed(problem: Problem, after: Reference, solution: Solution, variance
     if last is None or last.bank is None:
         return False
     squares = np.sum((after.origin - last.after.origin) ** 2, axis=1)
-    return bool(np.all(squares <= TOLERANCE**2 * variance * _position_variance(after, solution) + problem.floor))
+    return bool(np.all(squares <= TOLERANCE**2 * variance * _position_variance(solution) + problem.floor))
 
 
-def _position_variance(reference: Reference, solution: Solution) -> FloatArray:
+def _position_variance(solution: Solution) -> FloatArray:
     """The sum (n,) of the variances of the position's coordinates, in the units of the weights."""
-    H, p = reference.path.observed, reference.deviation.shape[1]
-    return np.asarray(np.einsum("kip,kpq,kiq->k", H, solution.of_state[:, :p, :p], H, optimize=True))
-
-
-def _gain_of_scales(problem: Problem, u: FloatArray, covariance: FloatArray) -> float:
-    """The gain of log-evidence when derivatives from the second on have a prior of unknown scale, from the given one's.
-
-    The scale's logarithm is uniform, over DECADES of its square. u (p,) at the first time with its covariance (p, p).
-    """
-    gain, first = 0.0, (PRIOR_EXTENTS * max(problem.start.extent, problem.start.radius)) ** 2
-    for block in range(2, problem.order + 1):
-        own = slice(3 * block, 3 * block + 3)
-        density = [
-            multivariate_normal.logpdf(u[own], cov=covariance[own, own] + first * 10.0**-decade * np.eye(3))
-            for decade in range(DECADES)
-        ]
-        gain += float(logsumexp(density)) - float(np.log(DECADES)) - float(density[0])
-    return gain
+    return np.asarray(np.trace(solution.of_state[:, :3, :3], axis1=1, axis2=2))

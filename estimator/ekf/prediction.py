@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baryscope.estimator.dynamics.rotation import too_long
-from baryscope.estimator.ekf.linearised import Linearised, Nodes, Reference, linearised, moved, points_from
+from baryscope.estimator.ekf.linearised import PATH, STATE, Linearised, Nodes, Reference, linearised, moved
 from baryscope.estimator.ekf.motion import gravity_gradient_axis, rotated
 from baryscope.estimator.ekf.passes import Passes
-from baryscope.estimator.ekf.solution import Gaussian, Solution, mixed, solve
+from baryscope.estimator.ekf.solution import Solution, mixed, solve
 from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
 from baryscope.estimator.ekf.start import MAX_NODES, NODE_ANGLE
 from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Widening, carried, point_in_body
@@ -23,13 +23,12 @@ AT_ONCE = 5000  # times, at each of which is a node of the smoother
 
 @dataclass(frozen=True, eq=False)
 class PredictedTumble:
-    """The passes for k orders of the path with their probabilities (k,), and the features' labels.
+    """The passes, and the features' labels.
 
     features: those that are seen, whose axes and centroid body coordinates refer to; wider: what a misfit adds.
     """
 
-    orders: tuple[Passes, ...]
-    probability: FloatArray
+    found: Passes
     labels: tuple[str, ...]
     features: IntArray
     wider: Widening = UNCHANGED
@@ -46,44 +45,37 @@ class PredictedTumble:
             ComputationError: the rotation cannot be followed so far.
         """
         ascending, index = np.unique(time, return_inverse=True)
-        parts = (self._in_parts(one, ascending, point) for one in self.orders)
-        state = Gaussian.mixture(parts, self.probability)
-        end = float(self.orders[0].problem.start.nodes.time[-1])
-        return Prediction.of(time, state.mean[index], self.wider.of_both(state.covariance[index], time - end))
+        parts = [self._part(ascending[k : k + AT_ONCE], point) for k in range(0, len(ascending), AT_ONCE)]
+        mean, covariance = (np.concatenate(values)[index] for values in zip(*parts, strict=True))
+        end = float(self.found.problem.start.nodes.time[-1])
+        return Prediction.of(time, mean, self.wider.of_both(covariance, time - end))
 
-    def _in_parts(self, found: Passes, time: FloatArray, point: Point) -> Gaussian:
-        """The same as `_of_order`, with a bounded memory."""
-        parts = [self._of_order(found, time[k : k + AT_ONCE], point) for k in range(0, len(time), AT_ONCE)]
-        return Gaussian(np.concatenate([p.mean for p in parts]), np.concatenate([p.covariance for p in parts]))
-
-    def _of_order(self, found: Passes, time: FloatArray, point: Point) -> Gaussian:
-        """Position and velocity (n, 6) at ascending times (n,)."""
+    def _part(self, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6) at ascending times (n,), and their covariance (n, 6, 6)."""
+        found = self.found
         nodes, rows, reference = _extended(found, time)
         system, solution = _solved(found, nodes, reference)
         _, attached, least = attached_offset(found, self.features)
         of_offset, growth = spurious_growth(solution, system, found.last.variance, attached, least)
-        p = reference.deviation.shape[1]
-        state, path = solution.state[rows], reference.path
-        observed = np.concatenate([path.observed, path.observed_rate], axis=1)[rows]
-        nominal = np.concatenate([path.nominal, path.nominal_rate], axis=1)[rows]
-        mean = nominal + (observed @ (reference.deviation[rows] + state[:, :p])[:, :, None])[:, :, 0]
-        if point is None:
-            of_path, columns = solution.of_state[rows, :p, :p], observed @ growth[rows, :p]
-            own = observed @ of_path @ np.swapaxes(observed, 1, 2)
-            return Gaussian(mean, own + columns @ np.swapaxes(columns, 1, 2))
         after = moved(reference, solution.state, solution.theta)
+        u, to_si = after.deviation, np.repeat([1.0, 1 / after.path.span], 3)
+        mean = np.concatenate([after.path.position(u), after.path.velocity(u)], axis=1)[rows]
+        if point is None:
+            own, columns = solution.of_state[rows, PATH, PATH], growth[rows, PATH]
+            return mean, (own + columns @ np.swapaxes(columns, 1, 2)) * np.outer(to_si, to_si)
         seen = np.isin(np.arange(len(after.points)), self.features)
         b, by_points = point_in_body(point, self.labels, after.points, seen, self.features)
         arm, by_motion, by_b = carried(after.attitude[rows], after.rate[rows], b)
-        by_both = np.concatenate([observed, by_motion, by_b], axis=2)
-        points = slice(points_from(p) - 1, None)
+        by_path = np.broadcast_to(np.diag(to_si), by_motion.shape)
+        by_both = np.concatenate([by_path, by_motion, by_b], axis=2)
+        points = system.points
         crossed = solution.crossed[rows][:, :, points] @ by_points.T
         of_b = np.broadcast_to(by_points @ solution.of_theta[points, points] @ by_points.T, (len(rows), 3, 3))
         of_both = np.block([[solution.of_state[rows], crossed], [np.swapaxes(crossed, 1, 2), of_b]])
         grown = by_points @ np.tile(np.eye(3), (len(after.points), 1)) @ of_offset
-        columns = by_both[:, :, : p + 6] @ growth[rows] + by_b @ grown
+        columns = by_both[:, :, :STATE] @ growth[rows] + by_b @ grown
         covariance = by_both @ of_both @ np.swapaxes(by_both, 1, 2) + columns @ np.swapaxes(columns, 1, 2)
-        return Gaussian(mean + arm, covariance)
+        return mean + arm, covariance
 
 
 def _extended(found: Passes, time: FloatArray) -> tuple[Nodes, IntArray, Reference]:
@@ -110,7 +102,7 @@ def _extended(found: Passes, time: FloatArray) -> tuple[Nodes, IntArray, Referen
     )
     deviation[known], attitude[known], rate[known] = about.deviation, about.attitude, about.rate
     for k in np.nonzero(before < 0)[0]:
-        deviation[k] = path.transition[k - 1] @ deviation[k - 1]
+        deviation[k] = path.transition[k - 1] @ deviation[k - 1] + path.drive[k - 1] @ about.x
         step = every[k : k + 1] - every[k - 1 : k]
         turned = rotated(attitude[k - 1 : k], rate[k - 1 : k], about.inertia, axis[k - 1 : k], step)
         attitude[k], rate[k] = turned[0][0], turned[1][0]

@@ -8,19 +8,18 @@ import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, path_level, turn_level
+from baryscope.estimator.dynamics.paths import FIXED, Path
+from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
-from baryscope.estimator.ekf.linearised import INERTIA, Reference, points_from
+from baryscope.estimator.ekf.linearised import INERTIA, PATH, STATE, Reference
 from baryscope.estimator.ekf.motion import (
     PathProcess,
     at_rest,
-    derivatives,
+    free_motion,
+    integrated_noise,
     logarithm_of_inertia,
     relative_motion,
     span_of,
-    turning_noise,
-    white_noise,
 )
 from baryscope.estimator.ekf.solution import Prior
 from baryscope.estimator.ekf.start import Start, unit_of
@@ -38,19 +37,23 @@ ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rou
 class Problem:
     """What is to be solved.
 
-    measured: observations; order of the noisy derivative of the path; motion: the relative motion on an orbit, of six
-    unknowns, None for a polynomial; rounds: told of each pass; thrusted: a polynomial with the response to a known
-    acceleration, None without.
+    measured: observations; path without noise; on_orbit: whether it is a motion there, of six unknowns; theta (h,): the
+    hyperparameters of its prior; rounds: told of each pass.
     """
 
     tracks: FeatureTracks
     options: PathOptions
     measured: Observations
     start: Start
-    order: int
-    motion: Path | None
+    path: Path
+    on_orbit: bool
+    theta: FloatArray
     rounds: Rounds
-    thrusted: Path | None = None
+
+    @property
+    def slips(self) -> bool:
+        """Whether the path's noise is one of the position of a fixed point, instead of its acceleration."""
+        return self.path.name == FIXED
 
     @property
     def span(self) -> float:
@@ -80,31 +83,27 @@ class Problem:
 
     def noise_units_at(self, time: FloatArray) -> FloatArray:
         """The same between times (n,) in s."""
-        p = 3 * (self.order + 1)
-        units = np.zeros((len(time) - 1, 2, p + 6, p + 6))
-        units[:, 0, :p, :p] = white_noise(self.order, time, self.span)
-        units[:, 1, p:, p:] = turning_noise(time)
+        units = np.zeros((len(time) - 1, 2, STATE, STATE))
+        units[:, 0, PATH, PATH] = integrated_noise(time, self.span)
+        units[:, 1, 6:, 6:] = integrated_noise(time)
         return units
 
     def process(self, shift: FloatArray, time: FloatArray | None = None) -> PathProcess:
-        """The path's process about a nominal motion: at first in the features' centroid, then moved.
+        """The path's process about a nominal motion: at first in the features' centroid; on an orbit it is moved.
 
-        shift (p,): of the state u at the first node; time (n,) in s, the nodes' if None.
+        shift (s,): of the unknowns x; time (n,) in s, the nodes' if None.
         """
         own = self.start.nodes.time
         time = own if time is None else time
-        if self.motion is not None:
-            return relative_motion(self.motion, time, at_rest(self.motion, own, self.start.centroid, shift), self.span)
-        found = derivatives(self.order + 1, time, self.start.centroid, self.span)
-        if self.thrusted is None:
-            return found
-        return found.moved(self.thrusted.at(time).offset, self.thrusted.rate_at(time).offset)
+        if self.on_orbit:
+            return relative_motion(self.path, time, at_rest(self.path, own, self.start.centroid, shift), self.span)
+        return free_motion(self.path, time, self.start.centroid, self.span)
 
     def noise(self, members: Sequence[Member], variance: float) -> ProcessNoise:
         """The process noise of members, relative to the variance of an observation."""
         density = np.array([[member.path, member.turn] for member in members]) / variance
         shift = np.zeros(len(members))
-        if self.order == 0:
+        if self.slips:
             shift, density[:, 0] = density[:, 0].copy(), 0.0
         return ProcessNoise(self.noise_units, density, shift)
 
@@ -112,8 +111,8 @@ class Problem:
         """The hypotheses for path and rotation, for this variance of an observation."""
         metres, start = variance * self.unit, self.start
         return (
-            Axis(path_level(self.order, metres, self.span), self.options.process_noise),
-            Axis(turn_level(metres, start.radius, self.span), self.options.torque_noise),
+            Axis(metres if self.slips else level_of(metres, self.span), self.options.process_noise),
+            Axis(level_of(metres / start.radius**2, self.span), self.options.torque_noise),
         )
 
     def first_torque(self, axis: Axis) -> float:
@@ -126,21 +125,32 @@ class Problem:
         return max(axis.at(GENEROUS), 3 * FREE_TURN**2 / step**3)
 
     def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
-        """The prior about a reference; shift (p,): of its first state from the features' centroid."""
-        p, m = 3 * (self.order + 1), self.start.weight.shape[1]
-        size = points_from(p) - 1 + 3 * m
-        mean, information = np.zeros(size), np.zeros(size)
-        mean[:INERTIA] = -logarithm_of_inertia(reference.inertia)
-        information[:INERTIA] = variance / PRIOR_INERTIA_DEVIATION**2
-        extent = np.repeat([self.start.radius, *[max(self.start.extent, self.start.radius)] * self.order], 3)
-        information[INERTIA : INERTIA + p] = variance * self.unit / (PRIOR_EXTENTS * extent) ** 2
-        mean[INERTIA : INERTIA + p] = -shift
+        """The prior about a reference; shift (s,): of its path's unknowns from those in the features' centroid."""
         unseen = ~(self.start.weight > 0).any(axis=0)
-        information[points_from(p) - 1 :] = np.repeat(np.where(unseen, 1.0, 0.0), 3)
-        return Prior(mean, information)
+        information = [
+            np.full(INERTIA, variance / PRIOR_INERTIA_DEVIATION**2),
+            variance * self.unit * self._path_information,
+            np.zeros(3),
+            np.repeat(np.where(unseen, 1.0, 0.0), 3),
+        ]
+        before = [-logarithm_of_inertia(reference.inertia), -shift, np.zeros(3 + 3 * len(unseen))]
+        return Prior(np.concatenate(before), np.concatenate(information))
+
+    @cached_property
+    def _path_information(self) -> FloatArray:
+        """That of the prior of the path's unknowns (s,), 1/m²: its own, or a weak one of place and extent."""
+        start, prior = self.start, self.path.prior
+        weak = np.full(self.path.size, max(start.extent, start.radius))
+        weak[:3] = start.radius
+        return np.where(prior.free, (PRIOR_EXTENTS * weak) ** -2.0, prior.precision(self.theta))
 
     def dof(self, observations: Observations) -> float:
-        """Values less unknowns."""
+        """Values less unknowns without a prior of their own."""
         seen = np.count_nonzero(observations.weight.max(axis=0, initial=0.0) > NEGLIGIBLE)
-        unknowns = points_from(3 * (self.order + 1)) - 1 + 3 * seen
+        unknowns = INERTIA + self.weakly_known + 3 + 3 * seen
         return max(3 * float(observations.weight.sum()) - unknowns, 1.0)
+
+    @property
+    def weakly_known(self) -> int:
+        """The number of the path's unknowns that have a weak prior only."""
+        return int(self.path.prior.free.sum())

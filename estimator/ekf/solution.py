@@ -1,12 +1,11 @@
 """The solution of the linearised problem for one or several process noises: parameters, states, likelihood."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from baryscope.estimator.ekf.filter import Forward, ProcessNoise, filtered, smoothed
-from baryscope.estimator.ekf.linearised import Linearised
+from baryscope.estimator.ekf.linearised import TURN, Linearised
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError, Reason
 
@@ -117,7 +116,6 @@ def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[S
     """The solutions of all members."""
     n, (d, c), k = len(system.observed), system.first.shape, len(noise.density)
     at_once = max(1, int(MEMORY / (8.0 * n * 4 * d * (c + d))))
-    turn = slice(system.path_size, system.path_size + 3)
     found = []
     for begin in range(0, k, at_once):
         part = noise.of(slice(begin, begin + at_once))
@@ -129,27 +127,11 @@ def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[S
             by_theta, own = state[:, member, :, 1:], covariance[:, member]
             crossed = by_theta @ of_theta
             mean = state[:, member, :, 0] + by_theta @ theta
-            off = by_theta[:, turn] - by_theta[system.seen, turn].mean(axis=0)
-            spread = own[:, turn, turn] + off @ of_theta @ np.swapaxes(off, 1, 2)
+            off = by_theta[:, TURN] - by_theta[system.seen, TURN].mean(axis=0)
+            spread = own[:, TURN, TURN] + off @ of_theta @ np.swapaxes(off, 1, 2)
             own = own + crossed @ np.swapaxes(by_theta, 1, 2)
             found.append((Solution(theta, of_theta, mean, own, crossed, spread), parameters))
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class Gaussian:
-    """Vectors by their mean (..., c) and covariance (..., c, c)."""
-
-    mean: FloatArray
-    covariance: FloatArray
-
-    @classmethod
-    def mixture(cls, parts: Iterable["Gaussian"], weight: FloatArray) -> "Gaussian":
-        """The mean and covariance of a mixture of k parts with probabilities (k,)."""
-        means, covariances = (np.array(each) for each in zip(*((p.mean, p.covariance) for p in parts), strict=True))
-        mean = np.tensordot(weight, means, 1)
-        off = means - mean
-        return cls(mean, np.tensordot(weight, covariances + off[..., :, None] * off[..., None, :], 1))
 
 
 def mixed(solutions: list[Solution], weight: FloatArray, variance: FloatArray) -> Solution:

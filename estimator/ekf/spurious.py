@@ -3,7 +3,7 @@
 import numpy as np
 
 from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
-from baryscope.estimator.ekf.linearised import Linearised, points_from
+from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.solution import Solution
 from baryscope.estimator.geometry.gauge import offset_by_points
@@ -40,7 +40,7 @@ def spurious_growth(
         columns A (3, 3) of d and B (n, d, 3) of the states: their covariances grow by A Aᵀ and B Bᵀ.
     """
     n, d = solution.state.shape
-    points = slice(points_from(system.path_size) - 1, None)
+    points = system.points
     offset = attached @ solution.of_theta[points, points] @ attached.T
     crossed = (solution.crossed[:, :, points] @ attached.T).reshape(n * d, 3).T
     position = system.information[:, :3, :3] / variance

@@ -1,6 +1,6 @@
 """The reference motion that the first pass of `ekf` is linearised about, from a registration of all frames.
 
-If the observations have covariances, the registered attitudes are refined by `pivot` first.
+If there is a solution of `pivot`, the registered attitudes are refined by it first.
 
 A free tumble is fitted to the registered attitudes, as in `ml`. Where it does not follow them, it is turned to them:
 by the mean rotation between nearby frames' registered and fitted attitudes.
@@ -17,8 +17,7 @@ from baryscope.estimator.dynamics.rotation import Rotation, too_long
 from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
-from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.method import solve_pivot
+from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
@@ -28,7 +27,6 @@ from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 
 MIN_FRAMES = 4  # with an attitude
-START_PATH = "polynomial:5"  # of the least squares that attitudes start from
 NODE_ANGLE = 0.3  # rad that the target turns between nodes
 MAX_NODES, NODES_PER_FRAME = 10_000, 4  # more would take minutes
 
@@ -59,14 +57,13 @@ class Start:
 def starts(
     tracks: FeatureTracks,
     measured: Observations,
-    orbit: Orbit | None,
-    options: PathOptions,
+    solved: Pivot | None,
     torques: tuple[Orbit | None, ...],
 ) -> Iterator[Start]:
     """Initial motions, each for when the one before leads nowhere.
 
-    The gravity gradient is that of the one of `torques` that fits best. measured: all observations; orbit, options:
-    those of the estimate.
+    The gravity gradient is that of the one of `torques` that fits best. measured: all observations; solved: the
+    solution of `pivot` to start from, unless it leads nowhere.
 
     Raises:
         ComputationError: the tracks determine no attitude or no rate, or the target turns too often.
@@ -79,7 +76,7 @@ def starts(
             f"attitudes are seen in {counted(frames, 'frame')}, {MIN_FRAMES} are needed for a rate",
             Reason.TOO_FEW_FRAMES,
         )
-    refined = None if measured.precision is None else _refined(tracks, registered, orbit, options, torques)
+    refined = None if solved is None else _refined(tracks, registered, solved, torques)
     if refined is not None:
         yield _start(tracks, *refined)
     observations = measured.weighted(np.where(inliers, 1.0, 0.0))
@@ -120,19 +117,14 @@ def _noise(registered: Registered) -> float:
 def _refined(
     tracks: FeatureTracks,
     registered: Registered,
-    orbit: Orbit | None,
-    options: PathOptions,
+    found: Pivot,
     torques: tuple[Orbit | None, ...],
 ) -> tuple[Tumble, Registered, Observations] | None:
     """The tumble of attitudes of weighted least squares, by `pivot`, the bodies, and observations with its weights.
 
-    None if it does not explain them. A registration weighs all points alike, and so its attitudes are noisier than the
-    observations' covariances tell.
+    None if it does not explain them.
     """
     try:
-        path = options.trajectory or (START_PATH if orbit is None else None)
-        chosen = PathOptions(trajectory=path, process_noise="none", acceleration=options.acceleration)
-        found = solve_pivot(tracks, orbit, chosen)
         tumble = fit_tumble(found.bodies, found.observations, found.variance, tracks.time, torques)
     except ComputationError:
         return None

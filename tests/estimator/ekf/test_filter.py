@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.ekf.filter import ProcessNoise, filtered, smoothed
-from baryscope.estimator.ekf.linearised import INERTIA, Linearised, points_from
+from baryscope.estimator.ekf.linearised import INERTIA, Linearised, points_in
 from baryscope.estimator.ekf.solution import Prior, log_likelihoods, mixed, solve
 
-N, P, D, C = 7, 6, 12, points_from(6) + 3
+N, P, D, C = 7, 6, 12, points_in(6).start + 1 + 3
 
 
 def positive(rng, *shape):
@@ -20,7 +20,7 @@ def case():
     """A random system with its measurements z = G s + X θ of information Λ, one node without."""
     rng = np.random.default_rng(0)
     transition = np.eye(D) + 0.3 * rng.normal(size=(N - 1, D, D))
-    drive = rng.normal(size=(N - 1, D, 1 + INERTIA))
+    drive = rng.normal(size=(N - 1, D, 1 + INERTIA + P))
     first = np.zeros((D, C))
     first[:, : D + 6] = rng.normal(size=(D, D + 6))
     observed = rng.normal(size=(N, 6, D))
@@ -47,7 +47,7 @@ def dense(case, noise, member):
     for k in range(N - 1):
         F = case.transition[k]
         states[k + 1] = F @ states[k]
-        states[k + 1, :, : 1 + INERTIA] += case.drive[k]
+        states[k + 1, :, : 1 + INERTIA + P] += case.drive[k]
         covariance[k + 1, :, : k + 1] = np.einsum("ij,jnk->ink", F, covariance[k, :, : k + 1])
         covariance[: k + 1, :, k + 1] = np.transpose(covariance[k + 1, :, : k + 1], (1, 2, 0))
         Q = np.tensordot(noise.density[member], noise.units[k], 1)

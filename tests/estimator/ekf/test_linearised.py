@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.ekf.linearised import Nodes, Reference, linearised, moved, points_from
-from baryscope.estimator.ekf.motion import derivatives
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.ekf.linearised import Nodes, Reference, linearised, moved, points_in
+from baryscope.estimator.ekf.motion import free_motion
 from synthetic import ENVISAT, attitude, box_features
 
 
@@ -22,7 +23,8 @@ def case(request):
     time = np.arange(8.0)
     R, points = attitude(ENVISAT, np.array([0.06, 0.01, 0.01]), time), box_features(6, (10, 5, 5), seed=3)
     reference = Reference(
-        derivatives(2, time, np.array([4.0, -19.0, 3.0]), 7.0),
+        free_motion(Polynomial(2, 0.0, 7.0), time, np.array([4.0, -19.0, 3.0]), 7.0),
+        rng.normal(size=9),
         rng.normal(size=(8, 6)),
         R,
         np.tile([0.06, 0.01, 0.01], (8, 1)),
@@ -49,8 +51,8 @@ def test_the_quadratic_cost_is_that_of_moved_points_and_poses(case):
     reference, nodes, observations = case
     system = linearised(reference, nodes, observations)
     rng = np.random.default_rng(1)
-    state, theta = rng.normal(size=(8, 12)), np.zeros(points_from(6) - 1 + 18)
-    theta[points_from(6) - 1 :] = rng.normal(size=18)
+    state, theta = rng.normal(size=(8, 12)), np.zeros(points_in(9).start + 18)
+    theta[points_in(9)] = rng.normal(size=18)
     errors = []
     for step in (1e-3, 1e-4):
         s, y = step * state, np.concatenate([[1.0], step * theta])
@@ -64,10 +66,15 @@ def test_the_quadratic_cost_is_that_of_moved_points_and_poses(case):
 
 
 def test_the_drive_is_what_the_reference_departs_from_its_motion(case):
-    """The reference is a motion of constant rate, and its path has random deviations."""
+    """The reference is a motion of constant rate, and its path has random unknowns and deviations.
+
+    A parabola x₂ T₂ of 7 s has the acceleration 16/7² x₂, which moves it by half of that in the first second.
+    """
     reference, nodes, observations = case
     system = linearised(reference, nodes, observations)
-    expected = reference.path.transition[0] @ reference.deviation[0] - reference.deviation[1]
+    acceleration = 16 / 7**2 * reference.x[6:]
+    driven = np.concatenate([acceleration / 2, 7 * acceleration])
+    expected = reference.path.transition[0] @ reference.deviation[0] + driven - reference.deviation[1]
     np.testing.assert_allclose(system.drive[0, :6, 0], expected)
     J, w = ENVISAT, np.array([0.06, 0.01, 0.01])
     np.testing.assert_allclose(system.drive[0, 9:, 0], np.linalg.solve(J, -np.cross(w, J @ w)), rtol=0.05)

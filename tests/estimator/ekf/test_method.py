@@ -1,14 +1,12 @@
 """The iterated extended Kalman filter on tracks that are simulated without any of its models."""
 
-from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
-from baryscope.estimator.ekf import method
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
@@ -16,7 +14,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import ComputationError, InputError, Reason
+from baryscope.models.errors import ComputationError, InputError
 from synthetic import ENVISAT, Case, Orbit, attitude, box_features, make_case
 
 FAST, SLOW = (3.38, 0.45, 0.77), (1.0, 0.3, 0.5)  # °/s
@@ -80,7 +78,7 @@ def test_agrees_with_the_estimate_of_ml(tracked, rates):
         assert found.predicted_rmse == pytest.approx(deviation, rel=0.05)
         assert found.converged
         chosen = found.details
-        assert (chosen.order, chosen.process_noise, chosen.torque_noise, chosen.gravity_gradient) == (1, 0, 0, False)
+        assert (chosen.process_noise, chosen.torque_noise, chosen.gravity_gradient) == (0, 0, False)
         assert found.details.nis == pytest.approx(1.0)
         assert found.noise.a_posteriori == pytest.approx(0.02, rel=0.05)
         moments = np.linalg.eigvalsh(chosen.inertia)
@@ -142,11 +140,11 @@ def test_a_feature_that_jumps_does_no_harm(tracked):
     assert normalised(found, case) < 5 * 3
 
 
-def test_an_unknown_path_has_its_order_chosen_and_is_smoothed(tracked):
+def test_an_unknown_path_is_smoothed(tracked):
     case = tracked(seed=3)
     found = run(case, orbit=None)
     assert found.converged
-    assert found.path == f"polynomial:{found.details.order}"
+    assert found.path == "polynomial"
     assert normalised(found, case) < 3 * 3
     # The filter's standard deviation at the end exceeds that of the smoothed path in the middle.
     assert np.sqrt(np.trace(found.details.final_covariance)) > np.sqrt(np.trace(found.covariance[100]))
@@ -305,38 +303,6 @@ def test_insufficient_first_frames_are_refused_in_one_sentence(tracked):
         estimate(tracks, method="ekf", options=PathOptions(torque="gravity-gradient"))
     with pytest.raises(InputError, match="expected fixed, polynomial"):
         estimate(tracks, method="ekf", options=PathOptions(trajectory="parabola"))
-
-
-@pytest.mark.parametrize(
-    ("evidence", "tried", "kept"),
-    [
-        ((0.0, -11.0, -30.0, 50.0, 0.0), 3, [0.0]),
-        ((0.0, -11.0, 30.0, 32.0, None), 5, [32.0, 30.0]),
-        ((None, None, None, 3.0, 0.0), 5, [3.0, 0.0]),
-    ],
-)
-def test_orders_of_the_path_are_tried_until_two_are_far_behind(monkeypatch, evidence, tried, kept):
-    """None: the passes of that order diverge."""
-    counted = []
-
-    @dataclass(frozen=True, eq=False)
-    class Found:
-        problem: float
-        converged: bool = True
-        last: SimpleNamespace = field(default_factory=lambda: SimpleNamespace(variance=1.0))
-
-        def evidence(self, variance):
-            return self.problem * variance
-
-    def passes(value):
-        counted.append(value)
-        if value is None:
-            raise ComputationError("diverges", Reason.DIVERGED)
-        return Found(value)
-
-    monkeypatch.setattr(method, "passes", passes)
-    assert [one.problem for one in method._converged(list(evidence))] == kept
-    assert len(counted) == tried
 
 
 @pytest.mark.parametrize("on_orbit", [False, True])

@@ -5,15 +5,15 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
 from baryscope.estimator.ekf.motion import (
     ROTATION,
     changed_inertia,
-    derivatives,
+    free_motion,
+    integrated_noise,
     logarithm_of_inertia,
     rotated,
-    turning_noise,
-    white_noise,
 )
 from synthetic import ENVISAT, attitude
 
@@ -64,23 +64,36 @@ def test_the_logarithm_of_an_inertia_leads_to_a_sphere():
     np.testing.assert_allclose(expected / np.trace(expected), np.diag([0.2, 0.35, 0.45]), atol=1e-12)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_white_noise_of_unit_density(order):
-    """The position's variance after T: ∫ ((T − t)^order / order!)² dt."""
+def test_white_noise_of_unit_density():
+    """The position's variance after 15 s: ∫ (15 − t)² dt; that of the velocity is 15."""
     time = np.array([0.0, 3.0, 4.0, 9.0, 15.0])
-    process, noise = derivatives(order + 1, time, np.zeros(3), 15.0), white_noise(order, time, 15.0)
+    process, noise = free_motion(Polynomial(1, 0.0, 15.0), time, np.zeros(3), 15.0), integrated_noise(time, 15.0)
     covariance = np.zeros_like(noise[0])
     for transition, added in zip(process.transition, noise, strict=True):
         covariance = transition @ covariance @ transition.T + added
-    t = (np.arange(1000) + 0.5) * 0.015
-    factorial = np.prod(np.arange(1, order + 1))
-    expected = np.sum(((15.0 - t) ** order / factorial) ** 2) * 0.015
-    np.testing.assert_allclose(covariance[:3, :3], expected * np.eye(3), rtol=1e-5, atol=1e-9 * expected)
+    np.testing.assert_allclose(covariance[:3, :3], 15.0**3 / 3 * np.eye(3), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(covariance[3:, 3:] / 15.0**2, 15.0 * np.eye(3), rtol=1e-12, atol=1e-9)
 
 
-def test_turning_noise_adds_up_over_steps():
+@pytest.mark.parametrize("degree", [0, 1, 4])
+def test_a_path_without_noise_is_its_polynomial(degree):
+    """Step by step, with what drives it: position and velocity of a power series, whatever the basis."""
+    time, rng = np.array([0.0, 3.0, 4.0, 9.0, 15.0]), np.random.default_rng(5)
+    path, origin = Polynomial(degree, 0.0, 15.0), np.array([4.0, -19.0, 3.0])
+    process, x = free_motion(path, time, origin, 15.0), rng.normal(size=3 * (degree + 1))
+    u = [process.columns[0] @ x]
+    for transition, drive in zip(process.transition, process.drive, strict=True):
+        u.append(transition @ u[-1] + drive @ x)
+    expected = [np.polynomial.Chebyshev(x[axis::3], domain=[0.0, 15.0]) for axis in range(3)]
+    place = np.column_stack([one(time) for one in expected]) + origin
+    np.testing.assert_allclose(process.position(np.array(u)), place, rtol=1e-12)
+    speed = np.column_stack([one.deriv()(time) for one in expected])
+    np.testing.assert_allclose(process.velocity(np.array(u)), speed, rtol=1e-11, atol=1e-12)
+
+
+def test_integrated_noise_adds_up_over_steps():
     """Of a body at rest: ∫ of (T − t, 1) (T − t, 1)ᵀ over 5 s, in one step and in two."""
-    one, two = turning_noise(np.array([0.0, 5.0]))[0], turning_noise(np.array([0.0, 2.0, 5.0]))
+    one, two = integrated_noise(np.array([0.0, 5.0]))[0], integrated_noise(np.array([0.0, 2.0, 5.0]))
     F = np.kron([[1.0, 3.0], [0.0, 1.0]], np.eye(3))
     np.testing.assert_allclose(F @ two[0] @ F.T + two[1], one, rtol=1e-12)
     np.testing.assert_allclose(one[[0, 0, 3], [0, 3, 3]], [125 / 3, 25 / 2, 5.0])
