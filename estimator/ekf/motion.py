@@ -86,7 +86,8 @@ def free_motion(path: Path, time: FloatArray, origin: FloatArray, span: float) -
     step = np.tile(np.eye(2), (len(time) - 1, 1, 1))
     step[:, 0, 1] = np.diff(time) / span
     columns = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
-    return PathProcess(place.offset + origin, rate.offset, columns, np.kron(step, np.eye(3)), span)
+    transition = np.asarray(np.kron(step, np.eye(3)), dtype=np.float64)
+    return PathProcess(place.offset + origin, rate.offset, columns, transition, span)
 
 
 def span_of(time: FloatArray) -> float:

@@ -126,7 +126,7 @@ class Problem:
 
     def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
         """The prior about a reference; shift (s,): of its path's unknowns from those in the features' centroid."""
-        unseen = ~(self.start.weight > 0).any(axis=0)
+        unseen = np.asarray(~(self.start.weight > 0).any(axis=0))
         information = [
             np.full(INERTIA, variance / PRIOR_INERTIA_DEVIATION**2),
             variance * self.unit * self._path_information,
