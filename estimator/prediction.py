@@ -1,8 +1,8 @@
-"""Position and velocity of the centre of mass, or of a point of the body, at any time: in gaps and ahead.
+"""Position and velocity of the centre of mass, or of a point of the body, at any time: before, in gaps and ahead.
 
 A predictor holds the posterior of all unknowns together: those of the rotation and of the path, u, and the points,
 whose deviation for a change δu is −N δu beside an own one. A point b of the body is at g(t) + R(t) b. Its velocity is
-ġ + R (ω × b). After the last observation, process and torque noise add what they cause from there.
+ġ + R (ω × b). Before the first observation and after the last, process and torque noise add what they cause from there.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
-from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
@@ -54,7 +54,7 @@ class Prediction:
 class Widening:
     """What a misfit adds to covariances: a factor on them, and variances of each coordinate of position and velocity.
 
-    variance in m², of the velocity in (m/s)², which grows to a distance after the last observation.
+    variance in m², of the velocity in (m/s)², which grows to a distance away from the observations.
     """
 
     factor: float = 1.0
@@ -74,14 +74,13 @@ class Widening:
         """A covariance (..., 3, 3) of velocities in (m/s)², widened."""
         return np.asarray(self.factor * covariance + self.velocity * np.eye(3))
 
-    def of_both(self, covariance: FloatArray, ahead: FloatArray) -> FloatArray:
-        """A covariance (n, 6, 6) of position and velocity, widened, at times ahead (n,) of the last frame, s."""
-        later = np.maximum(ahead, 0.0)
+    def of_both(self, covariance: FloatArray, beyond: FloatArray) -> FloatArray:
+        """A covariance (n, 6, 6) of position and velocity, widened, at times (n,) beyond the tracks, see `beyond`."""
         found = self.factor * covariance
         axes = np.arange(3)
-        found[:, axes, axes] += (self.variance + self.velocity * later**2)[:, None]
-        found[:, axes, axes + 3] += (self.velocity * later)[:, None]
-        found[:, axes + 3, axes] += (self.velocity * later)[:, None]
+        found[:, axes, axes] += (self.variance + self.velocity * beyond**2)[:, None]
+        found[:, axes, axes + 3] += (self.velocity * beyond)[:, None]
+        found[:, axes + 3, axes] += (self.velocity * beyond)[:, None]
         found[:, axes + 3, axes + 3] += self.velocity
         return found
 
@@ -132,7 +131,8 @@ class PredictedPath:
                 "point: pivot has attitudes in its frames only, not between and after them, expected ml or ekf"
             )
         state, covariance = _by_chunks(self._chunk, time)
-        return Prediction.of(time, state, self.wider.of_both(covariance + self.added(time), time - self.end))
+        wider = self.wider.of_both(covariance + self.added(time), beyond(time, self.begin, self.end))
+        return Prediction.of(time, state, wider)
 
     def _chunk(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6), and their covariance (n, 6, 6) by that of x."""
@@ -146,8 +146,8 @@ class PredictedPath:
         return state, np.concatenate([place.jacobian, rate.jacobian], axis=1)
 
     def added(self, time: FloatArray) -> FloatArray:
-        """The covariance (n, 6, 6) of what the tracks do not tell: noise after the last one, and of higher modes."""
-        grown = path_growth(self.path, self.density, self.end, time)
+        """The covariance (n, 6, 6) of what the tracks do not tell: noise before and after them, and of higher modes."""
+        grown = path_growth(self.path, self.density, self.begin, self.end, time)
         noise = noise_in(self.path)
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
@@ -206,16 +206,18 @@ class PredictedBody:
         seen = np.diag(own_covariance)[::3] > 0
         b, by_points = point_in_body(point, self.labels, self.points, seen, self.attached)
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
-        state, covariance = _by_chunks(lambda part: self._chunk(part, b, by_unknowns, own), time)
-        covariance = covariance + self._grown(time, b)
-        return Prediction.of(time, state, self.path.wider.of_both(covariance, time - self.path.end))
+        motion = self.rotation.at(np.array([time.min(), time.max()]))
+        state, covariance = _by_chunks(lambda part: self._chunk(motion.at(part), b, by_unknowns, own), time)
+        covariance = covariance + self._grown(motion.at(time), b)
+        away = beyond(time, self.path.begin, self.path.end)
+        return Prediction.of(time, state, self.path.wider.of_both(covariance, away))
 
     def _chunk(
-        self, time: FloatArray, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
+        self, motion: Attitudes, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6) and covariance (n, 6, 6) of a point b (3,) that changes by −by_unknowns δu."""
-        state, by_x = self.path.sampled(time)
-        motion, size = self.rotation.at(time), self.rotation.size
+        state, by_x = self.path.sampled(motion.time)
+        size = self.rotation.size
         arm, by_motion, by_b = carried(motion.attitude, motion.rate, b)
         total = -by_b @ by_unknowns
         total[:, :, :size] += by_motion @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
@@ -223,15 +225,14 @@ class PredictedBody:
         covariance = total @ self.covariance @ np.swapaxes(total, 1, 2) + by_b @ own @ np.swapaxes(by_b, 1, 2)
         return state + arm, covariance
 
-    def _grown(self, time: FloatArray, b: FloatArray) -> FloatArray:
+    def _grown(self, motion: Attitudes, b: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) by noise of path and torque that the tracks do not tell."""
-        grown = self.path.added(time)
-        ahead = time > self.path.end
-        if self.torque_density > 0 and ahead.any():
-            motion = self.rotation.at(time[ahead])
+        path, time = self.path, motion.time
+        grown = path.added(time)
+        if self.torque_density > 0 and beyond(time, path.begin, path.end).any():
             by_motion = carried(motion.attitude, motion.rate, b)[1]
-            turned = rotation_growth(self.rotation, self.torque_density, self.path.end, time[ahead])
-            grown[ahead] += by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
+            turned = rotation_growth(self.rotation, self.torque_density, path.begin, path.end, time)
+            grown += by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
         return grown
 
     def _own_covariance(self) -> FloatArray:
@@ -287,15 +288,18 @@ def point_in_body(
     return own.mean(axis=0) + coordinates, by_points.reshape(3, 3 * m)
 
 
-def times_of(time: ArrayLike, begin: float) -> FloatArray:
+def beyond(time: FloatArray, begin: float, end: float) -> FloatArray:
+    """How far times (n,) are after the end, or, below zero, before the begin, in s; zero between them."""
+    return np.asarray(time - np.clip(time, begin, end))
+
+
+def times_of(time: ArrayLike) -> FloatArray:
     """Times (n,) in s for a prediction.
 
     Raises:
-        InputError: they are not finite numbers from the first observation on.
+        InputError: they are not finite numbers.
     """
     times = np.atleast_1d(np.asarray(time, dtype=np.float64))
     if times.ndim != 1 or not len(times) or not (np.abs(times) <= LATEST).all():
         raise InputError(f"times: expected finite numbers within ±{LATEST:g} s")
-    if times.min() < begin:
-        raise InputError(f"times: found {times.min():g} s, expected at or after the first frame, {begin:g} s")
     return times

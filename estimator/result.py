@@ -299,9 +299,10 @@ class Estimate:
     forces: tuple[Factor, ...] = ()
 
     def predict(self, times: ArrayLike, point: Point = None) -> Prediction:
-        """Position and velocity in C, with their joint covariance, at any times from the first frame on.
+        """Position and velocity in C, with their joint covariance, at any times.
 
-        Inside gaps and after the last frame, too: from there process and torque noise add to the covariance.
+        Inside gaps, before the first frame and after the last, too: from there process and torque noise add to the
+        covariance.
 
         Args:
             times: (n,) in s, in any order.
@@ -310,7 +311,7 @@ class Estimate:
                 `ml` or `ekf`; its covariance is that of attitude, rate, path and point together.
 
         Raises:
-            InputError: times before the first frame, no such point, or a method without predictions of it.
+            InputError: times that are none, no such point, or a method without predictions of it.
             ComputationError: `ml` has found no tumble that a point could follow, or none that can be followed so far.
         """
         if self.predictor is None:
@@ -318,7 +319,7 @@ class Estimate:
         free = next((finding for finding in self.findings if isinstance(finding, FreeAttitudes)), None)
         if point is not None and free is not None:
             raise ComputationError(f"{free.reason}: no point can be predicted without a tumble", Reason.DIVERGED)
-        return self.predictor.at(times_of(times, float(self.time[0])), point)
+        return self.predictor.at(times_of(times), point)
 
     @property
     def status(self) -> Status:

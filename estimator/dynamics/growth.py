@@ -1,7 +1,8 @@
-"""The covariance that white acceleration adds to a state (displacement, velocity) after the last observation.
+"""The covariance that white acceleration adds to a state (displacement, velocity) before and after the observations.
 
-Path and rotation alike: s = (δ, δ̇) obeys ṡ = A(t) s + (0, w), with w white noise of a density q per axis. For A = 0 but
-for δ̇ the covariance after T seconds is q [T³/3, T²/2; T²/2, T].
+Path and rotation alike: s = (δ, δ̇) obeys ṡ = A(t) s + (0, w), with w white noise of a density q per axis. Away from the
+observations, by T seconds in either direction, noise that they do not tell adds q ∫ Φ(t, s) B Bᵀ Φ(t, s)ᵀ |ds|, B that
+part of Φ which the noise drives. For A = 0 but for δ̇ that is q [T³/3, ±T²/2; ±T²/2, T], with − before the first one.
 """
 
 from collections.abc import Callable
@@ -12,92 +13,113 @@ from numpy.typing import NDArray
 from baryscope.estimator.dynamics.linear_motion import highest_frequency
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.rotation import Rotation
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
+# Times (k,) and steps (k,) from there in s, of either sign → transitions (k, 6, 6) over the steps
+Transition = Callable[[FloatArray, FloatArray], FloatArray]
 
-PHASE = 0.05  # of A's frequency times a step, at most: errors of (0.05)²/12 of the covariance
-MOST_STEPS = 200_000
-POINTS, WEIGHTS = (np.polynomial.legendre.leggauss(3)[0] + 1) / 2, np.polynomial.legendre.leggauss(3)[1] / 2
+PHASE = 0.05  # of the path's frequency times a step, at most: errors of (0.05)²/12 of the covariance
+MOST_STEPS = 1_000_000
+AT_ONCE = 10_000  # steps: some tens of megabytes
+POINTS, WEIGHTS = (np.polynomial.legendre.leggauss(2)[0] + 1) / 2, np.polynomial.legendre.leggauss(2)[1] / 2
 
 
-def path_growth(path: Path, density: float, end: float, time: FloatArray) -> FloatArray:
-    """The covariance (n, 6, 6) of position and velocity in C by acceleration noise of a density in m²/s³ after `end`.
+def path_growth(path: Path, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of position and velocity in C by acceleration noise of a density in m²/s³.
 
-    time (n,) in s; before `end` it is zero. The gravity gradient acts on what the noise has caused.
+    Of the noise before `begin` and after `end`; time (n,) in s; between them it is zero. The gravity gradient acts on
+    what the noise has caused.
+
+    Raises:
+        ComputationError: the times are too far away.
     """
-    frequency = highest_frequency(path.gravity_gradient, end, max(end, float(time.max())))
+    first, last = min(begin, float(time.min())), max(end, float(time.max()))
+    frequency = highest_frequency(path.gravity_gradient, first, last)
 
-    def rates(at: FloatArray) -> FloatArray:
-        found = np.zeros((len(at), 6, 6))
-        found[:, :3, 3:] = np.eye(3)
-        gradient = path.gravity_gradient(at)
+    def transition(start: FloatArray, step: FloatArray) -> FloatArray:
+        rates = np.zeros((len(start), 6, 6))
+        rates[:, :3, 3:] = np.eye(3)
+        gradient = path.gravity_gradient(start + step / 2)
         if gradient is not None:
-            found[:, 3:, :3] = gradient
-        return found
+            rates[:, 3:, :3] = gradient
+        return _exponential(rates * step[:, None, None])
 
-    return _grown(rates, frequency, density, end, time)
+    longest = PHASE / frequency if frequency > 0 else np.inf
+    return _grown(transition, longest, density, begin, end, time)
 
 
-def rotation_growth(rotation: Rotation, density: float, end: float, time: FloatArray) -> FloatArray:
-    """The covariance (n, 6, 6) of attitude (a rotation vector) and rate, both in B, by torque noise after `end`.
+def rotation_growth(rotation: Rotation, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of attitude (a rotation vector) and rate, both in B, by torque noise.
 
-    density: of the angular acceleration, rad²/s³; time (n,) in s. φ̇ = δω − ω × φ, and Euler's equation for δω.
+    density: of the angular acceleration, rad²/s³; begin, end, time: as for `path_growth`.
+
+    Raises:
+        ComputationError: the rotation cannot be followed so far.
     """
-    rate = rotation.at(np.array([end])).rate[0]
-    moments = np.linalg.eigvalsh(rotation.inertia)
-    frequency = float(np.linalg.norm(rate)) * float(moments[-1] / moments[0])
+    motion = rotation.at(np.array([begin, end, time.min(), time.max()]))
 
-    def rates(at: FloatArray) -> FloatArray:
-        omega, J = rotation.at(at).rate, rotation.inertia
-        found = np.zeros((len(at), 6, 6))
-        found[:, :3, :3], found[:, :3, 3:] = -cross_matrices(omega), np.eye(3)
-        found[:, 3:, 3:] = np.linalg.solve(J, cross_matrices(omega @ J) - cross_matrices(omega) @ J)
-        return found
+    def transition(start: FloatArray, step: FloatArray) -> FloatArray:
+        return rotation.transition(motion.at(start), motion.at(start + step))
 
-    return _grown(rates, frequency, density, end, time)
+    return _grown(transition, rotation.longest_step, density, begin, end, time)
 
 
 def _grown(
-    rates: Callable[[FloatArray], FloatArray], frequency: float, density: float, end: float, time: FloatArray
+    transition: Transition, longest: float, density: float, begin: float, end: float, time: FloatArray
 ) -> FloatArray:
-    """The covariance (n, 6, 6) for rates A (k, 6, 6) at times (k,); frequency: an upper bound of A's, 1/s."""
+    """The covariance (n, 6, 6) at times (n,), by steps of at most `longest` s."""
     found = np.zeros((len(time), 6, 6))
-    ahead = np.flatnonzero(time > end)
-    if density <= 0 or not len(ahead):
-        return found
-    span = float(time[ahead].max()) - end
-    steps = int(np.clip(np.ceil(frequency * span / PHASE), 1, MOST_STEPS))
-    h = span / steps
-    starts = np.asarray(end + h * np.arange(steps), dtype=np.float64)
-    whole, noise = _step(rates(starts + h / 2), np.full(steps, h))
-    at_start = np.zeros((steps, 6, 6))
-    for k in range(steps - 1):
-        at_start[k + 1] = whole[k] @ at_start[k] @ whole[k].T + noise[k]
-    step = np.minimum(((time[ahead] - end) / h).astype(np.intp), steps - 1)
-    rest = time[ahead] - starts[step]
-    own, own_noise = _step(rates(starts[step] + rest / 2), rest)
-    found[ahead] = density * (own @ at_start[step] @ np.swapaxes(own, 1, 2) + own_noise)
+    for origin, outside in ((begin, time < begin), (end, time > end)):
+        if density > 0 and outside.any():
+            found[outside] = density * _from(transition, longest, origin, time[outside])
     return found
 
 
-def _step(rates: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Transitions (k, 6, 6) over steps (k,) in s, and covariances (k, 6, 6) after them by noise of a density of 1.
+def _from(transition: Transition, longest: float, origin: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) by noise of a density of 1 from the origin to times (n,), all on the same side of it."""
+    span = float(time[np.argmax(np.abs(time - origin))]) - origin
+    if abs(span) > MOST_STEPS * longest:
+        raise ComputationError(
+            f"times: found {abs(span):.3g} s away from the tracks, expected {MOST_STEPS * longest:.3g} s at most",
+            Reason.TOO_LONG,
+        )
+    steps = max(int(np.ceil(abs(span) / longest)), 1)
+    h = span / steps
+    starts = np.asarray(origin + h * np.arange(steps), dtype=np.float64)
+    whole, noise = _steps(transition, starts, np.full(steps, h))
+    at_start = np.zeros((steps, 6, 6))
+    for k in range(steps - 1):
+        at_start[k + 1] = whole[k] @ at_start[k] @ whole[k].T + noise[k]
+    step = np.clip(((time - origin) / h).astype(np.intp), 0, steps - 1)
+    own, own_noise = _steps(transition, starts[step], time - starts[step])
+    return np.asarray(own @ at_start[step] @ np.swapaxes(own, 1, 2) + own_noise)
 
-    The latter are integrals of the responses to δ̇, by Gauss and Legendre's points.
-    """
-    noise = np.zeros_like(rates)
-    for point, weight in zip(POINTS, WEIGHTS, strict=True):
-        response = _transition(rates, (1 - point) * step)[:, :, 3:]
-        noise += (weight * step)[:, None, None] * (response @ np.swapaxes(response, 1, 2))
-    return _transition(rates, step), noise
+
+def _steps(transition: Transition, start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Transitions (k, 6, 6) over steps (k,) in s, and covariances (k, 6, 6) after them by noise of a density of 1."""
+    cuts = range(AT_ONCE, len(start), AT_ONCE)
+    parts = zip(np.split(start, cuts), np.split(step, cuts), strict=True)
+    found = [_few_steps(transition, *part) for part in parts]
+    return np.concatenate([whole for whole, _ in found]), np.concatenate([noise for _, noise in found])
 
 
-def _transition(rates: FloatArray, step: FloatArray) -> FloatArray:
-    """exp(A h) (k, 6, 6) for small A h."""
-    scaled = rates * step[:, None, None]
-    term = found = np.tile(np.eye(6), (len(step), 1, 1))
+def _few_steps(transition: Transition, start: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same for some steps: integrals of the responses to δ̇, by Gauss and Legendre's points."""
+    begun = np.array([0.0, *POINTS])[:, None]
+    starts, steps = start + begun * step, (1 - begun) * step
+    whole, *later = transition(starts.ravel(), steps.ravel()).reshape(len(begun), -1, 6, 6)
+    noise = np.zeros_like(whole)
+    for weight, response in zip(WEIGHTS, later, strict=True):
+        driven = response[:, :, 3:]
+        noise += (weight * np.abs(step))[:, None, None] * (driven @ np.swapaxes(driven, 1, 2))
+    return whole, noise
+
+
+def _exponential(small: FloatArray) -> FloatArray:
+    """exp (k, 6, 6) of small matrices."""
+    term = found = np.tile(np.eye(6), (len(small), 1, 1))
     for order in range(1, 6):
-        term = term @ scaled / order
+        term = term @ small / order
         found = found + term
     return found

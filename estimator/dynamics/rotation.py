@@ -86,7 +86,15 @@ class Rotation:
 
     def reaches(self, time: FloatArray, nodes: float = MAX_NODES) -> bool:
         """Whether the integration from the epoch over times (n,) in s needs at most `nodes` nodes."""
-        return _span(self.epoch, time) <= _longest_step(self) * nodes
+        return _span(self.epoch, time) <= self.longest_step * nodes
+
+    @property
+    def longest_step(self) -> float:
+        """The longest time in s from node to node."""
+        highest = _highest_rate(self) / NODE_ANGLE
+        if self.torque is not None:
+            highest = max(highest, self.torque.highest_frequency / NODE_PHASE)
+        return 1 / highest if highest > 0 else np.inf
 
     def at(self, time: FloatArray) -> "Attitudes":
         """Attitude, rate and sensitivities at times (n,) in s, in any order.
@@ -108,6 +116,19 @@ class Rotation:
         """The same as `at`; None instead of an error."""
         nodes = self._nodes_around(time) if self.reaches(time) else None
         return nodes.between(time) if nodes is not None and nodes.finite else None
+
+    def transition(self, start: "Attitudes", end: "Attitudes") -> FloatArray:
+        """Φ (n, 6, 6) of attitude (a rotation vector) and rate, both in B, from n states to later or earlier ones.
+
+        By one step each, of at most `longest_step`. A torque of modes is not among what changes.
+        """
+        anomaly = _true_anomaly(self, start.time)
+        states = np.vstack([quaternion_from_matrix(start.attitude).T, start.rate.T, anomaly])
+        step = sensitivity_step(self.orbit is not None, forced=False)
+        found = step(states, (end.time - start.time)[None], _constants(self))[:, :, :6]
+        found[:, :, :3] = found[:, :, :3] @ start.attitude
+        found[:, :3] = np.swapaxes(end.attitude, 1, 2) @ found[:, :3]
+        return found
 
     def _nodes_around(self, time: FloatArray) -> "_Nodes":
         return _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
@@ -137,6 +158,10 @@ class Attitudes:
     rate: FloatArray
     size: int
     _nodes: "_Nodes"
+
+    def at(self, time: FloatArray) -> "Attitudes":
+        """The same motion at other times (n,) in the span of those it was computed for."""
+        return self._nodes.between(time)
 
     @cached_property
     def turn(self) -> FloatArray:
@@ -242,7 +267,7 @@ def _quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
 @np.errstate(over="ignore", invalid="ignore")  # sensitivities of a chaotic motion grow without bound: see `finite`
 def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     """The motion and its sensitivities at nodes that span begin … end in s, integrated from the epoch."""
-    h = _longest_step(start)
+    h = start.longest_step
     before = max(int(np.ceil((start.epoch - begin) / h)), 0)
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
     h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
@@ -268,14 +293,6 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     if torque is not None:
         acceleration += torque.at(time)
     return _Nodes(time, states[:4].T, states[4:7].T, acceleration, sensitivity)
-
-
-def _longest_step(start: Rotation) -> float:
-    """The longest time in s from node to node."""
-    highest = _highest_rate(start) / NODE_ANGLE
-    if start.torque is not None:
-        highest = max(highest, start.torque.highest_frequency / NODE_PHASE)
-    return 1 / highest if highest > 0 else np.inf
 
 
 def _highest_rate(start: Rotation) -> float:
@@ -306,7 +323,9 @@ def _integrate(
     function, count = advance(start.orbit is not None, accelerations is not None), len(sizes)
     padding = ((0, 0), (0, -count % CHUNK))  # with steps of no length
     given = [np.pad(one, padding) for one in (sizes[None], accelerations) if one is not None]
-    first = np.concatenate([quaternion_from_matrix(start.attitude[None])[0], start.rate, [_true_anomaly(start)]])
+    first = np.concatenate(
+        [quaternion_from_matrix(start.attitude[None])[0], start.rate, _true_anomaly(start, np.array([start.epoch]))]
+    )
     state = slice(None) if start.orbit is not None else slice(4, 7)
     states = np.repeat(first[:, None], 1 + given[0].shape[1], axis=1)
     for begin in range(0, count, CHUNK):
@@ -355,5 +374,8 @@ def _constants(start: Rotation) -> FloatArray:
     return np.concatenate([start.inertia.T.ravel(), start.orbit.elements])
 
 
-def _true_anomaly(start: Rotation) -> float:
-    return 0.0 if start.orbit is None else float(anomaly_function()(start.epoch, start.orbit.elements))
+def _true_anomaly(start: Rotation, time: FloatArray) -> FloatArray:
+    """At times (n,) in s, rad; zero without an orbit."""
+    if start.orbit is None:
+        return np.zeros(len(time))
+    return np.asarray(anomaly_function()(time[None], start.orbit.elements)).ravel()

@@ -72,10 +72,9 @@ class Linearised:
     """The linear system of n nodes, with d dynamic unknowns and c − 1 parameters.
 
     transition (n - 1, d, d); drive (n - 1, d, 6 + s): what a step adds to the first columns: its defect, and what
-    inertia and path have to do with it; first (d, c): the affine
-    state at the first node; observed (n, 6, d): position and attitude in B; information (n, 6, 6) on them and rhs
-    (n, 6, c), affine in θ; static (c, c): the quadratic form of the cost of residuals at the reference; seen (n,):
-    whether a node has observations.
+    inertia and path have to do with it; first (d, c): the affine state at the first frame; observed (n, 6, d): position
+    and attitude in B; information (n, 6, 6) on them and rhs (n, 6, c), affine in θ; static (c, c): the quadratic form
+    of the cost of residuals at the reference; seen (n,): whether a node has observations.
     """
 
     transition: FloatArray
@@ -91,6 +90,18 @@ class Linearised:
     def points(self) -> slice:
         """Where the points are among the parameters."""
         return points_in(self.drive.shape[2] - 1 - INERTIA)
+
+    def since(self, node: int) -> "Linearised":
+        """The system of the nodes from one on, to whose state the parameters belong."""
+        return replace(
+            self,
+            transition=self.transition[node:],
+            drive=self.drive[node:],
+            observed=self.observed[node:],
+            information=self.information[node:],
+            rhs=self.rhs[node:],
+            seen=self.seen[node:],
+        )
 
 
 def points_in(path_size: int) -> slice:
@@ -117,7 +128,7 @@ def linearised(reference: Reference, nodes: Nodes, observations: Observations) -
     drive[:, RATE, 0] = rate - reference.rate[1:]
     drive[:, 6:, 1 : 1 + INERTIA] = change[:, :, 6:]
     first = np.zeros((STATE, c))
-    first[PATH, of_path] = path.columns[0]
+    first[PATH, of_path] = path.columns[nodes.frames[0]]
     first[RATE, of_path.stop : of_path.stop + 3] = np.eye(3)
     observed = np.zeros((n, 6, STATE))
     observed[:, :3, :3] = np.swapaxes(attitude, 1, 2)

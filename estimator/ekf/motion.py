@@ -65,15 +65,15 @@ def at_rest(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArra
     return np.asarray(x)
 
 
-def relative_motion(motion: Path, time: FloatArray, x: FloatArray, span: float) -> PathProcess:
+def relative_motion(motion: Path, time: FloatArray, x: FloatArray, span: float, first: int = 0) -> PathProcess:
     """Relative motion on an orbit, linearised about an exact one with unknowns x (6,).
 
-    The unknowns of the process are the deviation u at the first time; its transition follows from the Jacobians of
-    `motion`.
+    The unknowns of the process are the deviation u at one of the times, of the index `first`; its transition follows
+    from the Jacobians of `motion`.
     """
     place, rate = motion.at(time), motion.rate_at(time)
     whole = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
-    columns, transition = whole @ np.linalg.inv(whole[0]), whole[1:] @ np.linalg.inv(whole[:-1])
+    columns, transition = whole @ np.linalg.inv(whole[first]), whole[1:] @ np.linalg.inv(whole[:-1])
     return PathProcess(place.position(x), rate.position(x), columns, transition, span)
 
 
@@ -124,7 +124,7 @@ def rotated(
         rate: (k, 3), rad/s in B.
         inertia: (3, 3), in any unit.
         gravity_gradient: (k, 3), axis of the gravity gradient, 1/s in C, constant over the step; 0 for no torque.
-        steps: (k,) s.
+        steps: (k,) s, of either sign.
 
     Returns:
         attitude and rate after the steps, and the transition (k, 6, 11) to the errors of attitude and rate from those
@@ -132,7 +132,7 @@ def rotated(
         to A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J, E the INERTIA_BASIS.
     """
     k = len(attitude)
-    fastest = float(np.max(np.linalg.norm(rate, axis=1) * steps, initial=0.0))
+    fastest = float(np.max(np.linalg.norm(rate, axis=1) * np.abs(steps), initial=0.0))
     count = max(1, int(np.ceil(fastest / STEP_ANGLE)))
     quaternion = quaternion_from_matrix(attitude).T
     w, change, constants = rate.T, None, np.vstack([np.tile(inertia.reshape(9, 1), k), gravity_gradient.T])

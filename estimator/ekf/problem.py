@@ -96,7 +96,8 @@ class Problem:
         own = self.start.nodes.time
         time = own if time is None else time
         if self.on_orbit:
-            return relative_motion(self.path, time, at_rest(self.path, own, self.start.centroid, shift), self.span)
+            x, first = at_rest(self.path, own, self.start.centroid, shift), int(np.searchsorted(time, own[0]))
+            return relative_motion(self.path, time, x, self.span, first)
         return free_motion(self.path, time, self.start.centroid, self.span)
 
     def noise(self, members: Sequence[Member], variance: float) -> ProcessNoise:

@@ -1,4 +1,4 @@
-"""`baryscope estimate --predict`: where the centre of mass, or a point of the body, is after the tracks."""
+"""`baryscope estimate --predict`: where the centre of mass, or a point of the body, is after or before the tracks."""
 
 import math
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ class PredictionChoices:
     Parameters
     ----------
     predict
-        Seconds after the last frame (pivot, ml, ekf): position and velocity with their covariance at the tracks'
-        sampling until then go into a file of the output's name with .prediction.csv.
+        Seconds after the last frame, or, below zero, before the first one (pivot, ml, ekf): position and velocity with
+        their covariance, at the tracks' sampling until then, go into a file of the output's name with .prediction.csv.
     point
         The point of the body to predict (ml, ekf): the label of a feature, or x,y,z in m in the axes of the cluster of
         most frames, from the centroid of its features, as in `features` of the .json file. Default: the centre of mass.
@@ -45,8 +45,8 @@ class PredictionChoices:
             if self.point is not None:
                 raise InputError(f"--point: found {self.point} without a time, expected --predict SECONDS, too")
             return
-        if not 0 < self.predict <= LATEST:
-            raise InputError(f"--predict: found {self.predict:g}, expected seconds above 0")
+        if not 0 < abs(self.predict) <= LATEST:
+            raise InputError(f"--predict: found {self.predict:g}, expected seconds ahead, or back below 0")
         able = PREDICTING if self.point is None else TURNING
         if method not in able:
             name = "--predict" if self.point is None else "--point"
@@ -72,26 +72,29 @@ class PredictionChoices:
         return values
 
     def times(self, tracks: FeatureTracks) -> NDArray[np.float64]:
-        """The times (n,) in s after the last frame, as far apart as frames usually are, and the last one.
+        """The times (n,) in s, ascending, as far apart as frames usually are, up to the one that is asked for.
 
         Raises:
             InputError: there are too many.
         """
         assert self.predict is not None  # noqa: S101  asked for
-        step = float(np.median(np.diff(tracks.time))) if len(tracks.time) > 1 else self.predict
-        if self.predict / step > MOST_ROWS:
+        span = abs(self.predict)
+        step = float(np.median(np.diff(tracks.time))) if len(tracks.time) > 1 else span
+        if span / step > MOST_ROWS:
             raise InputError(
                 f"--predict: found {self.predict:g} s at steps of {step:g} s, expected {MOST_ROWS} at most"
             )
-        count = math.ceil(self.predict / step - 1e-9)
-        ahead = np.append(step * np.arange(1.0, count), self.predict)
-        return np.asarray(float(tracks.time[-1]) + ahead)
+        away = np.append(step * np.arange(1.0, math.ceil(span / step - 1e-9)), span)
+        return np.asarray(tracks.time[-1] + away if self.predict > 0 else tracks.time[0] - away[::-1])
 
     def line(self, found: Prediction, path: Path) -> str:
-        """How accurate the prediction is at its end."""
+        """How accurate the prediction is at the time asked for."""
+        assert self.predict is not None  # noqa: S101  asked for
         what = "centre of mass" if self.point is None else self.point
-        deviation = np.sqrt(np.diagonal(found.covariance[-1]).reshape(2, 3).sum(axis=1))
-        return f"{what} in {self.predict:g} s: ±{deviation[0]:.2g} m, ±{deviation[1]:.2g} m/s; {path}"
+        when = f"in {self.predict:g} s" if self.predict > 0 else f"{-self.predict:g} s before the first frame"
+        farthest = found.covariance[-1 if self.predict > 0 else 0]
+        deviation = np.sqrt(np.diagonal(farthest).reshape(2, 3).sum(axis=1))
+        return f"{what} {when}: ±{deviation[0]:.2g} m, ±{deviation[1]:.2g} m/s; {path}"
 
 
 def prediction_path(target: Path) -> Path:

@@ -1,4 +1,6 @@
-"""What noise after the last observation adds: closed forms, and integrals over independently integrated responses."""
+"""What noise beyond the observations adds: closed forms, and integrals over independently integrated responses."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,31 +22,34 @@ ORBIT = Orbit(7150e3, 0.0, 0.0)  # a circle in the plane z = 0, from the x axis
 
 
 def test_a_path_without_forces_has_the_closed_form():
-    ahead = np.array([0.5, 20.0, 300.0])
-    found = path_growth(Polynomial(1, 0.0, END), DENSITY, END, np.concatenate([[50.0, END], END + ahead]))
-    assert not found[:2].any()
-    for T, covariance in zip(ahead, found[2:], strict=True):
-        of_an_axis = DENSITY * np.array([[T**3 / 3, T**2 / 2], [T**2 / 2, T]])
-        np.testing.assert_allclose(covariance, np.kron(of_an_axis, np.eye(3)), rtol=1e-12)
+    away = np.array([0.5, 20.0, 300.0])
+    time = np.concatenate([[0.0, 50.0, END], END + away, -away])
+    found = path_growth(Polynomial(1, 0.0, END), DENSITY, 0.0, END, time)
+    assert not found[:3].any()
+    for sign, covariances in ((1, found[3:6]), (-1, found[6:])):
+        for T, covariance in zip(away, covariances, strict=True):
+            of_an_axis = DENSITY * np.array([[T**3 / 3, sign * T**2 / 2], [sign * T**2 / 2, T]])
+            np.testing.assert_allclose(covariance, np.kron(of_an_axis, np.eye(3)), rtol=1e-12)
 
 
-def test_on_an_orbit_it_is_the_integral_of_responses_to_pushes():
-    """Each response is the difference of two Kepler orbits, one of which is pushed by 1 mm/s."""
+@pytest.mark.parametrize("T", [1500.0, -1500.0])
+def test_on_an_orbit_it_is_the_integral_of_responses_to_pushes(T):
+    """Each response is the difference of two Kepler orbits, one of which is pushed by 1 mm/s; ahead and back."""
     orbit = RelativeOrbit(ORBIT, 0.0)
     nodes, weights = np.polynomial.legendre.leggauss(8)
-    T = 1500.0
-    pushed = END + (nodes + 1) / 2 * T
+    origin = END if T > 0 else 0.0
+    pushed = origin + (nodes + 1) / 2 * T
     radius = ORBIT.semi_major_axis
     r0, v0 = np.array([radius, 0, 0]), np.array([0, 1, 0]) * np.sqrt(MU / radius)
     expected = np.zeros((6, 6))
-    for s, weight in zip(pushed, weights * T / 2, strict=True):
+    for s, weight in zip(pushed, weights * abs(T) / 2, strict=True):
         r, v = (np.array(z, dtype=np.longdouble) for z in propagate_kepler(r0, v0, MU, np.longdouble(s)))
-        end = np.concatenate(propagate_kepler(r, v, MU, np.longdouble(END + T - s)))
+        end = np.concatenate(propagate_kepler(r, v, MU, np.longdouble(origin + T - s)))
         for axis in np.eye(3):
-            other = np.concatenate(propagate_kepler(r, v + 1e-3 * axis, MU, np.longdouble(END + T - s)))
+            other = np.concatenate(propagate_kepler(r, v + 1e-3 * axis, MU, np.longdouble(origin + T - s)))
             response = ((other - end) / 1e-3).astype(float)
             expected += DENSITY * weight * np.outer(response, response)
-    found = path_growth(orbit, DENSITY, END, np.array([END + T]))[0]
+    found = path_growth(orbit, DENSITY, 0.0, END, np.array([origin + T]))[0]
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=5e-4)
 
@@ -59,14 +64,15 @@ def test_from_apoapsis_to_apoapsis_the_steps_are_those_of_the_periapsis():
     responses = [relative_transition(orbit, np.array([T]), s)[0, :3, 3:] for s in pushed]
     sizes = np.array([np.sum(response**2) for response in responses])
     expected = DENSITY * np.sum(np.tile(weights, 60) * sizes) * edges[1] / 2
-    found = path_growth(RelativeOrbit(orbit, 0.0), DENSITY, 0.0, np.array([T]))[0]
+    found = path_growth(RelativeOrbit(orbit, 0.0), DENSITY, -1.0, 0.0, np.array([T]))[0]
     assert np.trace(found[:3, :3]) == pytest.approx(expected, rel=0.02)
 
 
-def test_of_a_rotation_it_is_the_integral_of_responses_to_kicks():
-    """Each response is a difference of two integrations by scipy, one of which has another rate."""
+@pytest.mark.parametrize("T", [20.0, -20.0])
+def test_of_a_rotation_it_is_the_integral_of_responses_to_kicks(T):
+    """Each response is a difference of two integrations by scipy, one of which has another rate; ahead and back."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
-    T, kick = 20.0, 1e-6
+    origin, kick = END if T > 0 else 0.0, 1e-6
 
     def flown(rate, span):
         def slope(_, w):
@@ -76,14 +82,34 @@ def test_of_a_rotation_it_is_the_integral_of_responses_to_kicks():
         return attitude(ENVISAT, rate, np.array([0.0, span]))[-1], end
 
     expected = np.zeros((6, 6))
-    for s, weight in zip((nodes + 1) / 2 * T, weights * T / 2, strict=True):
-        rate = flown(RATE, END + s)[1]
+    for s, weight in zip((nodes + 1) / 2 * T, weights * abs(T) / 2, strict=True):
+        rate = flown(RATE, origin + s)[1]
         R, end = flown(rate, T - s)
         for axis in np.eye(3):
             R_kicked, end_kicked = flown(rate + kick * axis, T - s)
             turn = ScipyRotation.from_matrix(R.T @ R_kicked).as_rotvec()
             response = np.concatenate([turn, end_kicked - end]) / kick
             expected += DENSITY * weight * np.outer(response, response)
-    found = rotation_growth(Rotation(0.0, np.eye(3), RATE, ENVISAT), DENSITY, END, np.array([END + T]))[0]
+    rotation = Rotation(0.0, np.eye(3), RATE, ENVISAT)
+    found = rotation_growth(rotation, DENSITY, 0.0, END, np.array([origin + T]))[0]
     scale = np.sqrt(np.diag(expected))
-    np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-3)
+    np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4)
+
+
+def test_the_gravity_gradient_turns_what_the_noise_has_caused():
+    """Over a tenth of an orbit: the integral of the sensitivities of motions that begin at many times."""
+    origin, T = 0.0, 600.0
+    rotation = Rotation(origin, np.eye(3), RATE / 20, ENVISAT, ORBIT)
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    expected = np.zeros((6, 6))
+    pushed = origin + (nodes + 1) / 2 * T
+    states = rotation.at(pushed)
+    for s, R, rate, weight in zip(pushed, states.attitude, states.rate, weights * T / 2, strict=True):
+        end = Rotation(float(s), R, rate, ENVISAT, ORBIT).at(np.array([origin + T]))
+        response = np.concatenate([end.turn[0, :, :3], end.rate_sensitivity[0, :, :3]])
+        expected += DENSITY * weight * response @ response.T
+    found = rotation_growth(rotation, DENSITY, -1.0, origin, np.array([origin + T]))[0]
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4)
+    free = rotation_growth(replace(rotation, orbit=None), DENSITY, -1.0, origin, np.array([origin + T]))[0]
+    assert abs(np.trace(free) / np.trace(found) - 1) > 0.01  # it makes a difference

@@ -112,6 +112,18 @@ def test_a_point_by_coordinates_and_the_centre_of_mass(tracks, capsys):
     assert "centre of mass in 10 s: ±" in capsys.readouterr().out
 
 
+def test_a_look_back(tracks, tmp_path, capsys):
+    """From the farthest time on to the first frame."""
+    command = ["estimate", str(tracks), "--trajectory", "polynomial:1", "-o", str(tmp_path / "e.csv")]
+    assert app.main([*command, "--predict", "-2.5"]) == 0
+    assert re.search(r"centre of mass 2.5 s before the first frame: ±\S+ m, ±\S+ m/s", capsys.readouterr().out)
+    with (tmp_path / "e.prediction.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    first = FeatureTracks.read_csv(tracks).time[0]
+    np.testing.assert_allclose([float(row["time"]) for row in rows], first + np.array([-2.5, -2.0, -1.0]))
+    assert float(rows[0]["cxvx"]) < 0  # what moves faster was farther behind
+
+
 @pytest.mark.parametrize(
     "options, message",
     [
@@ -121,7 +133,7 @@ def test_a_point_by_coordinates_and_the_centre_of_mass(tracks, capsys):
             "--point: found with --method pivot, which has attitudes in its frames only",
         ),
         (["--predict", "5", "--method", "score"], "--predict: found with --method score, expected pivot, ml or ekf"),
-        (["--predict", "-5"], "--predict: found -5, expected seconds above 0"),
+        (["--predict", "0"], "--predict: found 0, expected seconds ahead, or back below 0"),
         (["--predict", "1e9"], "--predict: found 1e+09 s at steps of 1 s, expected 100000 at most"),
         (["--predict", "5", "--method", "ml", "--point", "hinge"], "--point: found 'hinge', expected x,y,z in m or a"),
     ],
