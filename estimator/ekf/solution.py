@@ -100,8 +100,8 @@ class Solution:
     """Means and covariances of parameters and states, covariances in the units of the weights, or in SI from `mixed`.
 
     theta (q,), of_theta (q, q); state (n, d), of_state (n, d, d), and crossed (n, d, q), their covariance with θ;
-    spread (n, 3, 3): covariance of the attitude's deviation from its mean over time, without the θ-independent part of
-    the mean.
+    spread (2, n, 3, 3): covariance of the attitude's deviation from its mean over time, by θ, and by the noise of the
+    states without what that does to the mean.
     """
 
     theta: FloatArray
@@ -128,7 +128,7 @@ def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[S
             crossed = by_theta @ of_theta
             mean = state[:, member, :, 0] + by_theta @ theta
             off = by_theta[:, TURN] - by_theta[system.seen, TURN].mean(axis=0)
-            spread = own[:, TURN, TURN] + off @ of_theta @ np.swapaxes(off, 1, 2)
+            spread = np.stack([off @ of_theta @ np.swapaxes(off, 1, 2), own[:, TURN, TURN]])
             own = own + crossed @ np.swapaxes(by_theta, 1, 2)
             found.append((Solution(theta, of_theta, mean, own, crossed, spread), parameters))
     return found

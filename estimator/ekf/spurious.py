@@ -3,6 +3,7 @@
 import numpy as np
 
 from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
+from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.solution import Solution
@@ -27,7 +28,8 @@ def spurious_growth(
     """What the covariances grow by when the spurious information on the centre of mass is removed.
 
     An error φ of the attitude moves the centroid, at d from the centre of mass, by φ × d. Of φ only the deviation from
-    its mean over time counts, as the mean turns the axes.
+    its mean over time counts, as the mean turns the axes. The parameters make it of a few random numbers only, so that
+    what it adds may be far above its mean.
 
     Args:
         solution: in SI units.
@@ -44,7 +46,7 @@ def spurious_growth(
     offset = attached @ solution.of_theta[points, points] @ attached.T
     crossed = (solution.crossed[:, :, points] @ attached.T).reshape(n * d, 3).T
     position = system.information[:, :3, :3] / variance
-    spurious = turned_information(position, solution.spread)
-    factor = three_sigma_factor(int(system.seen.sum()))
-    of_offset, of_states = spurious_information_columns(offset, crossed, factor * spurious, least)
+    by_few, by_noise = (turned_information(position, spread) for spread in solution.spread)
+    spurious = three_sigma_factor(RATE_AND_INERTIA) * by_few + three_sigma_factor(int(system.seen.sum())) * by_noise
+    of_offset, of_states = spurious_information_columns(offset, crossed, spurious, least)
     return of_offset, of_states.reshape(n, d, 3)
