@@ -91,8 +91,7 @@ class Bank:
         else:
             best = start
         for _ in range(MAX_REFINEMENTS):
-            around = self._around(best)
-            found = self._best([best, *around]) if around else best
+            found = self._best([best, *self._around(best)])
             if found == best:
                 break
             best = found
