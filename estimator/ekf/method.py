@@ -2,7 +2,7 @@
 
 Its state is the relative path, the target's attitude, rate and inertia, and its features in body axes. Segal et al.
 choose among a bank of inertias by likelihood. Here the bank is one of process noises of path and rotation, and the
-inertia is estimated: five coefficients of its logarithm in INERTIA_BASIS.
+inertia is estimated: five coefficients of the logarithm of the second moments of the mass in INERTIA_BASIS.
 
 Three extensions make the comparison fair, and the filter no longer causal. It starts from a registration of all frames.
 It is iterated: each pass is linearised about the smoothed motion of the one before (Bell 1994), over all frames at

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.euler import INERTIA_BASIS
-from baryscope.estimator.dynamics.inertia import of_a_body
+from baryscope.estimator.dynamics.inertia import inertia_of, mass_of, of_a_body
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
@@ -128,8 +128,8 @@ def rotated(
 
     Returns:
         attitude and rate after the steps, and the transition (k, 6, 11) to the errors of attitude and rate from those
-        of attitude, rate and inertia: the attitude error is a rotation vector in B; the inertia's errors δ change it
-        to A exp(Σ δ_i E_i) Aᵀ, A Aᵀ = J, E the INERTIA_BASIS.
+        of attitude, rate and inertia: the attitude error is a rotation vector in B; for those of the inertia see
+        `changed_inertia`.
     """
     k = len(attitude)
     fastest = float(np.max(np.linalg.norm(rate, axis=1) * np.abs(steps), initial=0.0))
@@ -179,8 +179,9 @@ def _advance() -> ColumnFunction:
     middle = ca.SX.sym("middle", 7)
     spin = acceleration(middle)
     by_rate, by_inertia = (ca.substitute(ca.jacobian(spin, by), middle, x + h / 2 * k2) for by in (middle[4:], c[:9]))
-    root = ca.chol(J).T
-    inertia_changes = ca.horzcat(*(ca.vec(root @ ca.DM(matrix) @ root.T) for matrix in INERTIA_BASIS))
+    root = ca.chol(ca.trace(J) / 2 * ca.SX.eye(3) - J).T
+    mass_changes = [root @ ca.DM(matrix) @ root.T for matrix in INERTIA_BASIS]
+    inertia_changes = ca.horzcat(*(ca.vec(ca.trace(change) * ca.SX.eye(3) - change) for change in mass_changes))
     turning = ca.horzcat(-ca.skew((w + after[4:]) / 2), ca.SX.eye(3), ca.SX(3, 5))
     slopes = ca.vertcat(turning, ca.horzcat(ca.SX(3, 3), by_rate, by_inertia @ inertia_changes), ca.SX(5, ROTATION))
     # The matrix exponential for the midpoint of the step, to third order.
@@ -191,16 +192,19 @@ def _advance() -> ColumnFunction:
 
 
 def changed_inertia(inertia: FloatArray, error: FloatArray) -> FloatArray:
-    """The inertia (3, 3) A exp(Σ δ_i E_i) Aᵀ, for errors δ (5,), bounded by MAX_INERTIA_CHANGE; that of a body."""
-    root = np.linalg.cholesky(inertia)
+    """The inertia (3, 3) of trace 1 for errors δ (5,) bounded by MAX_INERTIA_CHANGE, which is always that of a body.
+
+    The second moments of the mass, M = ½ tr J − J, become A exp(Σ δ_i E_i) Aᵀ, with A Aᵀ = M and E the INERTIA_BASIS.
+    """
+    root = np.linalg.cholesky(mass_of(inertia))
     error = error * min(1.0, MAX_INERTIA_CHANGE / (float(np.linalg.norm(error)) + 1e-300))
     values, vectors = np.linalg.eigh(np.tensordot(error, INERTIA_BASIS, 1))
     half = root @ vectors * np.exp(values / 2)
-    return of_a_body(half @ half.T)
+    return of_a_body(inertia_of(half @ half.T))
 
 
 def logarithm_of_inertia(inertia: FloatArray) -> FloatArray:
-    """The coefficients (5,) in INERTIA_BASIS of the logarithm of an inertia (3, 3): zero for a sphere's."""
-    values, vectors = np.linalg.eigh(inertia)
+    """The coefficients (5,) in INERTIA_BASIS of the logarithm of the second moments of the mass: zero for a sphere."""
+    values, vectors = np.linalg.eigh(mass_of(inertia))
     logarithm = (vectors * np.log(values)) @ vectors.T
     return np.asarray(np.tensordot(INERTIA_BASIS, logarithm))

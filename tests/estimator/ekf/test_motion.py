@@ -35,10 +35,9 @@ def test_rotation_against_an_independent_integration():
 
 def test_transition_of_rotation_errors_against_differences():
     h = 4.0
-    root = np.linalg.cholesky(J)
 
     def after(error):
-        inertia = root @ expm(np.tensordot(error[6:], INERTIA_BASIS, 1)) @ root.T
+        inertia = of_changed_mass(error[6:])
         return advanced(Rotation.from_rotvec(error[:3]).as_matrix(), FAST + error[3:6], inertia, h)[:2]
 
     growth = advanced(np.eye(3), FAST, J, h)[2]
@@ -50,18 +49,33 @@ def test_transition_of_rotation_errors_against_differences():
         np.testing.assert_allclose(growth[:, index], difference, atol=1e-2 * np.abs(difference).max())
 
 
+def of_changed_mass(change):
+    """The inertia of second moments A exp(Σ δ E) Aᵀ of the mass, A Aᵀ those of J."""
+    root = np.linalg.cholesky(np.trace(J) / 2 * np.eye(3) - J)
+    mass = root @ expm(np.tensordot(change, INERTIA_BASIS, 1)) @ root.T
+    return np.trace(mass) * np.eye(3) - mass
+
+
 def test_inertia_changes_by_the_exponential_of_its_errors():
     change = np.array([0.02, -0.01, 0.05, 0.03, -0.02])
-    root = np.linalg.cholesky(J)
-    expected = root @ expm(np.tensordot(change, INERTIA_BASIS, 1)) @ root.T
+    expected = of_changed_mass(change)
     np.testing.assert_allclose(changed_inertia(J, change), expected / np.trace(expected), atol=1e-12)
 
 
+def test_no_change_leads_to_an_inertia_that_no_body_has():
+    """Principal moments of a body obey the triangle inequality; of a linear change of J they do not."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        least, middle, greatest = np.linalg.eigvalsh(changed_inertia(J, rng.normal(size=5)))
+        assert least + middle > greatest
+
+
 def test_the_logarithm_of_an_inertia_leads_to_a_sphere():
+    """Second moments of the mass of 0.3, 0.15 and 0.05 give the moments of inertia 0.2, 0.35 and 0.45."""
     np.testing.assert_allclose(logarithm_of_inertia(np.eye(3) / 3), 0.0, atol=1e-15)
     error = logarithm_of_inertia(np.diag([0.2, 0.35, 0.45]))
     expected = expm(np.tensordot(error, INERTIA_BASIS, 1))
-    np.testing.assert_allclose(expected / np.trace(expected), np.diag([0.2, 0.35, 0.45]), atol=1e-12)
+    np.testing.assert_allclose(expected / np.trace(expected), np.diag([0.6, 0.3, 0.1]), atol=1e-12)
 
 
 def test_white_noise_of_unit_density():
