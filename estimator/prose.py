@@ -13,6 +13,7 @@ from baryscope.estimator.result import (
     DifferentPoints,
     Estimate,
     ExcessResiduals,
+    FewFrames,
     Finding,
     FramesLeftOut,
     FreeAttitudes,
@@ -23,6 +24,7 @@ from baryscope.estimator.result import (
     WrongOrbit,
     WrongSigma,
 )
+from baryscope.models.words import counted
 
 
 def verdict(observability: Observability) -> str:
@@ -55,6 +57,11 @@ def sentence(finding: Finding) -> str:
             return (
                 f"nothing fits from {finding.begin:.1f} to {finding.end:.1f} s: all {finding.frames} frames there are "
                 f"left out, off by {finding.magnitude:.2g} m"
+            )
+        case FewFrames():
+            return (
+                f"{counted(finding.frames, 'frame shows', 'frames show')} an attitude, for {finding.unknowns:.0f} "
+                "unknowns of path and offset: no outlier or misfit would be seen"
             )
         case Departure():
             return (

@@ -39,6 +39,7 @@ class Status(StrEnum):
     NOT_CONVERGED = "not converged"
     NOT_OBSERVABLE = "not observable"
     MODEL_DOES_NOT_FIT = "model does not fit"
+    NOT_CHECKED = "not checked"
 
     @property
     def trustworthy(self) -> bool:
@@ -149,6 +150,14 @@ class FramesLeftOut:
 
 
 @dataclass(frozen=True)
+class FewFrames:
+    """Frames with an attitude, for more unknowns of path and offsets: an outlier or a misfit would not be seen."""
+
+    frames: int
+    unknowns: float
+
+
+@dataclass(frozen=True)
 class UnknownBurn:
     """A burn that nothing told, in s, changes the chaser's velocity in LVLH, m/s; with deviations."""
 
@@ -188,6 +197,7 @@ Finding = (
     LackOfFit
     | ExcessResiduals
     | FramesLeftOut
+    | FewFrames
     | DifferentPoints
     | Departure
     | WrongOrbit
@@ -329,6 +339,8 @@ class Estimate:
         misfits = LackOfFit | ExcessResiduals | FramesLeftOut | WrongSigma
         if any(isinstance(finding, misfits) for finding in self.findings):
             return Status.MODEL_DOES_NOT_FIT
+        if any(isinstance(finding, FewFrames) for finding in self.findings):
+            return Status.NOT_CHECKED
         if self.observability is not None and not self.observability.observable.all():
             return Status.NOT_OBSERVABLE
         return Status.GOOD

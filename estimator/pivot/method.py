@@ -51,7 +51,16 @@ from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_or
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import DifferentPoints, Estimate, ExcessResiduals, Finding, Motion, Noise, WrongSigma
+from baryscope.estimator.result import (
+    DifferentPoints,
+    Estimate,
+    ExcessResiduals,
+    FewFrames,
+    Finding,
+    Motion,
+    Noise,
+    WrongSigma,
+)
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
@@ -231,6 +240,9 @@ def _findings(found: Pivot, noise: float, sigma: float | None, tracks: FeatureTr
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
+    frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
+    if frames < unknowns:
+        findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
 
 

@@ -114,7 +114,8 @@ def estimate_file(
 ) -> int:
     """Estimate the path of the centre of mass from tracks of features.
 
-    The exit code is 3 if the files are written but not to be trusted: not converged, or a model does not fit.
+    The exit code is 3 if the files are written but not to be trusted: not converged, a model does not fit, or
+    too few frames to check it.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from baryscope.estimator.result import (
     Departure,
     DifferentPoints,
     ExcessResiduals,
+    FewFrames,
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
@@ -57,6 +58,10 @@ def test_verdict_names_a_skew_axis():
             Departure("relative-orbit", 0.0152, 3e-9, 90.0),
             "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
             "the covariance allows for it",
+        ),
+        (
+            FewFrames(7, 9.2),
+            "7 frames show an attitude, for 9 unknowns of path and offset: no outlier or misfit would be seen",
         ),
         (
             FramesLeftOut(3.0, 15.5, 13, 0.456),

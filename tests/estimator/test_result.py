@@ -5,7 +5,7 @@ import pytest
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.observability import PrincipalAxes
-from baryscope.estimator.result import DifferentPoints, ExcessResiduals, LackOfFit, Status, WrongSigma
+from baryscope.estimator.result import DifferentPoints, ExcessResiduals, FewFrames, LackOfFit, Status, WrongSigma
 from results import a_cluster, an_estimate
 
 
@@ -39,6 +39,8 @@ def test_status_is_the_most_severe_defect():
     assert an_estimate(clusters=hidden).status is Status.NOT_OBSERVABLE
     for misfit in misfits:
         assert an_estimate(clusters=hidden, findings=(misfit,)).status is Status.MODEL_DOES_NOT_FIT
+        assert an_estimate(findings=(FewFrames(7, 9.2), misfit)).status is Status.MODEL_DOES_NOT_FIT
+    assert an_estimate(clusters=hidden, findings=(FewFrames(7, 9.2),)).status is Status.NOT_CHECKED
     assert an_estimate(converged=False, findings=misfits).status is Status.NOT_CONVERGED
     assert [status.value for status in Status if status.trustworthy] == ["good", "not observable"]
 

@@ -19,7 +19,8 @@ Line = dict[str, Any]
 def table(lines: Sequence[Line]) -> Table:
     """A row for each method, with the orbit and without.
 
-    An answer is announced if its status is `not converged` or `model does not fit`; all others claim their covariance.
+    An answer is announced if its status is `not converged`, `model does not fit` or `not checked`; all others claim
+    their covariance.
     """
     rows = tuple(_row(name, orbit, group) for (name, orbit), group in _groups(lines).items())
     headings = "method, orbit, answers, unannounced, wrong, median NEES, mean NEES, right but announced"

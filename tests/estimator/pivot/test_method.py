@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import Status, WrongSigma
+from baryscope.estimator.result import FewFrames, Status, WrongSigma
 from baryscope.models.errors import ComputationError
 from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster, turning
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
@@ -123,6 +123,17 @@ def test_few_frames_for_many_unknowns_are_refused(tumbling):
     case = make_case(TIME[rows], tumbling[rows], np.tile(START, (6, 1)), FEATURES, noise=0.02)
     with pytest.raises(ComputationError, match="6 frames show an attitude, too few for polynomial:6: more than 8"):
         estimate(case.tracks, method="pivot", options=PathOptions(trajectory="polynomial:6"))
+
+
+@pytest.mark.parametrize(("count", "checked"), [(5, False), (12, True)])
+def test_fewer_frames_than_unknowns_check_nothing(tumbling, count, checked):
+    """A fixed point and an offset are six unknowns; residuals of five frames show no outlier."""
+    rows = np.arange(0, 300, 20)[:count]
+    case = make_case(TIME[rows], tumbling[rows], np.tile(START, (count, 1)), FEATURES, noise=0.02)
+    found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory="fixed", process_noise="none"))
+    few = [one for one in found.findings if isinstance(one, FewFrames)]
+    assert [(one.frames, one.unknowns) for one in few] == ([] if checked else [(5, pytest.approx(6.0))])
+    assert found.status is (Status.GOOD if checked else Status.NOT_CHECKED)
 
 
 @pytest.mark.parametrize("trajectory", ["fixed", "polynomial"])
