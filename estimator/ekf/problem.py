@@ -130,7 +130,7 @@ class Problem:
         unseen = np.asarray(~(self.start.weight > 0).any(axis=0))
         information = [
             np.full(INERTIA, variance / PRIOR_INERTIA_DEVIATION**2),
-            variance * self.unit * self._path_information,
+            variance * self._path_information,
             np.zeros(3),
             np.repeat(np.where(unseen, 1.0, 0.0), 3),
         ]
