@@ -90,7 +90,7 @@ def _backwards(solution: Solution, system: Linearised, noise: FloatArray) -> Sol
     k, (n, d), q = len(noise), solution.state.shape, len(solution.theta)
     state, of_state, crossed = np.empty((k + n, d)), np.empty((k + n, d, d)), np.empty((k + n, d, q))
     state[k:], of_state[k:], crossed[k:] = solution.state, solution.of_state, solution.crossed
-    spread = np.concatenate([np.zeros((k, 3, 3)), solution.spread])
+    spread = np.concatenate([np.zeros((2, k, 3, 3)), solution.spread], axis=1)
     own = slice(system.drive.shape[2] - 1)  # the parameters that drive: inertia and path
     theta, of_theta = solution.theta[own], solution.of_theta[own]
     for at in range(k - 1, -1, -1):

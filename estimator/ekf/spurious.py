@@ -39,7 +39,7 @@ def spurious_growth(
         least: information, 1/m², that remains in a direction.
 
     Returns:
-        columns A (3, 3) of d and B (n, d, 3) of the states: their covariances grow by A Aᵀ and B Bᵀ.
+        columns A (3, k) of d and B (n, d, k) of the states: their covariances grow by A Aᵀ and B Bᵀ.
     """
     n, d = solution.state.shape
     points = system.points
@@ -49,4 +49,4 @@ def spurious_growth(
     by_few, by_noise = (turned_information(position, spread) for spread in solution.spread)
     spurious = three_sigma_factor(RATE_AND_INERTIA) * by_few + three_sigma_factor(int(system.seen.sum())) * by_noise
     of_offset, of_states = spurious_information_columns(offset, crossed, spurious, least)
-    return of_offset, of_states.reshape(n, d, 3)
+    return of_offset, of_states.reshape(n, d, -1)
