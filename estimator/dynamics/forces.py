@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 BROAD = 1e-4  # m/s², of an unknown constant acceleration: more than drag does above 200 km, or light anywhere
 SPAN_TIMES = 65  # at which the rms displacement of a response is taken
 PENUMBRA = 5.0  # s, in which the light changes so little that a response can be integrated over it
+TURN = 8 * ARC  # rad of the highest wave of a response in the time over which the accelerations are smooth
 UNIT = "m/s²"
 
 
@@ -47,6 +48,11 @@ class Force:
     longest: float
     breaks: FloatArray
     scale: Hyperparameter | None = None
+
+    @property
+    def frequency(self) -> float:
+        """The highest angular frequency of the response, rad/s; infinite if the accelerations jump."""
+        return np.inf if self.breaks.size else TURN / self.longest
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +82,8 @@ class Forced(Extended):
 
     @property
     def frequency(self) -> float:
-        """Infinite: accelerations may jump."""
-        return np.inf
+        """That of the base or of the response; see `Path`."""
+        return max(self.base.frequency, self.force.frequency)
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
