@@ -184,8 +184,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     errors = errors_of(tracks)
     path = chosen_path(options, orbit, *span, errors)
     few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
-    sampled, least = path.at(tracks.time[few.rows]), least_variance(measured, ROUNDING)
-    bodies, x, simple = linear_start(registered, few, sampled, path.prior, least)
+    sampled = interpolated(path.at, path.frequency, tracks.time[few.rows])
+    bodies, x, simple = linear_start(registered, few, sampled, path.prior, least_variance(measured, ROUNDING))
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     start = Start(
         path,

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from baryscope.estimator.dynamics.forces import Forced, constant_of
 from baryscope.estimator.dynamics.interpolated_path import InterpolatedPath, interpolated
+from baryscope.estimator.dynamics.orbit_error import with_orbit_error
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath, Smooth
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
@@ -19,12 +21,24 @@ MIDDLE = 2900.0
 # A wave over a block has an error of 1e-11; that of RelativeOrbit.at, of its own spline, is 5/384 (0.01 rad)⁴, and that
 # of the response to process noise, of another spline, 5/384 (0.03 rad)⁴. Slopes lose an order, 0.01 or 0.03 rad.
 NOISY = 3e-8
+SPAN = (-100.0, 5900.0)
+
+
+def wrong(path, orbit):
+    """The path with an error of its orbit, about one that drifts."""
+    x = np.array([20.0, -30.0, 10.0, 5.0, -8.0, 3.0])
+    return with_orbit_error(path, orbit, lambda time: path.at(time).position(x), *SPAN)
+
+
 CASES = {
     "fixed": (Polynomial(0, -100.0, 5900.0), 1e-11),
     "polynomial": (Smooth(20, -100.0, 5900.0), 1e-11),
     "orbit": (RelativeOrbit(ORBIT, MIDDLE), 1e-9),
     "eccentric": (RelativeOrbit(ECCENTRIC, MIDDLE), 1e-9),
     "J2": (PerturbedOrbit(OBLATE, MIDDLE), 1e-10),
+    "orbit error": (wrong(RelativeOrbit(ORBIT, MIDDLE), ORBIT), 1e-9),
+    "eccentric, orbit error": (wrong(PerturbedOrbit(ECCENTRIC, MIDDLE), ECCENTRIC), 1e-9),
+    "drag": (Forced(RelativeOrbit(ECCENTRIC, MIDDLE), constant_of("lvlh", ECCENTRIC, *SPAN), *SPAN), 1e-9),
 }
 
 
