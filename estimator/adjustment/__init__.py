@@ -16,8 +16,8 @@ from baryscope.estimator.adjustment.diagnostics import (
 from baryscope.estimator.adjustment.normal_equations import (
     CHUNK_SIZE,
     Pieces,
+    at_best_attitudes,
     attitude_information,
-    best_attitudes,
     pieces,
     turn_information,
 )
@@ -38,9 +38,9 @@ __all__ = [
     "Observations",
     "Pieces",
     "as_slice",
+    "at_best_attitudes",
     "attitude_information",
     "attitude_series",
-    "best_attitudes",
     "cluster_of",
     "covered_by",
     "main_cluster",

@@ -82,35 +82,21 @@ class Pieces:
 
 def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
     """The blocks of the normal equations at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, m, points (m, 3) in B, m."""
-    w = observations.weight
-    n, m = w.shape
-    arms = cross_matrices(points)  # (m, 3, 3)
-    residual = (observations.position - origin[:, None]) @ attitude - points
     if observations.precision is None:
-        weighted = w[:, :, None] * residual
-        turn = turn_information(w, arms)
-        turn_shift = (w @ arms.reshape(m, 9)).reshape(n, 3, 3)
-        shift = w.sum(axis=1)[:, None, None] * np.eye(3)
-        point = w.sum(axis=0)[:, None, None] * np.eye(3)
-        precision = None
-        turn_rhs = _cross_sums(points.T @ weighted)
-    else:
-        R = attitude[:, None]
-        precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ observations.precision @ R)
-        weighted = (precision @ residual[..., None])[..., 0]
-        levers = arms @ precision
-        turn = np.einsum("kmij,mlj->kil", levers, arms, optimize=True)
-        turn_shift = levers.sum(axis=1)
-        shift, point = precision.sum(axis=1), precision.sum(axis=0)
-        turn_rhs = np.einsum("mij,kmj->ki", arms, weighted, optimize=True)
+        return _Seen.of(observations, origin, points).pieces(attitude)
+    w, R, arms = observations.weight, attitude[:, None], cross_matrices(points)
+    residual = (observations.position - origin[:, None]) @ attitude - points
+    precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ observations.precision @ R)
+    weighted = (precision @ residual[..., None])[..., 0]
+    levers = arms @ precision
     return Pieces(
-        turn=turn,
-        turn_shift=turn_shift,
-        shift=shift,
-        point=point,
-        turn_rhs=turn_rhs,
+        turn=np.einsum("kmij,mlj->kil", levers, arms, optimize=True),
+        turn_shift=levers.sum(axis=1),
+        shift=precision.sum(axis=1),
+        point=precision.sum(axis=0),
+        turn_rhs=np.einsum("mij,kmj->ki", arms, weighted, optimize=True),
         shift_rhs=np.einsum("kmi->ki", weighted),
-        point_rhs=weighted.reshape(n, 3 * m).sum(axis=0).reshape(m, 3),
+        point_rhs=weighted.reshape(len(w), -1).sum(axis=0).reshape(-1, 3),
         squares=np.einsum("kmi,kmi->km", weighted, residual),
         _weight=w,
         _arms=arms,
@@ -118,17 +104,66 @@ def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray,
     )
 
 
-def best_attitudes(
+def at_best_attitudes(
     observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray
-) -> FloatArray:
-    """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed; arguments as in `pieces`."""
+) -> tuple[FloatArray, Pieces]:
+    """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed, and the blocks there.
+
+    Arguments as in `pieces`.
+    """
     if observations.precision is None:
-        turn = turn_information(observations.weight, cross_matrices(points))
-        weighted = observations.weight[:, :, None] * (observations.position - origin[:, None])
-        rhs = _cross_sums((points.T @ weighted) @ attitude)
-    else:
-        found = pieces(observations, attitude, origin, points)
-        turn, rhs = found.turn, found.turn_rhs
+        seen = _Seen.of(observations, origin, points)
+        best = _turned(attitude, seen.turn, _cross_sums(seen.moments @ attitude))
+        return best, seen.pieces(best)
+    found = pieces(observations, attitude, origin, points)
+    best = _turned(attitude, found.turn, found.turn_rhs)
+    return best, pieces(observations, best, origin, points)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Observations of the same weight along all axes, from the centre of mass, and what holds for all attitudes.
+
+    offset d (n, m, 3) in C; total Σ w d (n, 3) and moments Σ w b dᵀ (n, 3, 3); turn (n, 3, 3): the block of φ in B.
+    """
+
+    weight: FloatArray
+    points: FloatArray
+    arms: FloatArray
+    offset: FloatArray
+    total: FloatArray
+    moments: FloatArray
+    turn: FloatArray
+
+    @classmethod
+    def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Seen":
+        """Those of points (m, 3) in B, for origins (n, 3) in C."""
+        w, arms, offset = observations.weight, cross_matrices(points), observations.position - origin[:, None]
+        weighted = w[:, :, None] * offset
+        total = np.einsum("kmi->ki", weighted)
+        return cls(w, points, arms, offset, total, points.T @ weighted, turn_information(w, arms))
+
+    def pieces(self, attitude: FloatArray) -> Pieces:
+        """See `pieces`."""
+        w, (n, m) = self.weight, self.weight.shape
+        residual = self.offset @ attitude - self.points
+        return Pieces(
+            turn=self.turn,
+            turn_shift=(w @ self.arms.reshape(m, 9)).reshape(n, 3, 3),
+            shift=w.sum(axis=1)[:, None, None] * np.eye(3),
+            point=w.sum(axis=0)[:, None, None] * np.eye(3),
+            turn_rhs=_cross_sums(self.moments @ attitude),
+            shift_rhs=(self.total[:, None] @ attitude)[:, 0] - w @ self.points,
+            point_rhs=np.einsum("km,kmi->mi", w, residual),
+            squares=w * np.einsum("kmi,kmi->km", residual, residual),
+            _weight=w,
+            _arms=self.arms,
+            _precision=None,
+        )
+
+
+def _turned(attitude: FloatArray, turn: FloatArray, rhs: FloatArray) -> FloatArray:
+    """The attitudes (n, 3, 3) after the step of their own equations."""
     return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ rhs[:, :, None])[:, :, 0]))
 
 

@@ -113,7 +113,7 @@ def product_gradient(
     moved = np.einsum("ij,iab,kbc,jdc->kad", noise.offset, AXES, own.of_attitude, AXES, optimize=True)
     weight = own.known @ moved @ own.known
     turned = own.attitude @ weight
-    by_x = path.grams(own.frames, (turned @ np.swapaxes(own.attitude, 1, 2))[:, None])[0]
+    by_x = path.gram(own.frames, turned @ np.swapaxes(own.attitude, 1, 2))
     crossed = path.moment(own.frames, turned)
     return np.asarray(own.every * np.block([[weight.sum(axis=0), crossed.T], [crossed, by_x]]))
 

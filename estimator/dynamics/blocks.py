@@ -20,6 +20,9 @@ IntArray = NDArray[np.intp]
 
 KNOTS = 8
 NODES = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)  # Chebyshev's points of −1 … 1
+ROW, COLUMN = np.triu_indices(KNOTS)  # of the pairs of knots
+PAIR = np.zeros((KNOTS, KNOTS), dtype=np.intp)
+PAIR[ROW, COLUMN] = PAIR[COLUMN, ROW] = np.arange(len(ROW))
 SHORTEST = 1e-9  # s, of a block
 
 
@@ -44,7 +47,7 @@ class Blocks:
         index = np.minimum(((time - time[0]) / length).astype(np.intp), count - 1)
         first = np.flatnonzero(np.diff(index, prepend=-1))
         middle = time[0] + (index + 0.5) * length
-        weights = lagrange_weights(NODES, (time - middle) / (length / 2))
+        weights = np.asfortranarray(lagrange_weights(NODES, (time - middle) / (length / 2)))
         return cls(middle[first, None] + length / 2 * NODES, np.append(first, len(time)), weights)
 
     @property
@@ -76,31 +79,31 @@ class Blocks:
 
     def covariances(self, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
         """J C Jᵀ (n, 3, 3) at the frames for a Jacobian (k KNOTS, 3, q) at the knots and a covariance C (q, q)."""
-        found = np.empty((len(self.weights), 9))
+        found, pairs = np.empty((len(self.weights), 9)), _pairs(self.weights)
         by_block = jacobian.reshape(len(self.knots), 3 * KNOTS, -1)
         for own, (begin, end) in zip(by_block, pairwise(self.first.tolist()), strict=True):
-            block = (own @ covariance @ own.T).reshape(KNOTS, 3, KNOTS, 3)
-            pairs = block.transpose(0, 2, 1, 3).reshape(KNOTS * KNOTS, 9)
-            np.matmul(_pairs(self.weights[begin:end]), pairs, out=found[begin:end])
+            block = (own @ covariance @ own.T).reshape(KNOTS, 3, KNOTS, 3).transpose(0, 2, 1, 3)
+            both = np.where((ROW == COLUMN)[:, None, None], block[ROW, COLUMN], block[ROW, COLUMN] + block[COLUMN, ROW])
+            np.matmul(pairs[:, begin:end].T, both.reshape(-1, 9), out=found[begin:end])
         return found.reshape(-1, 3, 3)
 
     def sums(self, frames: Frames, values: FloatArray) -> FloatArray:
-        """Σ w v (b, KNOTS, c) over ascending frames in each of the blocks around them, for values v (f, c)."""
-        return self._summed(frames, self.weights[frames], values)
+        """Σ w v (b, ..., KNOTS, c) over f ascending frames in each of the blocks around them, for v (..., f, c)."""
+        return self._summed(frames, self.weights[frames].T, values)
 
     def pair_sums(self, frames: Frames, values: FloatArray) -> FloatArray:
-        """Σ w wᵀ v (b, KNOTS, KNOTS, c) likewise, with the products of two weights."""
-        summed = self._summed(frames, _pairs(self.weights[frames]), values)
-        return summed.reshape(len(summed), KNOTS, KNOTS, -1)
+        """Σ w wᵀ v (b, KNOTS, KNOTS, c) likewise, with the products of two weights, for v (f, c)."""
+        return self._summed(frames, _pairs(self.weights[frames]), values)[:, PAIR]
 
     def _summed(self, frames: Frames, weights: FloatArray, values: FloatArray) -> FloatArray:
         held, bounds = self.around(frames)
-        found = np.empty((held.stop - held.start, weights.shape[1], values.shape[1]))
+        found = np.empty((held.stop - held.start, *values.shape[:-2], len(weights), values.shape[-1]))
         for own, (begin, end) in zip(found, pairwise(bounds.tolist()), strict=True):
-            np.matmul(weights[begin:end].T, values[begin:end], out=own)
+            np.matmul(weights[:, begin:end], values[..., begin:end, :], out=own)
         return found
 
 
 def _pairs(weights: FloatArray) -> FloatArray:
-    """The products (n, KNOTS²) of two of the weights (n, KNOTS)."""
-    return np.asarray((weights[:, :, None] * weights[:, None]).reshape(len(weights), -1))
+    """The products (pairs, n) of two of the weights (n, KNOTS)."""
+    across = np.ascontiguousarray(weights.T)
+    return np.asarray(across[ROW] * across[COLUMN])

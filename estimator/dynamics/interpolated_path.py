@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
-from baryscope.estimator.dynamics.paths import Frames, SampledPath
+from baryscope.estimator.dynamics.paths import Frames, SampledPath, product
 
 FloatArray = NDArray[np.float64]
 
@@ -44,13 +44,20 @@ class InterpolatedPath(SampledPath):
         """The Jacobian (k, 3 KNOTS, p) at the knots of each block."""
         return self.at_knots.jacobian.reshape(-1, 3 * KNOTS, self.size)
 
-    def grams(self, frames: Frames, weights: FloatArray) -> FloatArray:
+    def gram(self, frames: Frames, weights: FloatArray) -> FloatArray:
         """See `SampledPath`."""
-        several, jacobian = weights.shape[1], self._by_block[self.blocks.around(frames)[0]]
-        pairs = self.blocks.pair_sums(frames, weights.reshape(len(weights), -1))
-        blocks = pairs.reshape(-1, KNOTS, KNOTS, several, 3, 3).transpose(3, 0, 1, 4, 2, 5)
-        weighted = blocks.reshape(several, -1, 3 * KNOTS, 3 * KNOTS) @ jacobian
-        return jacobian.reshape(-1, self.size).T @ weighted.reshape(several, -1, self.size)
+        jacobian, weighted = self._weighted(frames, weights)
+        return np.asarray(jacobian.reshape(-1, self.size).T @ weighted.reshape(-1, self.size))
+
+    def gram_diagonal(self, frames: Frames, weights: FloatArray) -> FloatArray:
+        """See `SampledPath`."""
+        return np.asarray(np.einsum("kip,kip->p", *self._weighted(frames, weights)))
+
+    def _weighted(self, frames: Frames, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """J (b, 3 KNOTS, p) in the blocks around the frames, and Σ W J with the weights (k, 3, 3) summed there."""
+        jacobian = self._by_block[self.blocks.around(frames)[0]]
+        pairs = self.blocks.pair_sums(frames, weights.reshape(-1, 9)).reshape(-1, KNOTS, KNOTS, 3, 3)
+        return jacobian, pairs.transpose(0, 1, 3, 2, 4).reshape(-1, 3 * KNOTS, 3 * KNOTS) @ jacobian
 
     @property
     def frames(self) -> int:
@@ -59,9 +66,10 @@ class InterpolatedPath(SampledPath):
 
     def moment(self, frames: Frames, values: FloatArray) -> FloatArray:
         """See `SampledPath`."""
-        jacobian, columns = self._by_block[self.blocks.around(frames)[0]], values.shape[2]
-        sums = self.blocks.sums(frames, values.reshape(len(values), -1))
-        return np.asarray(jacobian.reshape(-1, self.size).T @ sums.reshape(-1, columns))
+        jacobian = self._by_block[self.blocks.around(frames)[0]]
+        *lead, _, _, columns = values.shape
+        sums = self.blocks.sums(frames, values.reshape(*lead, -1, 3 * columns))
+        return product(jacobian.reshape(-1, self.size), np.moveaxis(sums, 0, -3).reshape(*lead, -1, columns))
 
     def covariance(self, of_x: FloatArray) -> FloatArray:
         """See `SampledPath`."""

@@ -97,20 +97,24 @@ class SampledPath:
         """The products (n, 3, k) of the Jacobian with columns (p, k)."""
         return np.asarray(self.jacobian @ columns)
 
-    def grams(self, frames: Frames, weights: FloatArray) -> FloatArray:
-        """Σ Jᵀ W J (s, p, p) over k ascending frames, for several weights (k, s, 3, 3)."""
+    def gram(self, frames: Frames, weights: FloatArray) -> FloatArray:
+        """Σ Jᵀ W J (p, p) over k ascending frames, for weights (k, 3, 3)."""
         own = self.jacobian[frames]
-        flat = own.reshape(-1, self.size)
-        return np.array([flat.T @ (weight @ own).reshape(-1, self.size) for weight in weights.swapaxes(0, 1)])
+        return np.asarray(own.reshape(-1, self.size).T @ (weights @ own).reshape(-1, self.size))
+
+    def gram_diagonal(self, frames: Frames, weights: FloatArray) -> FloatArray:
+        """The diagonal (p,) of that."""
+        own = self.jacobian[frames]
+        return np.asarray(np.einsum("kip,kip->p", own, weights @ own))
 
     def mean_square(self) -> FloatArray:
         """The mean (p, p) of Jᵀ J over the frames."""
-        one = np.broadcast_to(np.eye(3), (self.frames, 1, 3, 3))
-        return np.asarray(self.grams(slice(0, self.frames), one)[0] / self.frames)
+        return self.gram(slice(0, self.frames), np.broadcast_to(np.eye(3), (self.frames, 3, 3))) / self.frames
 
     def moment(self, frames: Frames, values: FloatArray) -> FloatArray:
-        """Σ Jᵀ v (p, c) over k ascending frames, for values (k, 3, c)."""
-        return np.asarray(self.jacobian[frames].reshape(-1, self.size).T @ values.reshape(-1, values.shape[2]))
+        """Σ Jᵀ v (..., p, c) over k ascending frames, for values (..., k, 3, c)."""
+        *lead, _, _, columns = values.shape
+        return product(self.jacobian[frames].reshape(-1, self.size), values.reshape(*lead, -1, columns))
 
     @property
     def offset(self) -> FloatArray:
@@ -132,6 +136,13 @@ class SampledPath:
     def lengths(self, directions: FloatArray) -> FloatArray:
         """The rms displacement (k,) of the path, m, for changes (p, k) of x."""
         return np.asarray(np.sqrt(np.mean(np.sum(self.times(directions) ** 2, axis=1), axis=0)))
+
+
+def product(jacobian: FloatArray, values: FloatArray) -> FloatArray:
+    """Jᵀ v (..., p, c) for J (k, p) and v (..., k, c), in one multiplication."""
+    rows = np.moveaxis(values, -2, 0)
+    found = jacobian.T @ rows.reshape(len(jacobian), -1)
+    return np.asarray(np.moveaxis(found.reshape(-1, *rows.shape[1:]), 0, -2))
 
 
 @dataclass(frozen=True)

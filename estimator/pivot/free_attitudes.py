@@ -7,19 +7,18 @@ Shifts of whole frames by noise of a known covariance, as that of a camera's att
 rotations. The orientation of S is arbitrary; this gauge freedom is fixed by the minimum-norm change of the points.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, best_attitudes, pieces
-from baryscope.estimator.adjustment.observations import Observations, as_slice
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.pivot.elimination import AllFrames, eliminated
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
 
@@ -69,31 +68,6 @@ class Solution:
             offset_path=-by_x @ covariance,
             offset_null_space=-by_x @ self.null_space,
         )
-
-
-@dataclass(eq=False)
-class _Sums:
-    """Normal equations of one body after the elimination of its rotations."""
-
-    path: FloatArray
-    path_points: FloatArray
-    points: FloatArray
-    path_sizes: FloatArray  # diagonals before the elimination
-    points_sizes: FloatArray
-    path_rhs: FloatArray
-    points_rhs: FloatArray
-    noise_cost: float = 0.0
-
-    def eliminate(self, rows: FloatArray, solved: FloatArray) -> None:
-        """Subtract from the points' equations what other unknowns of n frames take, three of each.
-
-        rows (n, 3, 3 + 3 m + 1): their blocks with the frames' shifts and the points, and right-hand sides; solved: by
-        their own blocks.
-        """
-        size = rows.shape[2] - 3
-        outer = rows[:, :, 3:].reshape(-1, size).T @ solved[:, :, 3:].reshape(-1, size)
-        self.points -= outer[:-1, :-1]
-        self.points_rhs -= outer[:-1, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,16 +152,13 @@ def linearised(
     bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames;
     shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1.
     """
-    origin = path.position(x)
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
+    frames = AllFrames(path, path.position(x), shift)
     for body in bodies:
-        own = observations.features(body.features)
-        attitude = np.empty_like(body.attitude)
-        for part in _chunks(body):
-            frames = as_slice(body.frames[part])
-            attitude[part] = best_attitudes(own.frames(frames), body.attitude[part], origin[frames], body.points)
-        turned.append(replace(body, attitude=attitude))
-        sums.append(_sum(turned[-1], own, path, _Frames(origin, shift, squares)))
+        own, own_sums, own_squares = eliminated(body, observations.features(body.features), frames)
+        turned.append(own)
+        sums.append(own_sums)
+        squares[np.ix_(body.frames, body.features)] = own_squares
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     inverses, by_paths = [], []
     for body, own_sums in zip(turned, sums, strict=True):
@@ -203,68 +174,6 @@ def linearised(
     return Linearised(
         tuple(turned), x, matrix, rhs, sizes, tuple(inverses), tuple(by_paths), points_rhs, squares, noise_cost
     )
-
-
-def _chunks(body: Body) -> Iterator[slice]:
-    """Slices of a body's frames whose arrays fit the cache."""
-    size = max(64, CHUNK_SIZE // (9 * len(body.features)))
-    return (slice(first, first + size) for first in range(0, len(body.frames), size))
-
-
-@dataclass(frozen=True, eq=False)
-class _Frames:
-    """Of all frames: origin (n, 3) in C, shift (n, 3, 3) or None, and squares (n, m), which `_sum` writes."""
-
-    origin: FloatArray
-    shift: FloatArray | None
-    squares: FloatArray
-
-
-def _sum(body: Body, own: Observations, path: SampledPath, all_frames: _Frames) -> _Sums:
-    origin = all_frames.origin
-    p, q = path.size, 3 * len(body.features)
-    total = _Sums(
-        np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
-    )
-    for part in _chunks(body):
-        frames = as_slice(body.frames[part])
-        attitude = body.attitude[part]
-        R_B_C = np.swapaxes(attitude, 1, 2)
-        found = pieces(own.frames(frames), attitude, origin[frames], body.points)
-        total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
-        total.points_rhs += found.point_rhs.ravel()
-        for index, block in enumerate(found.point):
-            total.points[3 * index : 3 * index + 3, 3 * index : 3 * index + 3] += block
-        # Rows of the frames' shifts τ: by τ, by the points, and the right-hand side. Eliminate the frames' rotations.
-        coupling = np.concatenate([found.turn_shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
-        inverse, by_turn = symmetric_inverses(found.turn), np.swapaxes(found.turn_shift, 1, 2)
-        solved = inverse @ coupling
-        total.eliminate(coupling, solved)
-        rows = np.concatenate([found.shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
-        rows -= by_turn @ solved
-        squares = found.squares
-        if all_frames.shift is not None:
-            # Eliminate τ itself, by Woodbury's formula.
-            known = rows[:, :, :3]
-            noise = R_B_C @ all_frames.shift[frames] @ attitude
-            gained = noise @ np.linalg.inv(np.eye(3) + known @ noise) @ rows
-            total.eliminate(rows, gained)
-            moved, rhs = gained[:, :, -1], rows[:, :, -1]
-            total.noise_cost += float(np.vdot(moved, rhs - (known @ moved[:, :, None])[:, :, 0]))
-            turned = solved[:, :, -1] - (inverse @ found.turn_shift @ moved[:, :, None])[:, :, 0]
-            there = origin[frames] + (attitude @ moved[:, :, None])[:, :, 0]
-            squares = pieces(own.frames(frames), attitude @ exp_rotation(turned), there, body.points).squares
-            rows = rows - known @ gained
-        rows = attitude @ rows
-        both = np.stack([attitude @ found.shift, rows[:, :, :3]], axis=1) @ R_B_C[:, None]
-        alone, eliminated = path.grams(frames, both)
-        total.path_sizes += np.diag(alone)
-        total.path += eliminated
-        of_path = path.moment(frames, rows[:, :, 3:])
-        total.path_points += of_path[:, :-1]
-        total.path_rhs += of_path[:, -1]
-        all_frames.squares[np.ix_(body.frames[part], body.features)] = squares
-    return total
 
 
 def _points_inverse(points: FloatArray, matrix: FloatArray, sizes: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.normal_equations import best_attitudes, pieces
+from baryscope.estimator.adjustment.normal_equations import at_best_attitudes, pieces
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
@@ -121,7 +121,8 @@ def test_best_attitudes_agree_with_scipys_alignment(full):
     """The steps converge to the solution of Wahba's problem; with precisions, to a stationary point."""
     observations, attitude, origin, points = scene(full)
     for _ in range(40):
-        attitude = best_attitudes(observations, attitude, origin, points)
+        attitude, found = at_best_attitudes(observations, attitude, origin, points)
+    np.testing.assert_allclose(found.turn_rhs, 0.0, atol=1e-9 * np.abs(found.turn).max())
     if not full:
         for k in range(N):
             expected, _ = Rotation.align_vectors(observations.position[k] - origin[k], points, observations.weight[k])

@@ -73,8 +73,9 @@ def test_sums_over_blocks_are_those_over_frames(few, frames):
     every = SampledPath(few.jacobian, few.position)
     count = len(np.arange(20_000)[frames])
     rng = np.random.default_rng(2)
-    weights, values = rng.normal(size=(count, 2, 3, 3)), rng.normal(size=(count, 3, 5))
-    for found, expected in zip(few.grams(frames, weights), every.grams(frames, weights), strict=True):
+    weights, values = rng.normal(size=(count, 3, 3)), rng.normal(size=(count, 3, 5))
+    both = ((path.gram(frames, weights), path.gram_diagonal(frames, weights)) for path in (few, every))
+    for found, expected in zip(*both, strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-12 * count * np.abs(few.jacobian).max() ** 2)
     np.testing.assert_allclose(few.moment(frames, values), every.moment(frames, values), rtol=1e-9, atol=1e-8)
 

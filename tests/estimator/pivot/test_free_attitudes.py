@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.pivot.free_attitudes import _chunks, gauss_newton_step
+from baryscope.estimator.pivot.elimination import chunks_of
+from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.registration.body import Body
 from synthetic import differences, roots, turned_back
 
@@ -146,7 +147,7 @@ def test_many_frames_agree_with_few_of_more_weight():
     position = np.array([4.0, -19.0, 3.0]) + points @ np.swapaxes(attitude, 1, 2)
     position += NOISE * rng.normal(size=(60, 4, 3))[np.arange(n) % 60]
     body = Body(np.arange(4), np.arange(n), points, attitude)
-    assert len(list(_chunks(body))) > 1
+    assert len(list(chunks_of(body))) > 1
     path = Polynomial(0, 0.0, 1.0)
     many = gauss_newton_step(
         (body,), Observations(position, np.ones((n, 4))), path.at(np.zeros(n)), np.array([4.0, -19, 3])

@@ -1,0 +1,161 @@
+"""The normal equations of a path and a body's points, after the elimination of the body's rotation in every frame.
+
+A frame has the blocks T of its rotation φ, U of φ with the shift τ, and those of each point: w [b]× with φ and w with τ
+for observations of the same weight w along all axes. With H = T⁻¹ and Q = Uᵀ H, what is left of τ is s − Q U with the
+sum s of the weights, of τ with a point w (1 − Q [b]×), and of two points −w w' [b]×ᵀ H [b']×. So sums over frames of
+w A, w A Q (A the attitude) and w w' H suffice, without the blocks of the points in each frame.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, pieces
+from baryscope.estimator.adjustment.observations import Observations, as_slice
+from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
+from baryscope.estimator.geometry.symmetric import symmetric_inverses
+from baryscope.estimator.registration.body import Body
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Sums:
+    """Normal equations of one body after the elimination of its rotations: of the path (p, p) and of points (3 m, 3 m).
+
+    path_points (p, 3 m) couples them; sizes: diagonals before the elimination; right-hand sides; noise_cost: the
+    weighted squares of the frames' own shifts.
+    """
+
+    path: FloatArray
+    path_points: FloatArray
+    points: FloatArray
+    path_sizes: FloatArray
+    points_sizes: FloatArray
+    path_rhs: FloatArray
+    points_rhs: FloatArray
+    noise_cost: float = 0.0
+
+    @classmethod
+    def zero(cls, p: int, q: int) -> "Sums":
+        """No frames."""
+        return cls(
+            np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
+        )
+
+    def eliminate(self, rows: FloatArray, solved: FloatArray) -> None:
+        """Subtract from the points' equations what other unknowns of n frames take, three of each.
+
+        rows (n, 3, 3 + 3 m + 1): their blocks with the frames' shifts and the points, and right-hand sides; solved: by
+        their own blocks.
+        """
+        size = rows.shape[2] - 3
+        outer = rows[:, :, 3:].reshape(-1, size).T @ solved[:, :, 3:].reshape(-1, size)
+        self.points -= outer[:-1, :-1]
+        self.points_rhs -= outer[:-1, -1]
+
+
+@dataclass(frozen=True, eq=False)
+class AllFrames:
+    """Of all n frames: the path there, its origin (n, 3) in C, and shift (n, 3, 3), see `free_attitudes.linearised`."""
+
+    path: SampledPath
+    origin: FloatArray
+    shift: FloatArray | None
+
+
+def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
+    """The body with the best attitudes for its points, its normal equations there, and the weighted squares (k, m).
+
+    own: observations of its features in all frames.
+    """
+    several = own.precision is not None or frames.shift is not None
+    return _with_blocks(body, own, frames) if several else _with_weights(body, own, frames)
+
+
+def chunks_of(body: Body) -> Iterator[slice]:
+    """Slices of a body's frames whose arrays fit the cache."""
+    size = max(64, CHUNK_SIZE // (9 * len(body.features)))
+    return (slice(first, first + size) for first in range(0, len(body.frames), size))
+
+
+def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
+    """That of observations of the same weight along all axes, without shifts."""
+    path, m = frames.path, len(body.features)
+    arms = cross_matrices(body.points)
+    attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
+    total = Sums.zero(path.size, 3 * m)
+    weights, pairs, by_path = np.zeros(m), np.zeros((m, m, 9)), np.zeros((m, path.size, 6))
+    for part in chunks_of(body):
+        index = as_slice(body.frames[part])
+        here, origin = own.frames(index), frames.origin[index]
+        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points)
+        w = here.weight
+        n, sums = len(w), w.sum(axis=1)
+        inverse, back = symmetric_inverses(found.turn), R_C_B @ np.swapaxes(found.turn_shift, 1, 2)
+        gain = back @ inverse
+        left = sums[:, None, None] * np.eye(3) - gain @ np.swapaxes(back, 1, 2)
+        across = np.ascontiguousarray(w.T)
+        both = np.concatenate([R_C_B, gain], axis=2)
+        rhs = R_C_B @ found.shift_rhs[:, :, None] - gain @ found.turn_rhs[:, :, None]
+        total.path += path.gram(index, left)
+        total.path_sizes += path.gram_diagonal(index, found.shift)
+        total.path_rhs += path.moment(index, rhs)[:, 0]
+        by_path += path.moment(index, across[:, :, None, None] * both)
+        pairs += across @ (across[:, :, None] * inverse.reshape(n, 9))
+        turned = across @ (inverse @ found.turn_rhs[:, :, None])[:, :, 0]
+        total.points_rhs += (found.point_rhs + np.cross(body.points, turned)).ravel()
+        weights += w.sum(axis=0)
+        attitudes[part], all_squares[part] = R_C_B, found.squares
+    total.points_sizes = np.repeat(weights, 3)
+    of_pairs = np.einsum("mia,mlij,ljb->malb", arms, pairs.reshape(m, m, 3, 3), arms, optimize=True)
+    total.points = np.diag(total.points_sizes) - of_pairs.reshape(3 * m, 3 * m)
+    by_points = by_path[:, :, :3] - by_path[:, :, 3:] @ arms
+    total.path_points = np.moveaxis(by_points, 0, 1).reshape(-1, 3 * m)
+    return replace(body, attitude=attitudes), total, all_squares
+
+
+def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
+    """That of observations with precisions, or of frames with shifts, which are eliminated by Woodbury's formula."""
+    path, m = frames.path, len(body.features)
+    attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
+    total = Sums.zero(path.size, 3 * m)
+    for part in chunks_of(body):
+        index = as_slice(body.frames[part])
+        here, origin = own.frames(index), frames.origin[index]
+        R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points)
+        R_B_C = np.swapaxes(R_C_B, 1, 2)
+        total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
+        total.points_rhs += found.point_rhs.ravel()
+        total.points += block_diag(*found.point)
+        # Rows of the frames' shifts τ: by τ, by the points, and the right-hand side. Eliminate the frames' rotations.
+        coupling = np.concatenate([found.turn_shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
+        inverse, by_turn = symmetric_inverses(found.turn), np.swapaxes(found.turn_shift, 1, 2)
+        solved = inverse @ coupling
+        total.eliminate(coupling, solved)
+        rows = np.concatenate([found.shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
+        rows -= by_turn @ solved
+        squares = found.squares
+        if frames.shift is not None:
+            known = rows[:, :, :3]
+            noise = R_B_C @ frames.shift[index] @ R_C_B
+            gained = noise @ np.linalg.inv(np.eye(3) + known @ noise) @ rows
+            total.eliminate(rows, gained)
+            moved, rhs = gained[:, :, -1], rows[:, :, -1]
+            total.noise_cost += float(np.vdot(moved, rhs - (known @ moved[:, :, None])[:, :, 0]))
+            turned = solved[:, :, -1] - (inverse @ found.turn_shift @ moved[:, :, None])[:, :, 0]
+            there = origin + (R_C_B @ moved[:, :, None])[:, :, 0]
+            squares = pieces(here, R_C_B @ exp_rotation(turned), there, body.points).squares
+            rows = rows - known @ gained
+        rows = R_C_B @ rows
+        total.path += path.gram(index, rows[:, :, :3] @ R_B_C)
+        total.path_sizes += path.gram_diagonal(index, R_C_B @ found.shift @ R_B_C)
+        of_path = path.moment(index, rows[:, :, 3:])
+        total.path_points += of_path[:, :-1]
+        total.path_rhs += of_path[:, -1]
+        attitudes[part], all_squares[part] = R_C_B, squares
+    return replace(body, attitude=attitudes), total, all_squares
