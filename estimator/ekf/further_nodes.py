@@ -44,7 +44,7 @@ def further_nodes(found: Passes, time: FloatArray) -> FurtherNodes:
     system = linearised(reference, nodes, last.observations)
     units = problem.noise_units_at(nodes.time)
     noise = problem.noise(found.members, last.noise_variance)
-    solved = solve(system.since(first), replace(noise, units=units[first:]), last.prior)
+    solved = solve(system.since(first), replace(noise, units=units[first:]), last.prior, found.added)
     solution = mixed([one for one, _ in solved], found.probability, found.variance)
     density = (found.probability * found.variance) @ noise.density
     before = np.tensordot(units[:first], density, axes=(1, 0))

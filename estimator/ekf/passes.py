@@ -14,6 +14,7 @@ from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
 from baryscope.estimator.ekf.motion import gravity_gradient_axis
 from baryscope.estimator.ekf.problem import ROUNDING, Problem
+from baryscope.estimator.ekf.smoothness import uncertain_smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
@@ -116,9 +117,19 @@ class Passes:
     @cached_property
     def _solved(self) -> list[tuple[Solution, Parameters]]:
         last = self.last
-        if self.members == (last.member,):
+        if self.members == (last.member,) and not len(self.problem.theta):
             return [(last.solution, last.parameters)]
-        return solve(last.system, self.problem.noise(self.members, last.noise_variance), last.prior)
+        return solve(last.system, self.problem.noise(self.members, last.noise_variance), last.prior, self.added)
+
+    @cached_property
+    def added(self) -> FloatArray | float:
+        """What the uncertainty of the path's hyperparameters adds to the covariance of the parameters."""
+        problem, last = self.problem, self.last
+        if not len(problem.theta):
+            return 0.0
+        x = self.about.x + last.parameters.theta[INERTIA : INERTIA + len(self.about.x)]
+        of_path = problem.path_prior(last.noise_variance)
+        return uncertain_smoothness(last.parameters, last.prior, of_path, problem.theta, x)
 
 
 def passes(problem: Problem) -> Passes:

@@ -1,7 +1,7 @@
 """The problem that the passes of `ekf` solve: observations, models, and prior."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.dynamics.paths import FIXED, Path
+from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, STATE, Reference
@@ -136,6 +137,11 @@ class Problem:
         ]
         before = [-logarithm_of_inertia(reference.inertia), -shift, np.zeros(3 + 3 * len(unseen))]
         return Prior(np.concatenate(before), np.concatenate(information))
+
+    def path_prior(self, variance: float) -> PathPrior:
+        """The own prior of the path's unknowns, of variances over that of an observation."""
+        prior = self.path.prior
+        return replace(prior, offset=prior.offset - np.log(variance))
 
     @cached_property
     def _path_information(self) -> FloatArray:

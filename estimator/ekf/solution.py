@@ -25,12 +25,16 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """The parameters for one member: theta (q,), covariance (q, q) in the units of the weights; squares: weighted sum
-    of squared innovations; log_determinant of the innovations' covariance and of the parameters' information.
+    """The parameters for one member: theta (q,), and their covariance (q, q) in the units of the weights.
+
+    Without the prior: information (q, q) and gradient (q,) of half the cost there. squares: weighted sum of squared
+    innovations; log_determinant of the innovations' covariance and of the parameters' information.
     """
 
     theta: FloatArray
     covariance: FloatArray
+    information: FloatArray
+    gradient: FloatArray
     squares: float
     log_determinant: float
 
@@ -64,7 +68,9 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
     squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ (prior.information * off)
     determinant = float(np.log(values[known]).sum() + np.log(least).sum() - 2 * np.log(scale).sum())
     covariance = (axes / values[known]) @ axes.T + own @ np.linalg.inv(of_prior) @ own.T
-    return Parameters(theta, covariance, float(squares), determinant + float(forward.log_determinant[member]))
+    determinant += float(forward.log_determinant[member])
+    gradient = cost[1:, 0] + cost[1:, 1:] @ theta
+    return Parameters(theta, covariance, cost[1:, 1:], gradient, float(squares), determinant)
 
 
 def log_likelihoods(
@@ -112,8 +118,10 @@ class Solution:
     spread: FloatArray
 
 
-def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[Solution, Parameters]]:
-    """The solutions of all members."""
+def solve(
+    system: Linearised, noise: ProcessNoise, prior: Prior, added: FloatArray | float = 0.0
+) -> list[tuple[Solution, Parameters]]:
+    """The solutions of all members; added (q, q): to the covariance of the parameters, in the units of the weights."""
     n, (d, c), k = len(system.observed), system.first.shape, len(noise.density)
     at_once = max(1, int(MEMORY / (8.0 * n * 4 * d * (c + d))))
     found = []
@@ -123,7 +131,7 @@ def solve(system: Linearised, noise: ProcessNoise, prior: Prior) -> list[tuple[S
         state, covariance = smoothed(system, forward)
         for member in range(len(part.density)):
             parameters = parameters_of(forward, member, prior)
-            theta, of_theta = parameters.theta, parameters.covariance
+            theta, of_theta = parameters.theta, parameters.covariance + added
             by_theta, own = state[:, member, :, 1:], covariance[:, member]
             crossed = by_theta @ of_theta
             mean = state[:, member, :, 0] + by_theta @ theta

@@ -1,0 +1,43 @@
+"""What uncertain hyperparameters add, with the other parameters eliminated, against the problem with all of them."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.adjustment.evidence import Linear, conditional, maximise, posterior
+from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.prior import Prior as PathPrior
+from baryscope.estimator.ekf.smoothness import uncertain_smoothness
+from baryscope.estimator.ekf.solution import Parameters, Prior
+
+BEFORE, AFTER = 5, 9  # parameters before and after the path's
+
+
+@pytest.fixture(scope="module")
+def path():
+    return Smooth(4, 0.0, 10.0).prior
+
+
+def test_elimination_changes_nothing(path):
+    """A random problem in 5 + 15 + 9 parameters: `posterior` of all of them together is the oracle."""
+    rng, s = np.random.default_rng(2), len(path.offset)
+    q = BEFORE + s + AFTER
+    x = rng.normal(size=s) * np.repeat(0.3 ** np.arange(s // 3), 3)
+    others = np.where(np.isin(np.arange(q), np.arange(BEFORE, BEFORE + s)), 0.0, 0.5)
+    root = rng.normal(size=(60, q))
+    information = root.T @ root
+    everything = PathPrior(
+        np.concatenate([np.full(BEFORE, np.log(2.0)), path.offset, np.full(AFTER, np.log(2.0))]),
+        np.concatenate([np.zeros((BEFORE, 3)), path.slopes, np.zeros((AFTER, 3))]),
+        path.hyperparameters,
+    )
+    at = np.concatenate([rng.normal(size=BEFORE), x, rng.normal(size=AFTER)])
+    linear = Linear(information, information @ rng.normal(size=q), at)
+    theta = maximise(linear, everything)
+    mean, covariance = conditional(linear, everything, theta)
+    expected = posterior(linear, everything, theta).covariance - covariance
+    gradient = information @ (mean - at) - linear.rhs
+    parameters = Parameters(mean, covariance, information, gradient, 0.0, 0.0)
+    prior = Prior(np.zeros(q), others)
+    found = uncertain_smoothness(parameters, prior, path, theta, mean[BEFORE : BEFORE + s])
+    # The positive part is taken of other matrices.
+    np.testing.assert_allclose(found, expected, rtol=2e-2, atol=2e-2 * np.abs(expected).max())
