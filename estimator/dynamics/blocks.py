@@ -50,11 +50,6 @@ class Blocks:
         weights = np.asfortranarray(lagrange_weights(NODES, (time - middle) / (length / 2)))
         return cls(middle[first, None] + length / 2 * NODES, np.append(first, len(time)), weights)
 
-    @property
-    def frames_per_knot(self) -> float:
-        """How many frames there are for each knot: how much is saved."""
-        return len(self.weights) / self.knots.size
-
     def around(self, frames: Frames) -> tuple[slice, IntArray]:
         """Which blocks hold the ascending frames, and where in `frames` each of them begins, with the end of the last.
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -277,14 +278,13 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     begins = np.concatenate([time[before:0:-1], time[before:-1]])
     sizes = np.repeat([-h, h], [before, after])
     modes = None if torque is None else torque.modes(begins[:, None] + sizes[:, None] * GAUSS)
-    forced = None if torque is None or modes is None else (modes @ torque.coefficients).reshape(-1, FORCED).T
-    back = _integrate(start, constants, sizes[:before], None if forced is None else forced[:, :before])
-    forth = _integrate(start, constants, sizes[before:], None if forced is None else forced[:, before:])
+    inputs = [sizes[None]]
+    if torque is not None and modes is not None:
+        inputs.append((modes @ torque.coefficients).reshape(-1, FORCED).T)
+    back, forth = _integrate(start, constants, inputs, before)
     starts, states = np.hstack([back[:, :-1], forth[:, :-1]]), np.hstack([back[:, :0:-1], forth])
     states[:4] /= np.linalg.norm(states[:4], axis=0)
-    of_step = sensitivity_step(gravity_gradient, torque is not None)
-    inputs = (sizes[None],) if forced is None else (sizes[None], forced)
-    steps = of_step(starts, *inputs, constants)
+    steps = sensitivity_step(gravity_gradient, torque is not None)(starts, *inputs, constants)
     sensitivity = np.zeros((len(time), 6, start.size))
     sensitivity[before, 3:, :3] = np.eye(3)
     _chain(sensitivity[before::-1], steps[:before], None if modes is None else modes[:before])
@@ -314,30 +314,38 @@ def _highest_rate(start: Rotation) -> float:
 
 
 def _integrate(
-    start: Rotation, constants: FloatArray, sizes: FloatArray, accelerations: FloatArray | None
-) -> FloatArray:
-    """The states (8, k + 1) at the epoch and after each of k steps of sizes (k,) in s.
+    start: Rotation, constants: FloatArray, inputs: list[FloatArray], before: int
+) -> tuple[FloatArray, FloatArray]:
+    """The states (8, k + 1) at the epoch and after each step, for those back in time and those forth.
 
-    accelerations (FORCED, k): those of a torque in each step.
+    inputs: sizes (1, steps) in s and, with a torque, accelerations (FORCED, steps); the first `before` go back in time.
     """
-    function, count = advance(start.orbit is not None, accelerations is not None), len(sizes)
-    padding = ((0, 0), (0, -count % CHUNK))  # with steps of no length
-    given = [np.pad(one, padding) for one in (sizes[None], accelerations) if one is not None]
-    first = np.concatenate(
-        [quaternion_from_matrix(start.attitude[None])[0], start.rate, _true_anomaly(start, np.array([start.epoch]))]
+    forced, parts = len(inputs) > 1, (slice(0, before), slice(before, None))
+    attitude, anomaly = quaternion_from_matrix(start.attitude[None])[0], _true_anomaly(start, np.array([start.epoch]))
+    if start.orbit is not None:
+        first = np.concatenate([attitude, start.rate, anomaly])
+        back, forth = (_walk(advance(True, forced), first, [one[:, p] for one in inputs], constants) for p in parts)
+        return back, forth
+    rates = [_walk(advance(False, forced), start.rate, [one[:, p] for one in inputs], constants) for p in parts]
+    turns = turn_of_step(forced)(np.hstack([one[:, :-1] for one in rates]), *inputs, constants).T
+    back, forth = (
+        np.vstack([_running_products(np.column_stack([attitude, turns[:, p]])), rate, np.zeros(rate.shape[1])])
+        for p, rate in zip(parts, rates, strict=True)
     )
-    state = slice(None) if start.orbit is not None else slice(4, 7)
-    states = np.repeat(first[:, None], 1 + given[0].shape[1], axis=1)
+    return back, forth
+
+
+def _walk(function: ca.Function, first: FloatArray, inputs: list[FloatArray], constants: FloatArray) -> FloatArray:
+    """The states (size, k + 1) of `advance`: the first one, and those after each of k steps."""
+    count = inputs[0].shape[1]
+    padded = [np.pad(one, ((0, 0), (0, -count % CHUNK))) for one in inputs]  # with steps of no length
+    states = np.empty((len(first), 1 + padded[0].shape[1]))
+    states[:, 0] = first
     for begin in range(0, count, CHUNK):
         chunk = slice(begin, begin + CHUNK)
-        found = function(states[state, begin], *(one[:, chunk] for one in given), constants)
-        states[state, begin + 1 : begin + 1 + CHUNK] = found
-    states = states[:, : count + 1]
-    if start.orbit is None and count:
-        inputs = [states[4:7, :-1], sizes[None]] + ([] if accelerations is None else [accelerations])
-        states[:4, 1:] = turn_of_step(accelerations is not None)(*inputs, constants).T
-        states[:4] = _running_products(states[:4])
-    return states
+        found = function(states[:, begin], *(one[:, chunk] for one in padded), constants)
+        states[:, begin + 1 : begin + 1 + CHUNK] = found
+    return states[:, : count + 1]
 
 
 def _running_products(quaternions: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from baryscope.estimator.dynamics.rotation import Attitudes
 FloatArray = NDArray[np.float64]
 
 PHASE = 2.0  # rad of the highest frequency in a block: an error of 2e-7, and of 1e-3 of a wave of thrice that frequency
+FEWEST = 1000  # frames, and
 WORTHWHILE = 1.5  # frames of a knot, on average, from which sums over knots are faster
 PART = 256  # frames whose Jacobians are evaluated together
 
@@ -120,4 +121,4 @@ class Knots:
 
 def worthwhile(blocks: Blocks) -> bool:
     """Whether sums over knots are faster than those over frames."""
-    return blocks.frames_per_knot >= WORTHWHILE
+    return len(blocks.weights) >= max(FEWEST, WORTHWHILE * blocks.knots.size)

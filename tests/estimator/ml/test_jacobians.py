@@ -6,7 +6,7 @@ import pytest
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.ml.jacobians import Jacobians, worthwhile
 
-TIME = np.sort(np.random.default_rng(0).uniform(10.0, 40.0, 500))
+TIME = np.sort(np.random.default_rng(0).uniform(10.0, 40.0, 1200))
 
 
 def waves(time):
@@ -25,7 +25,7 @@ def test_jacobians_over_blocks_agree_with_all_frames():
     # Of a wave 3e-4 (ωT)⁴ with ωT = 0.8; the covariances are of the order of ten, of four columns.
     np.testing.assert_allclose(few.covariances(root @ root.T), every.covariances(root @ root.T), atol=5e-3)
     np.testing.assert_allclose(few.times(root), every.times(root), atol=5e-4)
-    factors = rng.normal(size=(500, 3, 3))
+    factors = rng.normal(size=(1200, 3, 3))
     np.testing.assert_allclose(few.mean(factors), every.mean(factors), atol=1e-4)
     np.testing.assert_allclose(every.mean(factors), np.mean(factors @ waves(TIME), axis=0), atol=1e-12)
 
