@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.fmu import Session, build_fmu
-from baryscope.scripts.benchmarks import adjusting, benchmark, estimating, orbit, setting, stepping, under_forces
+from baryscope.scripts.benchmarks import adjusting, benchmark, estimating, orbit, setting, stepping
 from baryscope.scripts.benchmarks.report import Part, Row, differs, exceeds
 
 STEPS = 100  # of 0.1 s
@@ -190,29 +189,3 @@ def test_tables_that_are_not_read_as_written_are_a_fault(short, monkeypatch):
 
     monkeypatch.setattr(FeatureTracks, "read_csv", broken)
     assert len(estimating.reading(short).faults) == 2
-
-
-@pytest.fixture
-def flown(short, monkeypatch):
-    """The setting with Basilisk, for which a unit with the same forces and a moved end stands in."""
-    moved = [0.0]
-
-    def flight(scenario, start):
-        with Session(build_fmu(scenario, short.folder / "other.fmu"), {"solver.tolerance": 1e-12}) as session:
-            session.step(under_forces.DURATION)
-            end = under_forces.State.of(session)
-        return replace(end, place=end.place + np.array([[moved[0], 0.0, 0.0], [0.0, 0.0, 0.0]]))
-
-    monkeypatch.setattr(under_forces, "basilisk_flight", flight)
-    return replace(short, peers=frozenset({"basilisk"})), moved
-
-
-def test_forces_are_compared_with_those_of_basilisk(short, flown):
-    setting, moved = flown
-    assert under_forces.under_forces(short) == Part()
-    part = under_forces.under_forces(setting)
-    assert part.faults == ()
-    assert part.tables[0].row_count == 4
-    moved[0] = 1e-3
-    faults = under_forces.under_forces(setting).faults
-    assert [fault.split(":")[0] for fault in faults] == ["the unit under forces, against Basilisk"]
