@@ -33,11 +33,11 @@ MOST_ITERATIONS = 60
 CONVERGED = 1e-13  # of the largest distance
 
 
-@dataclass(frozen=True)
-class RelativeOrbit:
-    """Free relative motion on a known orbit: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch in s, (6,), all in m.
+@dataclass(frozen=True, eq=False)
+class _OnOrbit:
+    """Relative motion on a known orbit: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch in s, (6,), all in m.
 
-    n is the orbit's mean motion; the CoM's position in C is −R_I_L ρ.
+    n is the mean motion of the orbit's elements.
     """
 
     orbit: Orbit
@@ -57,15 +57,13 @@ class RelativeOrbit:
         return HARMONIC * self.orbit.periapsis_rate
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray:
-        """The gravity gradient (n, 3, 3) at the target in C, 1/s²: μ/r³ (3 u uᵀ − 1), u the radial direction."""
-        radial = lvlh_attitude(self.orbit, time)[:, :, 0]
-        # r² θ̇ is the angular momentum √(μ p).
-        mu, semi_latus = (
-            self.orbit.gravitational_parameter,
-            self.orbit.semi_major_axis * (1 - self.orbit.eccentricity**2),
-        )
-        cubed = (np.sqrt(mu * semi_latus) / lvlh_rate(self.orbit, time)) ** 1.5
-        return np.asarray((3 * radial[:, :, None] * radial[:, None] - np.eye(3)) * (mu / cubed)[:, None, None])
+        """The gravity gradient (n, 3, 3) at the target in C, 1/s², at times (n,) in s."""
+        return gravity_gradient(self.orbit, target_states(self.orbit, time))
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeOrbit(_OnOrbit):
+    """Free relative motion on a Kepler orbit: the CoM's position in C is −R_I_L ρ."""
 
     @property
     def scale(self) -> FloatArray:
@@ -107,26 +105,14 @@ def _interpolated(nodes: FloatArray, values: FloatArray, time: FloatArray) -> Fl
 
 
 @dataclass(frozen=True, eq=False)
-class PerturbedOrbit:
-    """Relative motion under known forces: x is the chaser's (ρ, ρ̇/n) in LVLH at the epoch in s, (6,), all in m.
-
-    The same unknowns as those of `RelativeOrbit`: n is the mean motion of the orbit's elements, and ρ̇ the rate in axes
-    that turn about the orbit normal at h/r². The jacobian is that of a chaser at the target.
+class PerturbedOrbit(_OnOrbit):
+    """Relative motion under known forces, with the same unknowns: ρ̇ is the rate in axes that turn about the orbit
+    normal at h/r². The jacobian is that of a chaser at the target.
 
     orbit: with J2, an ephemeris, or neither; known: the acceleration of the chaser besides gravity.
     """
 
-    orbit: Orbit
-    epoch: float
     known: KnownAcceleration | None = None
-
-    name = "relative-orbit"
-    size = 6
-
-    @property
-    def prior(self) -> Prior:
-        """No prior."""
-        return Prior.none(self.size)
 
     @property
     def longest(self) -> float:
@@ -136,11 +122,7 @@ class PerturbedOrbit:
     @property
     def frequency(self) -> float:
         """HARMONIC times the rate at periapsis; infinite with an ephemeris or known accelerations, which may jump."""
-        return HARMONIC * self.orbit.periapsis_rate if self.orbit.ephemeris is None and self.known is None else np.inf
-
-    def gravity_gradient(self, time: FloatArray) -> FloatArray:
-        """The gravity gradient (n, 3, 3) at the target in C, 1/s², at times (n,) in s."""
-        return gravity_gradient(self.orbit, target_states(self.orbit, time))
+        return super().frequency if self.orbit.ephemeris is None and self.known is None else np.inf
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
