@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors
-from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, forced
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, are_within, forced
+from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import ConstantAxes
 from baryscope.estimator.thrust import KnownAcceleration
@@ -87,11 +87,11 @@ class Forced(Extended):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return self.base.at(time).extended(self._response(time).position(time) / self._displacement)
+        return self.base.at(time).extended(self.response(time).position(time) / self._displacement)
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        return self.base.rate_at(time).extended(self._response(time).velocity(time) / self._displacement)
+        return self.base.rate_at(time).extended(self.response(time).velocity(time) / self._displacement)
 
     def factors(self, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
         """The estimated factors from x and its covariance, in which the force's unknowns follow the base's."""
@@ -104,19 +104,20 @@ class Forced(Extended):
     def _displacement(self) -> FloatArray:
         """The rms displacement (c,) for a factor of 1, m; 1 where there is none."""
         time = np.linspace(self.begin, self.end, SPAN_TIMES)
-        rms = np.sqrt(np.mean(np.sum(self._response(time).position(time) ** 2, axis=1), axis=0))
+        rms = np.sqrt(np.mean(np.sum(self.response(time).position(time) ** 2, axis=1), axis=0))
         return np.where(rms > 0, rms, 1.0)
 
-    def _response(self, time: FloatArray) -> Motion:
-        """The response over the times (n,), computed once for all that lie within begin … end."""
-        if self.begin <= time.min(initial=np.inf) and time.max(initial=-np.inf) <= self.end:
-            return self._within
-        return _response(self.base, self.force, (self.begin + self.end) / 2, time)
+    def response(self, time: FloatArray) -> Motion:
+        """The response over the times (n,) to factors of 1, computed once for all that lie within begin … end."""
+        return self._within if are_within(time, self.begin, self.end) else self._integrated(time)
 
     @cached_property
     def _within(self) -> Motion:
-        ends = np.array([self.begin, self.end])
-        return _response(self.base, self.force, (self.begin + self.end) / 2, ends)
+        return self._integrated(np.array([self.begin, self.end]))
+
+    def _integrated(self, time: FloatArray) -> Motion:
+        force, epoch = self.force, (self.begin + self.end) / 2
+        return forced(time, epoch, self.base.gravity_gradient, force.acceleration, force.longest, force.breaks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,19 +149,16 @@ class Thrusted(Extended):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        return self.base.at(time).moved(self._response(time).position(time)[:, :, 0])
+        return self.base.at(time).moved(self._forced.response(time).position(time)[:, :, 0])
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        return self.base.rate_at(time).moved(self._response(time).velocity(time)[:, :, 0])
+        return self.base.rate_at(time).moved(self._forced.response(time).velocity(time)[:, :, 0])
 
-    def _response(self, time: FloatArray) -> Motion:
-        force = thrust_of(self.known, self.orbit, self.begin, self.end)
-        return _response(self.base, force, (self.begin + self.end) / 2, time)
-
-
-def _response(base: Path, force: Force, epoch: float, time: FloatArray) -> Motion:
-    return forced(time, epoch, base.gravity_gradient, force.acceleration, force.longest, force.breaks)
+    @cached_property
+    def _forced(self) -> Forced:
+        """The path with the acceleration's response as an unknown."""
+        return Forced(self.base, thrust_of(self.known, self.orbit, self.begin, self.end), self.begin, self.end)
 
 
 def thrust_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end: float) -> Force:

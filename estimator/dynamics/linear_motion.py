@@ -49,6 +49,11 @@ def highest_frequency(gradient: Gradient, begin: float, end: float) -> float:
     return 0.0 if found is None else float(np.sqrt(np.linalg.norm(found, axis=(1, 2)).max()))
 
 
+def are_within(time: FloatArray, begin: float, end: float) -> bool:
+    """Whether all times (n,) lie within begin … end."""
+    return bool(begin <= time.min(initial=np.inf) and time.max(initial=-np.inf) <= end)
+
+
 @dataclass(frozen=True, eq=False)
 class Panels:
     """Panels of time: edges (k + 1,) in s, ascending, among which edges[origin] is the epoch."""

@@ -8,12 +8,13 @@ On an orbit the gravity gradient adds its response.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import Extended, parts_of
-from baryscope.estimator.dynamics.linear_motion import ARC, Motion, forced, highest_frequency
+from baryscope.estimator.dynamics.linear_motion import ARC, Motion, are_within, forced, highest_frequency
 from baryscope.estimator.dynamics.paths import FIXED, Path, SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.options import Density
@@ -86,7 +87,17 @@ class Disturbed(Extended):
         return np.asarray((time - self.begin) / (self.end - self.begin))
 
     def _response(self, time: FloatArray) -> Motion | None:
-        """What the gravity gradient G adds to the modes w: δ with δ̈ = G (δ + w), at rest at zero in the middle."""
+        """What the gravity gradient G adds to the modes w: δ with δ̈ = G (δ + w), at rest at zero in the middle.
+
+        None in free flight. Computed once for all times within begin … end.
+        """
+        return self._within if are_within(time, self.begin, self.end) else self._integrated(time)
+
+    @cached_property
+    def _within(self) -> Motion | None:
+        return self._integrated(np.zeros(0))
+
+    def _integrated(self, time: FloatArray) -> Motion | None:
         times = np.append(time, [self.begin, self.end])
         frequency = highest_frequency(self.base.gravity_gradient, float(times.min()), float(times.max()))
         if frequency == 0:
