@@ -5,7 +5,6 @@ several tolerances and variants: the fastest that is no less accurate than the u
 """
 
 import operator
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import PLACE_START
+from baryscope.scripts.benchmarks.setting import best_of
 
 FloatArray = NDArray[np.float64]
 
@@ -29,16 +29,6 @@ class Flight:
     variant: str
     seconds: float
     state: FloatArray
-
-
-def best_of(work: Callable[[], FloatArray], repeats: int = 5) -> tuple[float, FloatArray]:
-    """The shortest of several runs, s, and what the last one returned."""
-    times, state = [], np.empty(0)
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        state = work()
-        times.append(time.perf_counter() - begin)
-    return min(times), state
 
 
 def scipy_flights(scenario: Scenario, duration: float) -> Iterator[Flight]:

@@ -8,12 +8,15 @@ from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.scenario import Scenario
+
+Result = TypeVar("Result")
 
 STEP = 0.1  # s
 PEERS = {
@@ -96,12 +99,17 @@ def oracles_of_the_tests() -> ModuleType:
 
 def best(work: Callable[[], object], repeats: int = 3) -> float:
     """The shortest of several runs, s."""
+    return best_of(work, repeats)[0]
+
+
+def best_of(work: Callable[[], Result], repeats: int) -> tuple[float, Result]:
+    """The shortest of one or several runs, s, and what the last one returned."""
     times = []
     for _ in range(repeats):
         begin = time.perf_counter()
-        work()
+        found = work()
         times.append(time.perf_counter() - begin)
-    return min(times)
+    return min(times), found
 
 
 def installed_peers() -> frozenset[str]:
