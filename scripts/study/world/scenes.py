@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from baryscope.estimator import FeatureTracks
 from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import Rig
+from baryscope.models.ephemeris import elements_of
 from baryscope.models.orbit import Orbit
 from baryscope.study.population.cases import rotation_with_sensitivity
 from baryscope.study.population.motion import orbit_state, relative_motion, tumble
@@ -120,23 +122,8 @@ def _wrong(orbit: Orbit, rng: np.random.Generator) -> Orbit:
     state = orbit_state(orbit)
     turn = Rotation.from_rotvec(np.deg2rad(1.0) * axis)
     r, v = turn.apply(state[:3] + 1e3 * shift), turn.apply(state[3:])
-    return orbit_of(r, v, orbit.gravitational_parameter)
-
-
-def orbit_of(r: FloatArray, v: FloatArray, mu: float) -> Orbit:
-    """The elements of a position (3,) and a velocity (3,) in I."""
-    h = np.cross(r, v)
-    radius = float(np.linalg.norm(r))
-    towards = np.cross(v, h) / mu - r / radius  # the eccentricity vector
-    e = float(np.linalg.norm(towards))
-    normal = h / np.linalg.norm(h)
-    node = np.array([-normal[1], normal[0], 0.0])
-    node /= np.linalg.norm(node)
-    argument = np.arctan2(normal @ np.cross(node, towards), node @ towards)
-    anomaly = np.arctan2(normal @ np.cross(towards, r), towards @ r)
-    a = 1 / (2 / radius - v @ v / mu)
-    tilt, raan = np.arccos(normal[2]), np.arctan2(node[1], node[0])
-    return Orbit(float(a), e, float(tilt), float(raan), float(argument), float(anomaly), mu)
+    elements: dict[str, Any] = {**elements_of(np.concatenate([r, v]), orbit.gravitational_parameter)}
+    return replace(orbit, **elements)
 
 
 def _slips(world: World, time: FloatArray, rng: np.random.Generator) -> FloatArray:
