@@ -10,14 +10,7 @@ import sys  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from baryscope.estimator import METHODS, Estimate  # noqa: E402
-from baryscope.study.population.command import (  # noqa: E402
-    add_report,
-    add_run,
-    executed,
-    fill,
-    natural,
-    reported,
-)
+from baryscope.study.population import command  # noqa: E402
 from baryscope.study.population.judging import judged, of_estimate, prepared, tried  # noqa: E402
 from baryscope.study.population.report import failing, refusals, table  # noqa: E402
 
@@ -29,21 +22,21 @@ def main(arguments: list[str] | None = None) -> int:
     """The command: 0 if it could do what it is asked for."""
     parser = argparse.ArgumentParser(prog="python -m baryscope.study.population", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    runner = add_run(commands, "cases", METHODS, USUAL, 60.0)
-    runner.add_argument("--cases", type=natural, default=200)
-    runner.add_argument("--first", type=natural, default=0, help="index of the first case")
+    runner = command.add_run(commands, "cases", METHODS, USUAL, 60.0)
+    runner.add_argument("--cases", type=command.natural, default=200)
+    runner.add_argument("--first", type=command.natural, default=0, help="index of the first case")
     runner.set_defaults(run=_run)
     one = commands.add_parser("case", help="one estimate in detail")
-    one.add_argument("--seed", type=natural, default=1)
-    one.add_argument("--index", type=natural, required=True)
+    one.add_argument("--seed", type=command.natural, default=1)
+    one.add_argument("--index", type=command.natural, required=True)
     one.add_argument("--method", default="pivot", choices=METHODS)
     one.add_argument("--orbit", action="store_true")
     one.add_argument("--tracks", type=Path, help="also write the tracks to this CSV file")
     one.set_defaults(run=_case)
-    reporter = add_report(commands, "the tables")
+    reporter = command.add_report(commands, "the tables")
     reporter.add_argument("--failing", action="store_true", help="also a line for each failing case")
     reporter.set_defaults(run=_report)
-    return executed(parser, arguments)
+    return command.executed(parser, arguments)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -51,7 +44,7 @@ def _run(options: argparse.Namespace) -> None:
     groups = [
         [(options.seed, index, method, orbit) for method in options.methods for orbit in BOTH] for index in indices
     ]
-    fill(options, judged, ("seed", "index", "method", "orbit"), groups)
+    command.fill(options, judged, ("seed", "index", "method", "orbit"), groups)
 
 
 def _case(options: argparse.Namespace) -> None:
@@ -66,7 +59,7 @@ def _case(options: argparse.Namespace) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
-    lines = reported(options)
+    lines = command.reported(options)
     print(table(lines).markdown(), refusals(lines).markdown(), sep="\n\n")
     if options.failing:
         print("", *failing(lines), sep="\n")

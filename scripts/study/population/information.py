@@ -5,6 +5,8 @@ give the information on x, the points b and either a free φ in every frame, whi
 free tumble, eight unknowns. The rotation of the body's axes (of all points together) is no unknown: a prior holds it.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,36 +16,33 @@ BoolArray = NDArray[np.bool_]
 FAR = 1e3  # m, a prior's standard deviation of the path and the points: unobserved directions stay finite
 
 
-def path_bound(
-    jacobian: FloatArray,
-    attitude: FloatArray,
-    points: FloatArray,
-    precision: FloatArray,
-    right: BoolArray,
-    turn: FloatArray | None = None,
-) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """What is seen of a body: attitude (n, 3, 3) R_C_B; points (m, 3) in B; precision (n, m, 3, 3) in C of the
+    observations, used where right (n, m). turn (n, 3, t): rotation vectors in B by the unknowns of the tumble; None
+    leaves the attitudes free.
+    """
+
+    attitude: FloatArray
+    points: FloatArray
+    precision: FloatArray
+    right: BoolArray
+    turn: FloatArray | None = None
+
+
+def path_bound(jacobian: FloatArray, watched: Watched) -> FloatArray:
     """Bound (n, 3, 3) of the covariance of the path in C at n times, m²; see `unknowns_bound`."""
-    of_x = unknowns_bound(jacobian, attitude, points, precision, right, turn)
-    return np.asarray(jacobian @ of_x @ np.swapaxes(jacobian, 1, 2))
+    return np.asarray(jacobian @ unknowns_bound(jacobian, watched) @ np.swapaxes(jacobian, 1, 2))
 
 
-def unknowns_bound(
-    jacobian: FloatArray,
-    attitude: FloatArray,
-    points: FloatArray,
-    precision: FloatArray,
-    right: BoolArray,
-    turn: FloatArray | None = None,
-    prior: FloatArray | float = 0.0,
-) -> FloatArray:
+def unknowns_bound(jacobian: FloatArray, watched: Watched, prior: FloatArray | float = 0.0) -> FloatArray:
     """Bound (p, p) of the covariance of the unknowns x of the path.
 
-    jacobian (n, 3, p): of the path by x; attitude (n, 3, 3) R_C_B; points (m, 3) in B; precision (n, m, 3, 3) in C of
-    the observations, used where right (n, m). turn (n, 3, t): rotation vectors in B by the unknowns of the tumble; None
-    leaves the attitudes free. prior (p,): information that is had on each of x.
+    jacobian (n, 3, p): of the path by x; prior (p,): information that is had on each of x.
     """
+    attitude, turn, right = watched.attitude, watched.turn, watched.right
     some = right.any(axis=0)
-    points, precision, right = points[some], precision[:, some], right[:, some]
+    points, precision, right = watched.points[some], watched.precision[:, some], right[:, some]
     n, m, p = len(jacobian), len(points), jacobian.shape[2]
     q = p + 3 * m
     W = np.einsum("nji,nmjk,nkl->nmil", attitude, precision, attitude, optimize=True) * right[..., None, None]

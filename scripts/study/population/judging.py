@@ -2,9 +2,10 @@
 
 import time as clock
 import warnings
-from dataclasses import asdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,8 @@ from scipy.stats import chi2
 from baryscope.estimator import METHODS, Estimate, Failure, PathOptions, attempt
 from baryscope.models.errors import InputError, Reason
 from baryscope.study.population.cases import Case, drawn
-from baryscope.study.population.information import path_bound, polynomial_jacobian, polynomial_misfit, rms
+from baryscope.study.population.information import Watched, path_bound, polynomial_jacobian, polynomial_misfit, rms
+from baryscope.study.population.running import Line
 from baryscope.study.population.sensing import Sample, sampled
 
 FloatArray = NDArray[np.float64]
@@ -24,7 +26,7 @@ HIGHEST = 20  # degree of a polynomial
 
 
 @lru_cache(maxsize=1)
-def prepared(seed: int, index: int) -> tuple[Case, Sample, dict[str, Any]]:
+def prepared(seed: int, index: int) -> tuple[Case, Sample, Line]:
     """A case, its sample, and what every line about it says."""
     case = drawn(seed, index)
     sample = sampled(case)
@@ -46,38 +48,46 @@ def bounds_of(case: Case, sample: Sample) -> dict[str, float]:
 
     Without it the path is the polynomial of lowest degree that departs from the truth by a third of its bound.
     """
-    given = (case.attitude, case.points, sample.precision, sample.right)
+    free = Watched(case.attitude, case.points, sample.precision, sample.right)
+    tumble = replace(free, turn=case.turn)
     found = {
-        "free orbit": rms(path_bound(case.path_jacobian, *given)),
-        "tumble orbit": rms(path_bound(case.path_jacobian, *given, case.turn)),
+        "free orbit": rms(path_bound(case.path_jacobian, free)),
+        "tumble orbit": rms(path_bound(case.path_jacobian, tumble)),
     }
     for degree in range(HIGHEST + 1):
         jacobian = polynomial_jacobian(case.time, degree)
         misfit = polynomial_misfit(case.time, case.path, degree)
         if misfit > 1.0 and degree < HIGHEST:
             continue
-        free = rms(path_bound(jacobian, *given))
-        if misfit < free / 3:
-            return found | {"free": free, "tumble": rms(path_bound(jacobian, *given, case.turn)), "degree": degree}
+        bound = rms(path_bound(jacobian, free))
+        if misfit < bound / 3:
+            return found | {"free": bound, "tumble": rms(path_bound(jacobian, tumble)), "degree": degree}
     return found
 
 
-def judged(seed: int, index: int, method: str, orbit: bool) -> dict[str, Any]:
+def judged(seed: int, index: int, method: str, orbit: bool) -> Line:
     """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time."""
     case, sample, facts = prepared(seed, index)
-    line: dict[str, Any] = {"seed": seed, "index": index, "method": method, "orbit": orbit}
-    begin = clock.perf_counter()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    line: Line = {"seed": seed, "index": index, "method": method, "orbit": orbit}
+    with measured(line):
         found = tried(case, sample, method, orbit)
-    line["wall"] = round(clock.perf_counter() - begin, 3)
-    if caught:
-        line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
     if isinstance(found, Estimate):
         line |= of_estimate(found, case.path)
     else:
         line |= {"failure": found.reason, "message": found.message}
     return line | facts
+
+
+@contextmanager
+def measured(line: Line) -> Iterator[None]:
+    """Puts the time that the work within takes into a line, in s, and the warnings it gives."""
+    begin = clock.perf_counter()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    line["wall"] = round(clock.perf_counter() - begin, 3)
+    if caught:
+        line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
 
 
 def tried(case: Case, sample: Sample, method: str, orbit: bool) -> Estimate | Failure:
@@ -93,27 +103,34 @@ def tried(case: Case, sample: Sample, method: str, orbit: bool) -> Estimate | Fa
         return Failure(method, Reason.OTHER, f"{CRASHED} {type(error).__name__}: {error}")
 
 
-def of_estimate(found: Estimate, truth: FloatArray) -> dict[str, Any]:
+def of_estimate(found: Estimate, truth: FloatArray) -> Line:
     """What an estimate claims of a path (n, 3) in C, and how far it is off."""
-    error = found.position - truth
-    places = [0, len(truth) // 2, len(truth) - 1]
-    line: dict[str, Any] = {
+    line: Line = {
         "status": str(found.status),
         "announced": not found.status.trustworthy,
         "findings": [f"{type(item).__name__} {_short(asdict(item))}" for item in found.findings],
         "path": found.path,
-        "error": [float(np.linalg.norm(error[k])) for k in places],
-        "rmse": float(np.sqrt((error**2).sum(axis=1).mean())),
         "rounds": found.rounds,
         "sigma": found.noise.a_posteriori,
         "rejected": found.rejected_share,
     }
     if found.covariance is not None:
         bodies = [cluster.covariance for cluster in found.clusters if cluster.covariance is not None]
-        line["nees"] = [nees(error[k], found.covariance[k]) for k in places]
-        line["claimed"] = [float(np.sqrt(max(np.trace(found.covariance[k]), 0))) for k in places]
         line["predicted_rmse"] = found.predicted_rmse
         line["definite"] = _definite(found.covariance) and all(_definite(body[None]) for body in bodies)
+    return line | accuracy(found.position, found.covariance, truth)
+
+
+def accuracy(position: FloatArray, covariance: FloatArray | None, truth: FloatArray) -> Line:
+    """Errors of a path (n, 3), at the first, middle and last time and as their rms, and what is claimed there."""
+    error, places = position - truth, [0, len(truth) // 2, len(truth) - 1]
+    line: Line = {
+        "error": [float(np.linalg.norm(error[k])) for k in places],
+        "rmse": float(np.sqrt((error**2).sum(axis=1).mean())),
+    }
+    if covariance is not None:
+        line["nees"] = [nees(error[k], covariance[k]) for k in places]
+        line["claimed"] = [float(np.sqrt(max(np.trace(covariance[k]), 0))) for k in places]
     return line
 
 
@@ -125,7 +142,7 @@ def nees(error: FloatArray, covariance: FloatArray) -> float:
     return float(np.sum((vectors.T @ error) ** 2 / values))
 
 
-def wrong(line: dict[str, Any]) -> bool:
+def wrong(line: Line) -> bool:
     """Whether one of the errors of an answer is beyond its covariance, with p < 0.001."""
     return not all(value <= WRONG for value in line["nees"])
 
@@ -134,5 +151,5 @@ def _definite(covariances: FloatArray) -> bool:
     return bool(np.isfinite(covariances).all()) and bool((np.linalg.eigvalsh(covariances)[:, 0] > 0).all())
 
 
-def _short(fields: dict[str, Any]) -> str:
+def _short(fields: Line) -> str:
     return ", ".join(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in fields.items())

@@ -2,18 +2,16 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from baryscope.study.population.judging import CRASHED, wrong
+from baryscope.study.population.running import Line
 from baryscope.study.table import Table
 
 SLOW = 5.0  # s
 CLEAR = 0.25  # bound over the features' radius, below which a refusal needs a reason
 FREE = ("pivot", "score")  # methods that leave the attitudes free
-
-Line = dict[str, Any]
 
 
 def table(lines: Sequence[Line]) -> Table:

@@ -8,14 +8,7 @@ import argparse  # noqa: E402
 import sys  # noqa: E402
 
 from baryscope.estimator import METHODS  # noqa: E402
-from baryscope.study.population.command import (  # noqa: E402
-    add_report,
-    add_run,
-    executed,
-    fill,
-    natural,
-    reported,
-)
+from baryscope.study.population import command  # noqa: E402
 from baryscope.study.world.judging import PEER, TOLD, can_be_told, judged  # noqa: E402
 from baryscope.study.world.report import table  # noqa: E402
 from baryscope.study.world.worlds import WORLDS  # noqa: E402
@@ -28,12 +21,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m baryscope.study.world", description=__doc__)
     commands = parser.add_subparsers(required=True)
     methods = [*METHODS, *(f"{name}{TOLD}" for name in METHODS), PEER]
-    runner = add_run(commands, "draws", methods, USUAL, 120.0)
-    runner.add_argument("--draws", type=natural, default=100)
+    runner = command.add_run(commands, "draws", methods, USUAL, 120.0)
+    runner.add_argument("--draws", type=command.natural, default=100)
     runner.add_argument("--worlds", nargs="+", default=list(WORLDS), choices=WORLDS, metavar="WORLD")
     runner.set_defaults(run=_run)
-    add_report(commands, "the table").set_defaults(run=_report)
-    return executed(parser, arguments)
+    command.add_report(commands, "the table").set_defaults(run=_report)
+    return command.executed(parser, arguments)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -46,11 +39,11 @@ def _run(options: argparse.Namespace) -> None:
         for draw in range(options.draws)
         for name in options.worlds
     ]
-    fill(options, judged, ("world", "seed", "draw", "method"), groups)
+    command.fill(options, judged, ("world", "seed", "draw", "method"), groups)
 
 
 def _report(options: argparse.Namespace) -> None:
-    lines, order = reported(options), list(WORLDS)
+    lines, order = command.reported(options), list(WORLDS)
     print(table(sorted(lines, key=lambda line: order.index(line["world"]))).markdown())
 
 

@@ -1,10 +1,7 @@
 """One estimate in one draw of a world as a line of numbers, with the posterior bound."""
 
-import time as clock
-import warnings
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +10,9 @@ from baryscope.estimator import Failure, PathOptions, attempt
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
-from baryscope.study.population.information import rms, unknowns_bound
-from baryscope.study.population.judging import nees, of_estimate
+from baryscope.study.population.information import Watched, rms, unknowns_bound
+from baryscope.study.population.judging import accuracy, measured, of_estimate
+from baryscope.study.population.running import Line
 from baryscope.study.world.scenes import Scene, rows_of, scene
 from baryscope.study.world.smoother import smoothed
 from baryscope.study.world.worlds import WORLDS, World
@@ -47,28 +45,23 @@ def bound_of(made: Scene, turn: FloatArray | None = None) -> float:
     prior = np.concatenate([np.zeros(own), 1 / found.variance])
     precision = np.broadcast_to(np.eye(3) / made.world.noise**2, (n, m, 3, 3))
     right = np.ones((n, m), dtype=bool)
-    of_x = unknowns_bound(jacobian, made.attitude, made.points, precision, right, turn, prior)
+    of_x = unknowns_bound(jacobian, Watched(made.attitude, made.points, precision, right, turn), prior)
     path = jacobian if found.moves_path else jacobian[:, :, :own]
     size = path.shape[2]
     return rms(path @ of_x[:size, :size] @ np.swapaxes(path, 1, 2))
 
 
-def judged(name: str, seed: int, draw: int, method: str) -> dict[str, Any]:
+def judged(name: str, seed: int, draw: int, method: str) -> Line:
     """The line of an estimate by a method, or by one that is told the forces."""
     made, bounds = prepared(name, seed, draw)
-    line: dict[str, Any] = {"world": name, "seed": seed, "draw": draw, "method": method}
-    begin = clock.perf_counter()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    line: Line = {"world": name, "seed": seed, "draw": draw, "method": method}
+    with measured(line):
         try:
             line |= _of_smoother(made) if method == PEER else _of_method(made, method)
         except InputError as error:
             line |= {"failure": "input error", "message": str(error)}
         except Exception as error:
             line |= {"failure": "crashed", "message": f"{type(error).__name__}: {error}"}
-    line["wall"] = round(clock.perf_counter() - begin, 3)
-    if caught:
-        line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
     free = method.startswith(("pivot", "score", PEER)) or "tumble" not in bounds
     return line | {"bound": bounds["free" if free else "tumble"]}
 
@@ -92,21 +85,18 @@ def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
     return orbit, options
 
 
-def _of_smoother(made: Scene) -> dict[str, Any]:
+def _of_smoother(made: Scene) -> Line:
     found = smoothed(made.time, made.tracks.position, made.orbit, made.burns)
-    error = found.position - made.path
-    places = [0, len(error) // 2, len(error) - 1]
-    return {
+    line: Line = {
         "status": "good",
         "announced": False,
-        "rmse": float(np.sqrt((error**2).sum(axis=1).mean())),
         "predicted_rmse": rms(found.covariance),
-        "nees": [nees(error[k], found.covariance[k]) for k in places],
         "density": found.density,
     }
+    return line | accuracy(found.position, found.covariance, made.path)
 
 
-def _of_method(made: Scene, method: str) -> dict[str, Any]:
+def _of_method(made: Scene, method: str) -> Line:
     name = method.removesuffix(TOLD)
     tracks, orbit = made.tracks, made.orbit
     options = PathOptions(trajectory="fixed" if orbit is None else None)

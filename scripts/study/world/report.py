@@ -1,14 +1,12 @@
 """The table of the worlds: errors beside claims, and both beside the posterior bound."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
+from baryscope.study.population.running import Line
 from baryscope.study.table import Table
-
-Line = dict[str, Any]
 
 
 def table(lines: Sequence[Line]) -> Table:

@@ -1,10 +1,12 @@
 """The bound of the population's cases, against the least squares of all unknowns at once."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from baryscope.study.population.cases import drawn
-from baryscope.study.population.information import path_bound, polynomial_jacobian, polynomial_misfit, rms
+from baryscope.study.population.information import Watched, path_bound, polynomial_jacobian, polynomial_misfit, rms
 from baryscope.study.population.sensing import sampled
 
 
@@ -39,7 +41,8 @@ def test_bound_is_that_of_the_whole_fisher_matrix(free):
     turn = None if free else case.turn[frames]
     precision = np.broadcast_to(np.eye(3) / sigma**2, (15, 6, 3, 3))
     right = np.tile(np.arange(6) < 5, (15, 1))  # the sixth is never seen
-    found = path_bound(jacobian, attitude, np.append(points, [[1.0, 2.0, 3.0]], axis=0), precision, right, turn)
+    seen = Watched(attitude, np.append(points, [[1.0, 2.0, 3.0]], axis=0), precision, right, turn)
+    found = path_bound(jacobian, seen)
     np.testing.assert_allclose(found, brute_force(jacobian, attitude, points, sigma, turn), rtol=1e-3, atol=1e-9)
 
 
@@ -47,10 +50,8 @@ def test_a_known_tumble_never_has_the_higher_bound():
     for index in (2, 8, 15, 30):
         case = drawn(1, index)
         sample = sampled(case)
-        free, tumble = (
-            rms(path_bound(case.path_jacobian, case.attitude, case.points, sample.precision, sample.right, turn))
-            for turn in (None, case.turn)
-        )
+        seen = Watched(case.attitude, case.points, sample.precision, sample.right)
+        free, tumble = (rms(path_bound(case.path_jacobian, replace(seen, turn=turn))) for turn in (None, case.turn))
         assert tumble <= free
 
 
