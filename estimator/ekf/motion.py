@@ -204,7 +204,11 @@ def changed_inertia(inertia: FloatArray, error: FloatArray) -> FloatArray:
 
 
 def logarithm_of_inertia(inertia: FloatArray) -> FloatArray:
-    """The coefficients (5,) in INERTIA_BASIS of the logarithm of the second moments of the mass: zero for a sphere."""
-    values, vectors = np.linalg.eigh(mass_of(inertia))
-    logarithm = (vectors * np.log(values)) @ vectors.T
-    return np.asarray(np.tensordot(INERTIA_BASIS, logarithm))
+    """The negative errors (5,), see `changed_inertia`, that make an inertia that of a sphere.
+
+    With M = A Aᵀ and its symmetric root, A = √M Q, these are the coefficients of Qᵀ ln M Q.
+    """
+    mass = mass_of(inertia)
+    values, vectors = np.linalg.eigh(mass)
+    turned = vectors.T @ np.linalg.cholesky(mass) / np.sqrt(values)[:, None]
+    return np.asarray(np.tensordot(INERTIA_BASIS, turned.T @ np.diag(np.log(values)) @ turned))

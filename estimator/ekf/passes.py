@@ -23,6 +23,7 @@ MAX_PASSES = 12
 ROUGH_TURN = 0.03  # rad, median of a pass
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
+STEP_TOLERANCE = 0.1  # squared length of the last step of the inertia, in units of its covariance
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
 VARIANCE_TOLERANCE = 0.05  # change of the logarithm of an observation's variance
 
@@ -253,8 +254,11 @@ def _is_linear(problem: Problem, reference: Reference, solution: Solution, varia
 
 
 def _has_stayed(problem: Problem, after: Reference, solution: Solution, variance: float, last: Pass | None) -> bool:
-    """Whether the path has hardly moved since the last pass with a bank."""
+    """Whether path and inertia have hardly moved since the last pass with a bank."""
     if last is None or last.bank is None:
+        return False
+    inertia, own = solution.theta[:INERTIA], variance * solution.of_theta[:INERTIA, :INERTIA]
+    if inertia @ np.linalg.solve(own, inertia) > STEP_TOLERANCE:
         return False
     squares = np.sum((after.origin - last.after.origin) ** 2, axis=1)
     return bool(np.all(squares <= TOLERANCE**2 * variance * _position_variance(solution) + problem.floor))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
@@ -30,7 +31,8 @@ from baryscope.estimator.tracks import FeatureTracks, FloatArray
 
 FREE_TURN = 0.3  # rad from node to node, by noise that leaves the attitudes free
 PRIOR_INERTIA_DEVIATION = 1.0  # of the inertia's logarithm from that of a sphere
-PRIOR_EXTENTS = 3.0  # standard deviation of the centre of mass in radii of the features, and of the path in its extent
+PRIOR_RADII = 3.0  # standard deviation of the centre of mass from the features' centroid, in their radii
+FAR = 100.0  # standard deviation of a path's unknowns over the distance
 ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rounding
 
 
@@ -127,16 +129,23 @@ class Problem:
         return max(axis.at(GENEROUS), 3 * FREE_TURN**2 / step**3)
 
     def prior(self, reference: Reference, shift: FloatArray, variance: float) -> Prior:
-        """The prior about a reference; shift (s,): of its path's unknowns from those in the features' centroid."""
-        unseen = np.asarray(~(self.start.weight > 0).any(axis=0))
-        information = [
-            np.full(INERTIA, variance / PRIOR_INERTIA_DEVIATION**2),
-            variance * self._path_information,
-            np.zeros(3),
-            np.repeat(np.where(unseen, 1.0, 0.0), 3),
-        ]
-        before = [-logarithm_of_inertia(reference.inertia), -shift, np.zeros(3 + 3 * len(unseen))]
-        return Prior(np.concatenate(before), np.concatenate(information))
+        """The prior about a reference; shift (s,): of its path's unknowns from those in the features' centroid.
+
+        The centre of mass is near the centroid of the features in B. That tells of the path only what the body tells.
+        """
+        seen = np.asarray((self.start.weight > 0).any(axis=0))
+        mean = np.where(seen, 1 / np.count_nonzero(seen), 0.0)
+        of_points = np.diag(np.where(seen, 0.0, 1.0))
+        of_points += variance * np.outer(mean, mean) / (PRIOR_RADII * self.start.radius) ** 2
+        information = block_diag(
+            variance / PRIOR_INERTIA_DEVIATION**2 * np.eye(INERTIA),
+            variance * np.diag(self._path_information),
+            np.zeros((3, 3)),
+            np.kron(of_points, np.eye(3)),
+        )
+        towards_centroid = np.where(seen[:, None], -(mean @ reference.points), 0.0)
+        before = [-logarithm_of_inertia(reference.inertia), -shift, np.zeros(3), towards_centroid.ravel()]
+        return Prior(np.concatenate(before), information)
 
     def path_prior(self, variance: float) -> PathPrior:
         """The own prior of the path's unknowns, of variances over that of an observation."""
@@ -145,11 +154,9 @@ class Problem:
 
     @cached_property
     def _path_information(self) -> FloatArray:
-        """That of the prior of the path's unknowns (s,), 1/m²: its own, or a weak one of place and extent."""
-        start, prior = self.start, self.path.prior
-        weak = np.full(self.path.size, max(start.extent, start.radius))
-        weak[:3] = start.radius
-        return np.where(prior.free, (PRIOR_EXTENTS * weak) ** -2.0, prior.precision(self.theta))
+        """That of the prior of the path's unknowns (s,), 1/m²: its own, or one without an effect."""
+        prior, farthest = self.path.prior, FAR * float(np.abs(self.measured.position).max())
+        return np.where(prior.free, farthest**-2.0, prior.precision(self.theta))
 
     def dof(self, observations: Observations) -> float:
         """Values less unknowns without a prior of their own."""

@@ -27,10 +27,11 @@ def uncertain_smoothness(
     """
     path = np.zeros(len(prior.mean), dtype=bool)
     path[INERTIA : INERTIA + len(x)] = True
-    weak = np.where(path, 0.0, prior.information)
-    weak[path] = np.where(of_path.free, prior.information[path], 0.0)
-    whole = parameters.information + np.diag(weak)
-    pull = weak * (prior.mean - parameters.theta) - parameters.gradient
+    kept = ~path
+    kept[path] = of_path.free
+    weak = np.where(np.outer(kept, kept), prior.information, 0.0)
+    whole = parameters.information + weak
+    pull = weak @ (prior.mean - parameters.theta) - parameters.gradient
     regression = -symmetric_pseudo_inverse(whole[np.ix_(~path, ~path)]) @ whole[np.ix_(~path, path)]
     information = whole[np.ix_(path, path)] + whole[np.ix_(path, ~path)] @ regression
     values, axes = np.linalg.eigh((information + information.T) / 2)

@@ -17,7 +17,7 @@ MEMORY = 3e8  # bytes for the smoother of some members at a time
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """A Gaussian prior of the parameters θ (q,): mean, and information (q,) in the units of the weights, 0 for none."""
+    """A Gaussian prior of the parameters θ (q,): mean, and information (q, q) in the units of the weights."""
 
     mean: FloatArray
     information: FloatArray
@@ -49,7 +49,7 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
         ComputationError: the cost has overflown or is lost in rounding, or in a direction without a prior.
     """
     cost = forward.cost[member]
-    matrix = cost[1:, 1:] + np.diag(prior.information)
+    matrix = cost[1:, 1:] + prior.information
     if not (np.isfinite(cost).all() and np.abs(cost).max() < LARGEST and np.diag(matrix).min() > 0):
         raise diverged()
     scale = 1 / np.sqrt(np.diag(matrix))
@@ -57,15 +57,15 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
     rounding = MARGIN * float(np.max(forward.rounding[member, 1:, 1:] * np.outer(scale, scale)))
     known = values > rounding
     own = scale[:, None] * axes[:, ~known]
-    of_prior = own.T @ (prior.information[:, None] * own)
+    of_prior = own.T @ prior.information @ own
     least = np.linalg.eigvalsh(of_prior)
     if rounding > INDISTINCT or least.min(initial=1.0) <= 0:
         raise diverged()
     axes = scale[:, None] * axes[:, known]
-    theta = axes @ ((axes.T @ (prior.information * prior.mean - cost[1:, 0])) / values[known])
-    theta += own @ np.linalg.solve(of_prior, own.T @ (prior.information * (prior.mean - theta)))
+    theta = axes @ ((axes.T @ (prior.information @ prior.mean - cost[1:, 0])) / values[known])
+    theta += own @ np.linalg.solve(of_prior, own.T @ prior.information @ (prior.mean - theta))
     off = theta - prior.mean
-    squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ (prior.information * off)
+    squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ prior.information @ off
     determinant = float(np.log(values[known]).sum() + np.log(least).sum() - 2 * np.log(scale).sum())
     covariance = (axes / values[known]) @ axes.T + own @ np.linalg.inv(of_prior) @ own.T
     determinant += float(forward.log_determinant[member])

@@ -36,9 +36,9 @@ class Start:
     """The initial motion.
 
     nodes; rotation: the fitted tumble, and whether it explains the attitudes; attitude (n, 3, 3) R_C_B and rate (n, 3),
-    rad/s in B, at the nodes; points (m, 3) in B, m; centroid (3,): the mean of the features' centroids in C, m, and
-    extent, m, their rms distance from it; radius of the features, m; noise: standard deviation of a coordinate from the
-    registration, m; weight (frames, m) of the observations.
+    rad/s in B, at the nodes; points (m, 3) in B, m; centroid (3,): the mean of the features' centroids in C, m; radius
+    of the features, m; noise: standard deviation of a coordinate from the registration, m; weight (frames, m) of the
+    observations.
     """
 
     nodes: Nodes
@@ -48,7 +48,6 @@ class Start:
     rate: FloatArray
     points: FloatArray
     centroid: FloatArray
-    extent: float
     radius: float
     noise: float
     weight: FloatArray
@@ -98,7 +97,6 @@ def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observ
         rate=rate,
         points=_points(tumble, registered, attitude[nodes.frames], centroid, tracks.seen.shape[1]),
         centroid=centroid,
-        extent=float(np.sqrt(np.mean(np.sum((origins - centroid) ** 2, axis=1)))),
         radius=_radius(registered),
         noise=_noise(registered),
         weight=np.where(tracks.seen, np.maximum(observations.weight, NEGLIGIBLE), 0.0),

@@ -87,7 +87,7 @@ def test_filter_and_smoother_against_conditioning_at_once(case, member):
 
 def test_parameters_and_states_have_their_joint_covariance(case):
     noise = noise_of(case, [[0.3, 0.1]], [0.0])
-    prior = Prior(np.linspace(-1, 1, C - 1), np.full(C - 1, 0.2))
+    prior = Prior(np.linspace(-1, 1, C - 1), 0.2 * np.eye(C - 1))
     (found, parameters), *_ = solve(case, noise, prior)
     states, blocks, cost, ratio = dense(case, noise, 0)
     information = cost[1:, 1:] + 0.2 * np.eye(C - 1)
@@ -110,7 +110,7 @@ def test_parameters_and_states_have_their_joint_covariance(case):
 
 def test_a_mixture_has_the_mean_and_covariance_of_its_samples(case):
     noise = noise_of(case, [[0.3, 0.1], [0.0, 0.0]], [0.0, 0.0])
-    prior = Prior(np.zeros(C - 1), np.full(C - 1, 0.2))
+    prior = Prior(np.zeros(C - 1), 0.2 * np.eye(C - 1))
     both = [solution for solution, _ in solve(case, noise, prior)]
     weight, variance = np.array([0.3, 0.7]), np.array([2.0, 0.5])
     found = mixed(both, weight, variance)

@@ -37,7 +37,7 @@ def test_elimination_changes_nothing(path):
     expected = posterior(linear, everything, theta).covariance - covariance
     gradient = information @ (mean - at) - linear.rhs
     parameters = Parameters(mean, covariance, information, gradient, 0.0, 0.0)
-    prior = Prior(np.zeros(q), others)
+    prior = Prior(np.zeros(q), np.diag(others))
     found = uncertain_smoothness(parameters, prior, path, theta, mean[BEFORE : BEFORE + s])
     # The positive part is taken of other matrices.
     np.testing.assert_allclose(found, expected, rtol=2e-2, atol=2e-2 * np.abs(expected).max())

@@ -20,7 +20,7 @@ def of_a_sum(rounding):
 
 def test_what_is_lost_in_rounding_is_as_the_prior_says():
     """x is that of the prior, 20 digits beside the information on the sum; y = s − x; and det = I p."""
-    found = parameters_of(of_a_sum(1e-16 * SUM), 0, Prior(np.array([MEAN, 0.0]), np.array([PRIOR, 0.0])))
+    found = parameters_of(of_a_sum(1e-16 * SUM), 0, Prior(np.array([MEAN, 0.0]), np.diag([PRIOR, 0.0])))
     np.testing.assert_allclose(found.theta, [MEAN, VALUE - MEAN], rtol=1e-9)
     np.testing.assert_allclose(found.covariance * PRIOR, [[1.0, -1.0], [-1.0, 1.0]], rtol=1e-9)
     assert found.log_determinant == pytest.approx(np.log(SUM * PRIOR), rel=1e-9)
@@ -32,4 +32,4 @@ def test_what_is_lost_in_rounding_is_as_the_prior_says():
 )
 def test_what_nothing_tells_is_refused(rounding, information):
     with pytest.raises(ComputationError, match="diverges"):
-        parameters_of(of_a_sum(rounding), 0, Prior(np.array([MEAN, 0.0]), np.array([information, 0.0])))
+        parameters_of(of_a_sum(rounding), 0, Prior(np.array([MEAN, 0.0]), np.diag([information, 0.0])))
