@@ -26,6 +26,8 @@ from baryscope.estimator.result import (
 )
 from baryscope.models.words import counted
 
+AXES = {"lvlh": "LVLH", "inertial": "inertial axes"}
+
 
 def verdict(observability: Observability) -> str:
     """Whether the centre of mass is observable in the cluster's axes, with the worst deviation."""
@@ -80,8 +82,8 @@ def sentence(finding: Finding) -> str:
             )
             return (
                 f"the chaser burned from {finding.begin:.1f} ± {finding.begin_deviation:.1f} to {finding.end:.1f} ± "
-                f"{finding.end_deviation:.1f} s and changed its velocity by ({change}) mm/s in LVLH, which nothing "
-                "told; the estimate allows for it"
+                f"{finding.end_deviation:.1f} s and changed its velocity by ({change}) mm/s in "
+                f"{AXES[finding.axes]}, which nothing told; the estimate allows for it"
             )
         case WrongSigma():
             return f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: " + (

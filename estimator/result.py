@@ -159,7 +159,10 @@ class FewFrames:
 
 @dataclass(frozen=True)
 class UnknownBurn:
-    """A burn that nothing told, in s, changes the chaser's velocity in LVLH, m/s; with deviations."""
+    """A burn that nothing told, in s, changes the chaser's velocity, m/s; with deviations.
+
+    axes: of the change, lvlh, or those of C, inertial, without an orbit.
+    """
 
     begin: float
     begin_deviation: float
@@ -167,12 +170,13 @@ class UnknownBurn:
     end_deviation: float
     change: tuple[float, float, float]
     change_deviation: tuple[float, float, float]
+    axes: Literal["lvlh", "inertial"] = "lvlh"
 
     @classmethod
-    def of(cls, burn: FoundBurn) -> Self:
+    def of(cls, burn: FoundBurn, axes: Literal["lvlh", "inertial"]) -> Self:
         """The finding of a burn."""
         change, deviation = tuple(burn.change.tolist()), tuple(np.sqrt(np.diag(burn.covariance)).tolist())
-        return cls(burn.begin, burn.begin_deviation, burn.end, burn.end_deviation, change, deviation)
+        return cls(burn.begin, burn.begin_deviation, burn.end, burn.end_deviation, change, deviation, axes)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 UNKNOWNS = 5  # of a burn: the change of velocity, its middle and its duration
 SHORTEST = 1e-3  # s, of a burn's duration
 BENDS = 2  # iterations of what gravity adds
+SHORTENED = 4.0  # times, at once
 SETTLED = 0.1  # change of a time, over its deviation
 
 
@@ -169,8 +170,9 @@ class Burned(Extended):
             most = max(old.duration, min(old.slack)) / 2
             begin = max(old.begin + float(np.clip(one.begin - old.begin, -most, most)), self.first)
             end = min(old.end + float(np.clip(one.end - old.end, -most, most)), self.last)
-            if end - begin < SHORTEST:  # too short to tell: as short as it is now
-                begin, end = old.begin, old.end
+            if end - begin < SHORTEST:  # much shorter than now, which is as far as the path may be linear in it
+                middle, shorter = (begin + end) / 2, max(old.duration / SHORTENED, SHORTEST) / 2
+                begin, end = max(middle - shorter, self.first), min(middle + shorter, self.last)
             still = still and abs(begin - old.begin) <= SETTLED * one.begin_deviation
             still = still and abs(end - old.end) <= SETTLED * one.end_deviation
             deviation = float(np.sqrt((one.change @ one.change + np.trace(one.covariance)) / 3))
@@ -189,7 +191,8 @@ class Burned(Extended):
             by = np.array([[1.0, -0.5], [1.0, 0.5]])
             begin, end = (by @ values[index, 3:]).tolist()
             first_deviation, last_deviation = np.sqrt(np.maximum(np.diag(by @ part[3:, 3:] @ by.T), 0.0)).tolist()
-            begin, end = float(burn.begin) + begin, float(burn.end) + end
+            middle, length = (burn.begin + burn.end + begin + end) / 2, max(burn.duration + end - begin, 0.0)
+            begin, end = middle - length / 2, middle + length / 2
             found.append(FoundBurn(begin, first_deviation, end, last_deviation, values[index, :3], part[:3, :3]))
         return tuple(found)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, cost, maximise
+from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, cost, held, maximise
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
@@ -30,7 +30,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 FEWEST_CELLS, MOST_CELLS, FRAMES_PER_CELL = 8, 128, 4
-SMOOTH = 15  # unknowns of accelerations that are no burns: three constants in LVLH, and their first two harmonics
+LONGEST = 1 / 6  # of the span, that a burn lasts
+LONGEST_WITHOUT_ORBIT = 200.0  # s, in which no orbit about the Earth turns by more than 0.35 rad, even at its periapsis
 QUIET = 100.0  # precision of a cell by its noise over its information: noise without an effect
 NOISE_ROUNDS = 2  # of the observations' variance and of the noise's density by turns
 BENT = 0.1  # of the deviation of a mean of all frames: what the path may be off by, where it is linear in the burns
@@ -43,9 +44,9 @@ class BurnFit:
     """Burns, and the posterior of all unknowns: of bodies' offsets, path, burns and cells, in this order.
 
     score: −2 ln p up to a constant. It is that of the best attitudes, so that the frames' variances do not count: they
-    would make small offsets likelier. variance of an observation of weight 1; theta: logarithm of the noise's density;
-    matrix and rhs: the normal equations. bend (n, 3): what gravity beyond its gradient adds to the response to the
-    burns, m, None if that is nothing.
+    would make small offsets likelier. variance of an observation of weight 1; theta: the hyperparameters of the path,
+    and the logarithm of the noise's density; matrix and rhs: the normal equations. bend (n, 3): what gravity beyond its
+    gradient adds to the response to the burns, m, None if that is nothing.
     """
 
     burns: tuple[Burn, ...]
@@ -57,6 +58,11 @@ class BurnFit:
     matrix: FloatArray
     rhs: FloatArray
     bend: FloatArray | None
+
+    @property
+    def density(self) -> float:
+        """The density of the noise, m²/s³."""
+        return float(np.exp(self.theta[-1]))
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,7 @@ class BurnEquations:
     time: FloatArray
     edges: FloatArray
     base: Path
-    orbit: Orbit
+    orbit: Orbit | None
     others: Prior
     variance: float
     least: float
@@ -95,7 +101,7 @@ class BurnEquations:
     @property
     def offsets(self) -> int:
         """The number of unknowns of the bodies' offsets."""
-        return len(self.others.offset) - self.base.size - SMOOTH
+        return 3 * len(self.few.bodies)
 
     @property
     def cells(self) -> int:
@@ -106,6 +112,16 @@ class BurnEquations:
     def width(self) -> float:
         """The length of a cell in s."""
         return float(self.edges[1] - self.edges[0])
+
+    @property
+    def longest(self) -> float:
+        """How long a burn may last, s."""
+        share = LONGEST * float(self.edges[-1] - self.edges[0])
+        return share if self.orbit is not None else min(share, LONGEST_WITHOUT_ORBIT)
+
+    def may_be_one(self, burn: Burn) -> bool:
+        """Whether a burn may be one, and not what gravity does where the orbit is not known."""
+        return self.orbit is not None or burn.duration <= self.longest
 
     def weighted(self, offsets: tuple[FloatArray, ...]) -> "BurnEquations":
         """The equations with the weights of the frames for the offsets (3,) of all bodies, m."""
@@ -120,29 +136,30 @@ class BurnEquations:
         rounds: int,
         limit: Limit = FREE,
         bend: FloatArray | None = None,
+        theta: FloatArray | None = None,
     ) -> BurnFit:
-        """The posterior of all unknowns for burns with given times, from a variance; bend: see `BurnFit`."""
+        """The posterior of all unknowns for burns with given times, from a variance.
+
+        bend: see `BurnFit`; theta: hyperparameters that are held, None for those of maximum likelihood.
+        """
         matrix, rhs, total = self._equations(burns, bend)
-        white = Prior(
-            np.full(3 * self.cells, -np.log(self.width)),
-            np.ones((3 * self.cells, 1)),
-            (Hyperparameter(DENSITY, optional=True),),
-        )
-        prior, values = self.prior(burns).joined(white), 3 * len(self.rows)
+        prior, values, best = self._whole_prior(burns), 3 * len(self.rows), theta
         for _ in range(rounds):
             linear = Linear(matrix / variance, rhs / variance, np.zeros(len(rhs)))
-            theta = np.minimum(maximise(linear, prior), limit.density)
-            mean, covariance = conditional(linear, prior, theta)
-            score = cost(linear, prior, theta) + total / variance + values * float(np.log(variance))
+            best = _limited(linear, prior, best, limit.density) if theta is None else theta
+            mean, covariance = conditional(linear, prior, best)
+            score = cost(linear, prior, best) + total / variance + values * float(np.log(variance))
             if limit.variance is not None:
                 break
             left = values - float(np.vdot(linear.information, covariance))
             squares = total - 2 * float(rhs @ mean) + float(mean @ matrix @ mean)
             variance = max(squares / max(left, 1.0), self.least)
-        return BurnFit(burns, score, variance, theta, mean, covariance, matrix, rhs, bend)
+        assert best is not None  # noqa: S101  there was a round
+        return BurnFit(burns, score, variance, best, mean, covariance, matrix, rhs, bend)
 
-    def settled(self, burns: tuple[Burn, ...], variance: float, x: FloatArray, limit: Limit = FREE) -> BurnFit:
-        """The fit with the burns' times at their maximum; x (p,): of the path, roughly."""
+    def settled(self, burns: tuple[Burn, ...], about: BurnFit, limit: Limit = FREE) -> BurnFit:
+        """The fit with the burns' times at their maximum; about: a fit whose path, variance and noise are near."""
+        variance, x = about.variance, self.path_in(about)
         if not burns:
             return self.fitted((), variance, NOISE_ROUNDS, limit)
         u = len(self.others.offset)
@@ -154,9 +171,10 @@ class BurnEquations:
             own = slice(u, u + UNKNOWNS * len(fit.burns))
             moved, still = self.burned(fit.burns).settled(fit.mean[own], fit.covariance[own, own])
             bend = None if bend is None else self.burned(moved, self.path_in(fit)).bend(self.time)
-            fit = self.fitted(moved, fit.variance, 1, limit, bend)
+            fit = self.fitted(moved, fit.variance, 1, limit, bend, fit.theta)
             if still:
                 break
+        fit = self.fitted(fit.burns, fit.variance, 1, limit, bend)
         return fit if fit.score < first.score + TOLERANCE else first
 
     def path_in(self, fit: BurnFit) -> FloatArray:
@@ -170,11 +188,10 @@ class BurnEquations:
         durations = np.arange(u, u + UNKNOWNS * len(burns)).reshape(-1, UNKNOWNS)[:, 4]
         x = fit.mean.copy()
         x[durations] = 0.0
-        noise = np.full(3 * self.cells, self.width / np.exp(fit.theta[0]))
-        precision = np.concatenate([self.prior(burns).precision(np.zeros(0)), noise])
+        precision = held(Linear(matrix / fit.variance, rhs, x), self._whole_prior(burns), fit.theta)[0]
         gone = durations
         if not self._noisy(fit):
-            gone = np.append(durations, np.arange(len(x) - len(noise), len(x)))
+            gone = np.append(durations, np.arange(len(x) - 3 * self.cells, len(x)))
             x[gone] = 0.0
         kept = np.setdiff1d(np.arange(len(x)), gone)
         squares = float(total - 2 * rhs @ x + x @ matrix @ x) / fit.variance + float(precision @ (x * x))
@@ -185,7 +202,7 @@ class BurnEquations:
     def known(self, fit: BurnFit) -> FloatArray:
         """The information on offsets, path and burns of a fit without noise, for known cells, and that of the prior."""
         matrix = fit.matrix[: -3 * self.cells, : -3 * self.cells] / fit.variance
-        return np.asarray(matrix + np.diag(self.prior(fit.burns).precision(np.zeros(0))))
+        return np.asarray(matrix + np.diag(self.prior(fit.burns).precision(fit.theta[:-1])))
 
     def cost_of_noise(self, fit: BurnFit) -> float:
         """The deviation of the offsets over that without noise, burns being as they are."""
@@ -197,7 +214,7 @@ class BurnEquations:
     def _noisy(self, fit: BurnFit) -> bool:
         """Whether the noise of a fit has an effect."""
         most = float(np.diag(fit.matrix)[-3 * self.cells :].max()) / fit.variance
-        return bool(self.width < QUIET * most * np.exp(fit.theta[0]))
+        return bool(self.width < QUIET * most * fit.density)
 
     @cached_property
     def _weighted(self) -> FloatArray:
@@ -216,6 +233,11 @@ class BurnEquations:
     def prior(self, burns: tuple[Burn, ...]) -> Prior:
         """That of offsets, path and burns."""
         return self.others.joined(Prior.known(self.burned(burns).variances)) if burns else self.others
+
+    def _whole_prior(self, burns: tuple[Burn, ...]) -> Prior:
+        """That of all unknowns, with the white noise of the cells."""
+        count, density = 3 * self.cells, Hyperparameter(DENSITY, optional=True)
+        return self.prior(burns).joined(Prior(np.full(count, -np.log(self.width)), np.ones((count, 1)), (density,)))
 
     def _equations(self, burns: tuple[Burn, ...], bend: FloatArray | None) -> tuple[FloatArray, FloatArray, float]:
         """The normal equations (p, p) and (p,) of offsets, path, burns and cells; and Σ of the observed squares."""
@@ -240,7 +262,7 @@ class BurnEquations:
 
 
 def burn_equations(
-    registered: Registered, few: Subsample, time: FloatArray, base: Path, found: Solution, orbit: Orbit
+    registered: Registered, few: Subsample, time: FloatArray, base: Path, found: Solution, orbit: Orbit | None
 ) -> BurnEquations:
     """The equations beside a path without process noise.
 
@@ -251,8 +273,8 @@ def burn_equations(
     n = int(np.clip(len(time) // FRAMES_PER_CELL, FEWEST_CELLS, MOST_CELLS))
     edges = np.linspace(time.min(), time.max(), n + 1)
     sampled = base.at(time)
-    cells = _cells(base, orbit, edges, time)
-    columns = np.concatenate([sampled.jacobian, cells @ _smooth(orbit, edges), cells], axis=2)
+    cells, smooth = _cells(base, orbit, edges, time), _smooth(orbit, edges)
+    columns = np.concatenate([sampled.jacobian, cells @ smooth, cells], axis=2)
     offset = sampled.position(x) - sampled.jacobian @ x
     bodies, count, rows = few.bodies, len(few.bodies), []
     for index, (body, origin, step) in enumerate(zip(bodies, registered.origins, few.steps, strict=True)):
@@ -260,8 +282,8 @@ def burn_equations(
         own[:, :, 3 * index : 3 * index + 3] = body.attitude
         left = (origin[::step] - offset[body.frames])[:, :, None]
         rows.append(np.concatenate([own, columns[body.frames], left], axis=2))
-    frames, smooth = np.concatenate([body.frames for body in bodies]), Prior.known(np.full(SMOOTH, BROAD**2))
-    others = Prior.none(3 * count).joined(base.prior).joined(smooth)
+    frames, known = np.concatenate([body.frames for body in bodies]), Prior.known(np.full(smooth.shape[1], BROAD**2))
+    others = Prior.none(3 * count).joined(base.prior).joined(known)
     distance = max(float(np.abs(origin).max()) for origin in registered.origins)
     least = (ROUNDING * distance) ** 2
     both = zip(registered.bodies, found.bodies, strict=True)
@@ -272,7 +294,7 @@ def burn_equations(
     return equations.weighted(offsets)
 
 
-def _cells(base: Path, orbit: Orbit, edges: FloatArray, time: FloatArray) -> FloatArray:
+def _cells(base: Path, orbit: Orbit | None, edges: FloatArray, time: FloatArray) -> FloatArray:
     """The responses (n, 3, 3 c) to a unit acceleration of the chaser in each of c cells, at times (n,), m."""
     panels = Panels.over(time, float(edges[0]), longest_on(orbit, float(edges[0]), float(edges[-1])), edges)
     at, c = panels.points, len(edges) - 1
@@ -281,13 +303,24 @@ def _cells(base: Path, orbit: Orbit, edges: FloatArray, time: FloatArray) -> Flo
     return LinearMotion.over(panels, base.gravity_gradient).forced(pushes.reshape(len(at), 3, -1)).position(time)
 
 
-def _smooth(orbit: Orbit, edges: FloatArray) -> FloatArray:
-    """The accelerations (3 c, SMOOTH) in c cells that are constant in LVLH, or turn once or twice in an orbit."""
+def _smooth(orbit: Orbit | None, edges: FloatArray) -> FloatArray:
+    """The accelerations (3 c, 15) in c cells that are constant in LVLH, or turn once or twice in an orbit.
+
+    They are no burns. Without an orbit there are none (3 c, 0): the path itself is smooth.
+    """
+    if orbit is None:
+        return np.zeros((3 * (len(edges) - 1), 0))
     axes = lvlh_axes(target_states(orbit, (edges[1:] + edges[:-1]) / 2))
     along, ahead = axes[:, :, 0] @ axes[0, :, 0], axes[:, :, 0] @ axes[0, :, 1]
     angle = np.arctan2(ahead, along)
     shapes = [np.ones_like(angle), np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)]
     return np.kron(np.array(shapes).T, np.eye(3))
+
+
+def _limited(linear: Linear, prior: Prior, start: FloatArray | None, most: float) -> FloatArray:
+    """The likeliest hyperparameters (h,), the last of which is limited."""
+    theta = maximise(linear, prior, start)
+    return theta if theta[-1] <= most else np.append(maximise(linear, prior.fixed(DENSITY, most), theta[:-1]), most)
 
 
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:

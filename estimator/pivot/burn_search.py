@@ -17,7 +17,6 @@ from baryscope.estimator.pivot.burn_equations import FREE, NOISE_ROUNDS, BurnEqu
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-LONGEST = 1 / 6  # of the span, that a burn lasts
 DURATIONS = 24  # at which the likelihood of a duration is looked at that is less than TOLD deviations
 TOLD, RANGE = 12.0, 5.0  # and up to RANGE deviations above it
 MOST_BURNS, MOST_HIDDEN = 32, 6  # with noise of any density, and with less of it than all burns need
@@ -46,7 +45,7 @@ def likeliest(equations: BurnEquations) -> tuple[BurnEquations, BurnFit]:
     if equations.cost_of_noise(best) >= COSTLY:
         own, best = _reweighted(equations, best, FREE)
         for share in QUIETER:
-            limit = Limit(float(none.theta[0] + np.log(share)))
+            limit = Limit(float(none.theta[-1] + np.log(share)))
             held = replace(limit, variance=equations.variance)
             found = _extended(equations, equations.fitted((), equations.variance, 1, held), held)
             other, found = _reweighted(equations, found, limit)
@@ -58,14 +57,14 @@ def likeliest(equations: BurnEquations) -> tuple[BurnEquations, BurnFit]:
 def without(equations: BurnEquations, fit: BurnFit, index: int) -> BurnFit:
     """The fit without one of its burns."""
     rest = fit.burns[:index] + fit.burns[index + 1 :]
-    found = equations.settled(rest, fit.variance, equations.path_in(fit))
+    found = equations.settled(rest, fit)
     return _spread(equations, found) if rest else found
 
 
 def _reweighted(equations: BurnEquations, fit: BurnFit, limit: Limit) -> tuple[BurnEquations, BurnFit]:
     """The equations with weights for the offsets of a fit, and the fit with these and with a free variance."""
     found = equations.weighted(tuple(fit.mean[: equations.offsets].reshape(-1, 3)))
-    return found, found.settled(fit.burns, equations.variance, equations.path_in(fit), limit)
+    return found, found.settled(fit.burns, replace(fit, variance=equations.variance), limit)
 
 
 def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> BurnFit:
@@ -76,14 +75,15 @@ def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> 
         window = _window(equations, current)
         if window is None:
             break
-        current = equations.settled((*current.burns, window), current.variance, equations.path_in(current), limit)
-        best = current if _total(equations, current) < _total(equations, best) else best
+        current = equations.settled((*current.burns, window), current, limit)
+        if all(map(equations.may_be_one, current.burns)) and _total(equations, current) < _total(equations, best):
+            best = current
     return best
 
 
 def _total(equations: BurnEquations, fit: BurnFit) -> float:
     """The score and the price of the burns, that of the windows looked at included."""
-    windows = equations.cells * max(equations.cells * LONGEST, 1.0)
+    windows = equations.cells * max(equations.longest / equations.width, 1.0)
     return fit.score + price(len(fit.burns)) + 2 * len(fit.burns) * float(np.log(windows))
 
 
@@ -98,7 +98,7 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
     for index, burn in enumerate(fit.burns):
         at = u + UNKNOWNS * index + UNKNOWNS - 1
         deviation = np.sqrt(fit.covariance[at, at]) / burn.speed
-        middle, most = (burn.begin + burn.end) / 2, max(LONGEST * span, burn.slack[1])
+        middle, most = (burn.begin + burn.end) / 2, max(equations.longest, burn.slack[1])
         most = min(most, 2 * (middle - equations.edges[0]), 2 * (equations.edges[-1] - middle))
         flat = (span / np.sqrt(12), most / np.sqrt(12))
         burns[index] = replace(burn, slack=flat)
@@ -119,7 +119,7 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
 
 def _window(equations: BurnEquations, fit: BurnFit) -> Burn | None:
     """The window of the greatest gain beside the burns of a fit; None if it gains too little to be tried."""
-    first, last = _windows(equations.cells, max(int(LONGEST * equations.cells), 1))
+    first, last = _windows(equations.cells, max(int(equations.longest / equations.width), 1))
     information, score = _of_windows(equations, fit, first, last)
     values, vectors = np.linalg.eigh(information)
     values = np.maximum(values, 1e-12 * np.maximum(values[:, -1:], 1e-300))
@@ -149,8 +149,7 @@ def _of_windows(
     mixed = np.column_stack([matrix[:others, others:], rhs[:others]])
     gone = mixed[:, :-1].T @ solved(equations.known(fit), mixed)
     own = np.column_stack([matrix[others:, others:], rhs[others:]]) - gone
-    density = float(np.exp(fit.theta[0]))
-    own -= own[:, :-1] @ solved(own[:, :-1] + equations.width / density * np.eye(3 * n), own)
+    own -= own[:, :-1] @ solved(own[:, :-1] + equations.width / fit.density * np.eye(3 * n), own)
     sums = np.zeros((n + 1, n + 1, 3, 3))
     sums[1:, 1:] = np.moveaxis(own[:, :-1].reshape(n, 3, n, 3), 1, 2).cumsum(axis=0).cumsum(axis=1)
     ends = np.concatenate([np.zeros((1, 3)), own[:, -1].reshape(n, 3).cumsum(axis=0)])

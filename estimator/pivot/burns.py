@@ -5,6 +5,7 @@ they are likelier, with the process noise of maximum likelihood in either case.
 """
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import Linear, complexity, cost, maximise
 from baryscope.estimator.adjustment.reweighting import GATE
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burns_of
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.options import PathOptions
@@ -26,47 +28,57 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
+PATHS = ("relative-orbit", "polynomial")  # on which burns are looked for
 LEFT_OUT, REJECTED = 0.01, 0.5  # share of frames that a path may leave out, and of their weight that is left then
 SIGNIFICANT = 15.0  # of process noise, without which no burn is looked for: 2 ln of its likelihood over that of none
 
 
 def with_unknown_burns(
     found: Pivot, registered: Registered, orbit: Orbit | None, start: Start, options: PathOptions
-) -> Pivot:
-    """The solution with the burns among its unknowns that explain what else would be process noise."""
-    path = start.path
-    if options.unknown_burns == "none" or orbit is None or path.name != "relative-orbit":
-        return found
+) -> tuple[Pivot, Start]:
+    """The solution with the burns among its unknowns that explain what else would be process noise, and its start.
+
+    start: of the frames that are looked at, among which are those of `found`. Without such burns `found` itself.
+    """
+    path, none = start.path, (found, start)
+    if options.unknown_burns == "none" or path.name not in PATHS:
+        return none
     if not isinstance(path, Disturbed) or path.density is not None:
-        return found
+        return none
     if found.significance(DENSITY) < SIGNIFICANT and _left_out(found, start) <= LEFT_OUT:
-        return found
+        return none
     few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
-    equations = burn_equations(registered, few, start.time[few.rows], path.base, found.solution, orbit)
+    on_orbit = orbit if path.name == "relative-orbit" else None
+    equations = burn_equations(registered, few, start.time[few.rows], path.base, found.solution, on_orbit)
+    if on_orbit is None and equations.width > equations.longest:
+        return none
     equations, fit = likeliest(equations)
     while fit.burns:
+        again = _start(start, registered, fit, on_orbit)
         try:
-            burned = refined(_start(start, registered, fit, orbit), options)
+            burned = refined(again, options)
         except ComputationError:
-            return found
+            return none
         gains = _gains(burned)
         worst = int(np.argmin(gains))
         if gains[worst] >= price(len(gains)) - price(len(gains) - 1):
-            return burned if burned.converged and _likelier(burned, found) else found
+            return (burned, again) if burned.converged and _likelier(burned, found) else none
         fit = without(equations, fit, worst)
-    return found
+    return none
 
 
 def _left_out(found: Pivot, start: Start) -> float:
     """The share of frames whose observations agree with one another, but all are rejected by the path."""
-    seen, used = (one.observations.weight.sum(axis=1) for one in (start, found))
+    weight = found.observations.weight
+    used, seen = weight.sum(axis=1), np.where(weight > 0, start.observations.weight, 0.0).sum(axis=1)
     return float((used < REJECTED * seen).sum() / max(float((seen > 0).sum()), 1.0))
 
 
-def unknown_burns(found: Pivot) -> tuple[UnknownBurn, ...]:
-    """The findings of the burns on a path, from the first to the last."""
-    burns = burns_of(found.path, found.solution.x, found.variance * found.solution.covariance)
-    return tuple(UnknownBurn.of(burn) for burn in sorted(burns, key=lambda one: one.begin))
+def unknown_burns(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[UnknownBurn, ...]:
+    """The findings of the burns on a path, from the first to the last; x (p,): its unknowns, of_x: their covariance."""
+    burns, burned = burns_of(path, x, of_x), burned_in(path)
+    axes: Literal["lvlh", "inertial"] = "inertial" if burned is None or burned.orbit is None else "lvlh"
+    return tuple(UnknownBurn.of(burn, axes) for burn in sorted(burns, key=lambda one: one.begin))
 
 
 def _start(start: Start, registered: Registered, fit: BurnFit, orbit: Orbit | None) -> Start:
@@ -114,11 +126,11 @@ def _problem(found: Pivot) -> Linearised:
 def _likelier(one: Pivot, other: Pivot) -> bool:
     """Whether the marginal likelihood of a solution is greater, with outliers of a bounded cost."""
     variance = min(one.variance, other.variance)
-    scores = []
+    scores, most = [], max(int((found.observations.weight > 0).sum()) for found in (one, other))
     for found in (one, other):
         problem, weight = _problem(found), found.observations.weight
         used = weight > 0
         squares = problem.squares[used] / weight[used]
-        bounded = float(np.minimum(squares / variance, GATE).sum())
+        bounded = float(np.minimum(squares / variance, GATE).sum()) + GATE * (most - len(squares))
         scores.append(bounded + complexity(scaled(problem, variance), found.path.prior))
     return scores[0] < scores[1]

@@ -200,11 +200,13 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         simple,
         slips,
     )
-    found, start = without_strays(refined(start, options), start, options)
-    found = with_unknown_burns(found, registered, orbit, start, options)
+    found, fewer = without_strays(refined(start, options), start, options)
+    # Where burns are left to noise, attitudes stray by it: all are looked at once more.
+    burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
+    found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
     findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
-    findings += unknown_burns(found)
+    findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     return replace(found, findings=findings)
 
 

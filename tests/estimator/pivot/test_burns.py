@@ -10,6 +10,8 @@ from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status, UnknownBurn
 from baryscope.models.errors import InputError
+from baryscope.study.population.cases import drawn
+from baryscope.study.population.sensing import sampled
 from burning import path_with_burns
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
@@ -33,6 +35,12 @@ def case(burns, seed=5, seen=None):
     seen = np.ones(len(TIME), bool) if seen is None else seen
     features = box_features(8, (10, 4, 4), 1)
     return make_case(TIME[seen], turning()[seen], path(burns)[seen], features, noise=0.02, seed=seed)
+
+
+def in_C(burns):
+    """The burns with changes in C, as long as they are short."""
+    R = [Orbit().R_I_L(np.array([(begin + end) / 2]))[0] for begin, end, _ in burns]
+    return tuple((begin, end, tuple(axes @ change)) for axes, (begin, end, change) in zip(R, burns, strict=True))
 
 
 def burns_in(found):
@@ -64,6 +72,29 @@ def test_two_burns(method):
     # χ²/n of one path, all of whose errors hang together, stays below 12 in 99 %.
     assert nees(found, made.com).mean() < 12
     assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_two_burns_without_an_orbit(method):
+    made = case((LONG, SHORT))
+    found = estimate(made.tracks, method=method)
+    assert found.status is Status.GOOD
+    assert {one.axes for one in burns_in(found)} == {"inertial"}
+    assert_found(found, in_C((LONG, SHORT)))
+    assert found.process_noise.negligible
+    assert nees(found, made.com).mean() < 12
+    assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
+
+
+def test_a_kick_without_an_orbit():
+    """0.3 m/s in a second, which a smooth path could follow by noise only: the steps did not converge, 46 m off."""
+    kick = (140.0, 141.0, (0.2, 0.2, -0.1))
+    made = case((kick,))
+    found = estimate(made.tracks)
+    assert found.status is Status.GOOD
+    assert_found(found, in_C((kick,)))
+    assert nees(found, made.com).mean() < 12
+    assert found.predicted_rmse < 0.01
 
 
 def test_a_burn_after_which_no_frame_fits_the_path():
@@ -116,8 +147,8 @@ def test_a_burn_while_nothing_is_seen():
     assert squares.max() < 25
 
 
-@pytest.mark.parametrize("density", [1e-10, 1e-6])
-def test_no_burn_is_found_where_there_is_none(density):
+@pytest.mark.parametrize(("density", "orbit"), [(1e-10, ORBIT), (1e-6, ORBIT), (1e-8, None)])
+def test_no_burn_is_found_where_there_is_none(density, orbit):
     """White acceleration of a density in m²/s³, as 25 pushes that last; at 1e-6 the path is off by a metre."""
     rng = np.random.default_rng(8)
     step = 20.0
@@ -125,10 +156,18 @@ def test_no_burn_is_found_where_there_is_none(density):
         (begin, begin + step, tuple(np.sqrt(density * step) * rng.standard_normal(3)))
         for begin in np.arange(0.0, 500.0, step)
     )
-    found = estimate(case(pushes).tracks, orbit=ORBIT)
+    found = estimate(case(pushes).tracks, orbit=orbit)
     assert not any(isinstance(one, UnknownBurn) for one in found.findings)
     assert found.process_noise.significance > 15
 
 
-def test_no_burn_is_found_in_free_flight():
-    assert burns_in(estimate(case(()).tracks, orbit=ORBIT)) == ()
+def test_a_passage_of_the_periapsis_is_no_burn():
+    """Of an orbit of e = 0.66 in 118 frames, which the smooth path does not follow; the orbit is not told."""
+    found = estimate(sampled(drawn(77, 78)).tracks)
+    assert not any(isinstance(one, UnknownBurn) for one in found.findings)
+    assert found.status is not Status.GOOD
+
+
+@pytest.mark.parametrize("orbit", [ORBIT, None])
+def test_no_burn_is_found_in_free_flight(orbit):
+    assert burns_in(estimate(case(()).tracks, orbit=orbit)) == ()
