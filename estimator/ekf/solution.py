@@ -11,6 +11,7 @@ from baryscope.models.errors import ComputationError, Reason
 
 LARGEST = 1e100  # number in a cost that is still one
 MARGIN = 10.0  # of an eigenvalue of the parameters' scaled information over its rounding errors, to be known
+LOST = 1e-6  # of the squares at the reference, by which those at the minimum are negative: lost in rounding
 INDISTINCT = 1e-3  # such rounding errors of which hardly anything is known
 MEMORY = 3e8  # bytes for the smoother of some members at a time
 
@@ -66,6 +67,8 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
     theta += own @ np.linalg.solve(of_prior, own.T @ prior.information @ (prior.mean - theta))
     off = theta - prior.mean
     squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ prior.information @ off
+    if squares < -LOST * abs(cost[0, 0]):
+        raise diverged()
     determinant = float(np.log(values[known]).sum() + np.log(least).sum() - 2 * np.log(scale).sum())
     covariance = (axes / values[known]) @ axes.T + own @ np.linalg.inv(of_prior) @ own.T
     determinant += float(forward.log_determinant[member])

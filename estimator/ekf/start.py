@@ -126,7 +126,7 @@ def _refined(
         tumble = fit_tumble(found.bodies, found.observations, found.variance, tracks.time, torques)
     except ComputationError:
         return None
-    if not found.converged or tumble.median_ratio >= EXPLAINED:
+    if tumble.median_ratio >= EXPLAINED:
         return None
     origin, centroids = found.sampled.position(found.solution.x), [body.points.mean(axis=0) for body in found.bodies]
     pairs = list(zip(found.bodies, centroids, strict=True))
