@@ -121,6 +121,7 @@ class FindingPart(Part):
         "lack-of-fit",
         "excess-residuals",
         "frames-left-out",
+        "few-frames",
         "different-points",
         "departure",
         "wrong-orbit",
@@ -137,7 +138,8 @@ class FindingPart(Part):
     dof: int | None = Field(None, description="lack-of-fit: expectation of chi_square for a right model")
     model: str | None = Field(None, description="excess-residuals: the path's model, or free tumble")
     ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
-    frames: int | None = Field(None, description="frames-left-out: their number")
+    frames: int | None = Field(None, description="frames-left-out, few-frames: their number")
+    unknowns: float | None = Field(None, description="few-frames: of path and offsets that the tracks determine")
     labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")

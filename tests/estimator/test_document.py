@@ -1,14 +1,16 @@
 import csv
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from baryscope.estimator import METHODS, estimate, write_estimate
 from baryscope.estimator.document import EstimateDocument, rejected_intervals, schema, schema_text
-from baryscope.estimator.result import DifferentPoints, LackOfFit, WrongSigma
+from baryscope.estimator.result import DifferentPoints, Finding, LackOfFit, WrongSigma
 from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
 from synthetic import Orbit
@@ -105,6 +107,15 @@ def test_every_method_writes_according_to_the_schema(method, case_of, at_rest, t
 def test_the_documented_schema_is_the_one_in_use():
     """python -c "from baryscope.estimator.document import schema_text as s; print(s(), end='')" prints it."""
     assert SCHEMA.read_text(encoding="utf-8") == schema_text()
+
+
+def test_every_finding_can_be_written():
+    """Its name in lower case is a kind, and its fields are among those of a finding."""
+    properties = schema()["$defs"]["FindingPart"]["properties"]
+    names = {kind.replace("-", "") for kind in properties["kind"]["enum"]}
+    assert {finding.__name__.lower() for finding in get_args(Finding)} == names
+    for finding in get_args(Finding):
+        assert {field.name for field in fields(finding)} <= set(properties), finding.__name__
 
 
 def test_the_page_names_every_field():
