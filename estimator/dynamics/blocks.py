@@ -18,7 +18,7 @@ from baryscope.estimator.dynamics.polynomials import lagrange_weights
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-KNOTS = 8
+KNOTS = 12
 NODES = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)  # Chebyshev's points of −1 … 1
 ROW, COLUMN = np.triu_indices(KNOTS)  # of the pairs of knots
 PAIR = np.zeros((KNOTS, KNOTS), dtype=np.intp)

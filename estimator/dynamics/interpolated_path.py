@@ -11,7 +11,7 @@ from baryscope.estimator.dynamics.paths import Frames, SampledPath, product
 
 FloatArray = NDArray[np.float64]
 
-PHASE = 0.6  # rad of the highest frequency in a block: an error of 1e-11
+PHASE = 1.8  # rad of the highest frequency in a block: an error of 3e-13, and of 1e-9 of a wave of twice that frequency
 FEWEST = 1000  # frames, and
 WORTHWHILE = 4  # frames of a knot, on average, from which interpolation is much faster
 

@@ -172,7 +172,7 @@ class Polynomial:
     def frequency(self) -> float:
         """That of the highest polynomial T_d, in the middle or at the ends, where T_d(1 − y) ≈ cos √(2 d² y).
 
-        A wave of d²/6 has there the same terms of seventh and higher order in a block of `interpolated_path`.
+        A wave of d²/6 has there a term of seventh order as great, and greater ones of higher order.
         """
         return max(self.degree, self.degree**2 / 6) / self._half
 

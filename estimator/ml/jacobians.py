@@ -12,7 +12,7 @@ from baryscope.estimator.dynamics.rotation import Attitudes
 
 FloatArray = NDArray[np.float64]
 
-PHASE = 2.0  # rad of the highest frequency in a block: an error of 2e-7, and of 1e-3 of a wave of thrice that frequency
+PHASE = 3.6  # rad of the highest frequency in a block: an error of 1e-9, and of 6e-4 of a wave of thrice that frequency
 FEWEST = 1000  # frames, and
 WORTHWHILE = 1.5  # frames of a knot, on average, from which sums over knots are faster
 PART = 256  # frames whose Jacobians are evaluated together

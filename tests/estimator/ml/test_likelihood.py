@@ -149,7 +149,7 @@ def test_unobserved_directions_get_the_given_displacement():
 
 
 def test_blocks_agree_with_every_frame():
-    """Jacobians at eight knots of each block against those of all 1000 frames, with precisions."""
+    """Jacobians at twelve knots of each block against those of all 1000 frames, with precisions."""
     rng = np.random.default_rng(1)
     n, m = 1000, 5
     time = np.sort(rng.uniform(0.0, 60.0, n))
