@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 PHASE = 1.8  # rad of the highest frequency in a block: an error of 3e-13, and of 1e-9 of a wave of twice that frequency
 FEWEST = 1000  # frames, and
-WORTHWHILE = 4  # frames of a knot, on average, from which interpolation is much faster
+WORTHWHILE = 2  # frames of a knot, on average, from which interpolation is faster
 
 
 class InterpolatedPath(SampledPath):
@@ -77,7 +77,7 @@ class InterpolatedPath(SampledPath):
 
     def times(self, columns: FloatArray) -> FloatArray:
         """See `SampledPath`."""
-        return self.blocks.at_frames(self.at_knots.jacobian @ columns)
+        return self.blocks.at_frames(self.at_knots.times(columns))
 
     def lengths(self, directions: FloatArray) -> FloatArray:
         """See `SampledPath`."""

@@ -91,11 +91,12 @@ class SampledPath:
 
     def covariance(self, of_x: FloatArray) -> FloatArray:
         """The covariance (n, 3, 3) of the positions, m², for the covariance (p, p) of x."""
-        return np.asarray(self.jacobian @ of_x @ np.swapaxes(self.jacobian, 1, 2))
+        return np.asarray(self.times(of_x) @ np.swapaxes(self.jacobian, 1, 2))
 
     def times(self, columns: FloatArray) -> FloatArray:
         """The products (n, 3, k) of the Jacobian with columns (p, k)."""
-        return np.asarray(self.jacobian @ columns)
+        # One multiplication: one for each frame would take several times as long.
+        return np.asarray((self.jacobian.reshape(-1, self.size) @ columns).reshape(self.frames, 3, -1))
 
     def gram(self, frames: Frames, weights: FloatArray) -> FloatArray:
         """Σ Jᵀ W J (p, p) over k ascending frames, for weights (k, 3, 3)."""
