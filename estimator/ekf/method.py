@@ -20,9 +20,10 @@ from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, o
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
+from baryscope.estimator.dynamics.burns import burned_in
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.trajectory import trajectory_of
-from baryscope.estimator.ekf.linearised import PATH, RATE, TURN
+from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, TURN
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
@@ -30,12 +31,13 @@ from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
 from baryscope.estimator.ekf.start import Start, starts
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.options import PathOptions, torques_of
+from baryscope.estimator.pivot.burns import SIGNIFICANT, unknown_burns
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
-from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
+from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise, UnknownBurn
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
@@ -64,6 +66,7 @@ def estimate_by_filter(
     path, on_orbit = trajectory.path(orbit, *span, options.acceleration), trajectory.kind == "relative-orbit"
     measured, rounds = observations_of(tracks, tracks.seen), Rounds(progress)
     solved = _least_squares(tracks, orbit, options, path)
+    path = path if solved is None else _with_burns_of(solved, path)
     theta = np.array([_found(solved, one.name) for one in path.prior.hyperparameters])
 
     def followed(start: Start) -> tuple[Start, Passes]:
@@ -72,7 +75,30 @@ def estimate_by_filter(
         return start, passes(Problem(tracks, options, measured, start, path, on_orbit, theta, rounds))
 
     start, found = _first_of(starts(tracks, measured, solved, torques_of(orbit, options)), followed)
+    if on_orbit:
+        found = _with_unknown_burns(found, orbit)
     return _result(tracks, options, start, found, begin)
+
+
+def _with_unknown_burns(found: Passes, orbit: Orbit | None) -> Passes:
+    """The passes with the burns that `pivot` finds among the path's unknowns, if there may be any."""
+    problem = found.problem
+    options, noise = problem.options, _process_noise(found, problem.options)
+    if options.unknown_burns == "none" or (noise.significance or 0.0) < SIGNIFICANT:
+        return found
+    try:
+        burned = _with_burns_of(solve_pivot(problem.tracks, orbit, options), problem.path)
+        return found if burned is problem.path else passes(replace(problem, path=burned))
+    except ComputationError:
+        return found
+
+
+def _with_burns_of(solved: Pivot, path: Path) -> Path:
+    """The path with the burns of a solution of `pivot`, if it has any."""
+    burned = burned_in(solved.path)
+    if burned is None:
+        return path
+    return replace(burned, base=path, about=None if burned.about is None else burned.about[: path.size])
 
 
 def _least_squares(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, path: Path) -> Pivot | None:
@@ -182,7 +208,7 @@ def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Pa
         covered=covered_by([cluster], len(tracks.time)),
         converged=found.converged,
         rounds=found.count,
-        findings=(),
+        findings=_burns(found),
         method="ekf",
         path=found.problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -202,6 +228,12 @@ def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Pa
         process_noise=_process_noise(found, options),
         predictor=PredictedTumble(found, tracks.labels, features),
     )
+
+
+def _burns(found: Passes) -> tuple[UnknownBurn, ...]:
+    """The findings of burns among the path's unknowns."""
+    own = slice(INERTIA, INERTIA + found.problem.path.size)
+    return unknown_burns(found.problem.path, found.shift + found.reference.x, found.solution.of_theta[own, own])
 
 
 def _process_noise(found: Passes, options: PathOptions) -> ProcessNoise:

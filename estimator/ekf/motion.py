@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 
 STEP_ANGLE = 0.1  # rad in a step of the integration: its error is 1e-7 rad, and 1e-4 of the errors' transition
 MAX_INERTIA_CHANGE = 1.0  # of the inertia's logarithm in one correction
+MOTION = 6  # unknowns of a motion on an orbit
 ROTATION = 11  # errors of a rotation: turn (3), rate (3), both in B, and five of the inertia
 
 
@@ -54,27 +55,29 @@ class PathProcess:
 
 
 def at_rest(motion: Path, time: FloatArray, origin: FloatArray, shift: FloatArray) -> FloatArray:
-    """The unknowns x (6,) of a motion at rest in LVLH axes with the origin (3,) in C, m, at the middle of times (n,).
+    """The unknowns x (s,) of a motion at rest in LVLH axes with the origin (3,) in C, m, at the middle of times (n,).
 
-    shift (6,): of the deviation u at the first time, see `relative_motion`.
+    shift (s,): of the deviation u at the first time, see `relative_motion`, and of unknowns beside the motion's own.
     """
     span, ends = span_of(time), time[[0, len(time) // 2]]
-    place, rate = motion.at(ends), motion.rate_at(ends)
-    x = np.linalg.solve(np.concatenate([place.jacobian[0], span * rate.jacobian[0]]), shift)
-    x[:3] += np.linalg.solve(place.jacobian[1, :, :3], origin)
-    return np.asarray(x)
+    place, rate = (one.jacobian[:, :, :MOTION] for one in (motion.at(ends), motion.rate_at(ends)))
+    x = shift.copy()
+    x[:MOTION] = np.linalg.solve(np.concatenate([place[0], span * rate[0]]), shift[:MOTION])
+    x[:3] += np.linalg.solve(place[1, :, :3], origin)
+    return x
 
 
 def relative_motion(motion: Path, time: FloatArray, x: FloatArray, span: float, first: int = 0) -> PathProcess:
-    """Relative motion on an orbit, linearised about an exact one with unknowns x (6,).
+    """Relative motion on an orbit, linearised about an exact one with unknowns x (s,), its own six and others.
 
-    The unknowns of the process are the deviation u at one of the times, of the index `first`; its transition follows
-    from the Jacobians of `motion`.
+    The first unknowns of the process are the deviation u at one of the times, of the index `first`, as far as the
+    others, such as those of burns, do not cause it; its transition follows from the Jacobians of `motion`.
     """
     place, rate = motion.at(time), motion.rate_at(time)
     whole = np.concatenate([place.jacobian, span * rate.jacobian], axis=1)
-    columns, transition = whole @ np.linalg.inv(whole[first]), whole[1:] @ np.linalg.inv(whole[:-1])
-    return PathProcess(place.position(x), rate.position(x), columns, transition, span)
+    own, others = whole[:, :, :MOTION], whole[:, :, MOTION:]
+    columns, transition = own @ np.linalg.inv(own[first]), own[1:] @ np.linalg.inv(own[:-1])
+    return PathProcess(place.position(x), rate.position(x), np.concatenate([columns, others], axis=2), transition, span)
 
 
 def free_motion(path: Path, time: FloatArray, origin: FloatArray, span: float) -> PathProcess:

@@ -40,8 +40,8 @@ ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rou
 class Problem:
     """What is to be solved.
 
-    measured: observations; path without noise; on_orbit: whether it is a motion there, of six unknowns; theta (h,): the
-    hyperparameters of its prior; rounds: told of each pass.
+    measured: observations; path without noise; on_orbit: whether it is a motion there, of six unknowns, and those of
+    burns; theta (h,): the hyperparameters of its prior; rounds: told of each pass.
     """
 
     tracks: FeatureTracks

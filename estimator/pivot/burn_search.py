@@ -20,6 +20,7 @@ IntArray = NDArray[np.intp]
 DURATIONS = 24  # at which the likelihood of a duration is looked at that is less than TOLD deviations
 TOLD, RANGE = 12.0, 5.0  # and up to RANGE deviations above it
 MOST_BURNS, MOST_HIDDEN = 32, 6  # with noise of any density, and with less of it than all burns need
+MOST_WITHOUT_ORBIT = 8  # on a smooth path, as each takes seconds: a path that needs more is not smooth beside them
 QUIETER = (1e-2, 1e-4)  # shares of the noise that stands for all burns
 COSTLY = 10.0  # times as inaccurate as without noise are the offsets: then it is looked for burns once more
 PATIENCE = 2  # burns that are added although they make the model less likely
@@ -71,6 +72,7 @@ def _extended(equations: BurnEquations, start: BurnFit, limit: Limit = FREE) -> 
     """The likeliest of a fit with no burn, one burn, and so on."""
     best = current = start
     most = MOST_BURNS if limit is FREE else MOST_HIDDEN
+    most = most if equations.orbit is not None else min(most, MOST_WITHOUT_ORBIT)
     while len(current.burns) < min(most, len(best.burns) + PATIENCE):
         window = _window(equations, current)
         if window is None:

@@ -52,8 +52,8 @@ class PathChoices:
         What the model of the path leaves out (pivot, ml, ekf), as white acceleration: its density in m²/s³; auto,
         estimated from the tracks; or none, the model holds exactly. Default: auto.
     unknown_burns
-        Burns of the chaser that no log tells of (pivot, ml; on a relative orbit, or a polynomial whose degree the data
-        choose): auto, found in the tracks and listed, their cost being in the covariance; or none. Default: auto.
+        Burns of the chaser that no log tells of (pivot, ml, ekf; on a relative orbit, or a polynomial whose degree the
+        data choose): auto, found in the tracks and listed, their cost being in the covariance; or none. Default: auto.
     torque_noise
         What the model of the tumble leaves out (ml, ekf), as white angular acceleration: its density in rad²/s³; auto,
         estimated from the tracks; or none. Default: auto.

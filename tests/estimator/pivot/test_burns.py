@@ -62,7 +62,10 @@ def nees(found, com):
     return np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
 
 
-@pytest.mark.parametrize("method", ["pivot", "ml"])
+METHODS = pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+
+
+@METHODS
 def test_two_burns(method):
     made = case((LONG, SHORT))
     found = estimate(made.tracks, method=method, orbit=ORBIT)
@@ -74,7 +77,7 @@ def test_two_burns(method):
     assert np.sqrt(((found.position - made.com) ** 2).sum(axis=1).mean()) < 0.01
 
 
-@pytest.mark.parametrize("method", ["pivot", "ml"])
+@METHODS
 def test_two_burns_without_an_orbit(method):
     made = case((LONG, SHORT))
     found = estimate(made.tracks, method=method)
@@ -120,6 +123,19 @@ def test_what_is_written_of_a_burn():
     assert "which nothing told" in part.text
     with pytest.raises(InputError, match="unknown_burns is 'some', expected one of auto, none"):
         PathOptions(unknown_burns="some")
+
+
+@METHODS
+def test_predictions_bridge_a_burn(method):
+    """Before the first frame, at those of the tracks, which are the estimate, and ahead."""
+    seen = (TIME >= 60) & (TIME <= 440)
+    found = estimate(case((LONG, SHORT), seen=seen).tracks, method=method, orbit=ORBIT)
+    at = found.predict(TIME[seen][::50])
+    np.testing.assert_allclose(at.position, found.position[::50], atol=1e-9)
+    np.testing.assert_allclose(at.velocity, found.velocity[::50], atol=1e-11)
+    ends = found.predict(TIME[[0, -1]])
+    for error, covariance in zip(ends.position - path((LONG, SHORT))[[0, -1]], ends.covariance[:, :3, :3], strict=True):
+        assert error @ np.linalg.solve(covariance, error) < 16.3  # of three degrees of freedom, in a thousandth
 
 
 def test_none_are_looked_for():
