@@ -30,16 +30,6 @@ def test_jacobians_over_blocks_agree_with_all_frames():
     np.testing.assert_allclose(every.mean(factors), np.mean(factors @ waves(TIME), axis=0), atol=1e-12)
 
 
-def test_gaps_have_no_blocks():
-    time = np.concatenate([np.linspace(0.0, 9.0, 100), np.linspace(91.0, 100.0, 100)])
-    blocks = Blocks.over(time, 5.0)
-    assert len(blocks.knots) == 4
-    assert blocks.knots.min() > 0.0
-    of_frame = np.repeat(np.arange(4), np.diff(blocks.first))
-    np.testing.assert_array_equal(of_frame, np.searchsorted([5.0, 90.0, 95.0], time, side="right"))
-    np.testing.assert_allclose(blocks.at_frames(blocks.knots.ravel()), time, atol=1e-12)
-
-
 @pytest.mark.parametrize(("time", "longest"), [(np.arange(10.0), 1.0), (np.zeros(1), 1.0), (np.arange(3.0), np.inf)])
 def test_few_frames_are_not_worth_blocks(time, longest):
     assert not worthwhile(Blocks.over(time, longest))

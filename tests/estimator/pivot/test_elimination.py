@@ -1,0 +1,34 @@
+"""The elimination of rotations for equal weights along all axes, against that for precisions, which are unit there."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.pivot.elimination import AllFrames, eliminated
+from baryscope.estimator.registration.body import Body
+
+N, M = 30, 5
+
+
+@pytest.mark.parametrize("shifted", [False, True], ids=["", "with shifts that are zero"])
+def test_both_ways_give_the_same_sums(shifted):
+    rng = np.random.default_rng(0)
+    points, attitude = rng.normal(size=(M, 3)), Rotation.random(N, random_state=1).as_matrix()
+    path = Polynomial(2, 0.0, 1.0).at(np.linspace(0.0, 1.0, N))
+    origin = path.position(rng.normal(size=9))
+    frames, features = np.delete(np.arange(N), [3, 17]), np.arange(M)
+    position = origin[:, None] + points @ np.swapaxes(attitude, 1, 2) + 0.05 * rng.normal(size=(N, M, 3))
+    weight = rng.uniform(0.0, 2.0, (N, M)) * (rng.random((N, M)) < 0.9)
+    body = Body(features, frames, points + 0.02 * rng.normal(size=(M, 3)), attitude[frames])
+    simple = eliminated(body, Observations(position, weight), AllFrames(path, origin, None))
+    unit = None if shifted else np.broadcast_to(np.eye(3), (N, M, 3, 3))
+    shift = np.zeros((N, 3, 3)) if shifted else None
+    general = eliminated(body, Observations(position, weight, unit), AllFrames(path, origin, shift))
+    np.testing.assert_allclose(simple[0].attitude, general[0].attitude, atol=1e-12)
+    if not shifted:  # else the residuals are those after a further step of the rotations
+        np.testing.assert_allclose(simple[2], general[2], atol=1e-12)
+    for name, found in vars(simple[1]).items():
+        expected = getattr(general[1], name)
+        np.testing.assert_allclose(found, expected, atol=1e-11 * max(np.abs(expected).max(), 1.0), err_msg=name)
