@@ -32,6 +32,7 @@ from baryscope.estimator.tracks import FeatureTracks, errors_of
 FloatArray = NDArray[np.float64]
 
 MAX_ROUNDS = 25
+DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
 STEP_TOLERANCE = 1e-2  # squared length of the last step, in units of the covariance
 ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
@@ -196,7 +197,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
 
 def _converged(problem: _Problem, start: _Iterate, done: Rounds) -> _Iterate:
     """Damped Gauss–Newton steps until steps and changes of the weights are small."""
-    at, damping, own = start, 1e-6, problem.priors.own
+    at, damping, own = start, DAMPING, problem.priors.own
     while not at.converged and at.rounds < MAX_ROUNDS:
         done.did(STAGE)
         values = at.state.values
