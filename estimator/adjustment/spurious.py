@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
-from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
@@ -18,7 +18,6 @@ IntArray = NDArray[np.intp]
 FARTHEST_RADII = 3.0  # standard deviation of a centre of mass that is not observed, in radii of the features
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
-AXES = cross_matrices(np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +96,7 @@ def spurious_information(
     """
     noise = _FrameNoise.of(body, observations, origin, variance, shift)
     turned = (1 + noise.variances[:, -1:, None]) * noise.of_attitude
-    return np.asarray(noise.every * np.einsum("iba,kbc,jcd,kda->ij", AXES, noise.known, AXES, turned, optimize=True))
+    return noise.every * turned_information(noise.known, turned)
 
 
 def product_gradient(
@@ -110,7 +109,8 @@ def product_gradient(
     the Jacobian of the frame's position in S by offset and x.
     """
     own = _FrameNoise.of(body, observations, path.position(x), noise.variance, noise.shift)
-    moved = np.einsum("ij,iab,kbc,jdc->kad", noise.offset, AXES, own.of_attitude, AXES, optimize=True)
+    axes = cross_matrices(np.eye(3))
+    moved = np.einsum("ij,iab,kbc,jdc->kad", noise.offset, axes, own.of_attitude, axes, optimize=True)
     weight = own.known @ moved @ own.known
     turned = own.attitude @ weight
     by_x = path.gram(own.frames, turned @ np.swapaxes(own.attitude, 1, 2))
