@@ -37,6 +37,7 @@ MAX_POSES = 1500  # attitudes that the motion is fitted to
 PREDICTED = 0.7  # rad within which attitudes count as predicted
 WINDOW_GROWTH = 3.0  # factor of the fitted window from one fit to the next
 MAX_STEPS = 12  # of one fit
+DAMPING = 1e-6  # of the first step of a fit, over the diagonal
 # Relative decrease of the cost that a step must predict, while the window grows and at the end.
 ROUGH_TOLERANCE, FINE_TOLERANCE = 0.1, 1e-3
 
@@ -256,7 +257,7 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
     present = np.unique(poses.body)
     size = RATE_AND_INERTIA + 3 * len(present)
     slot = np.searchsorted(present, poses.body)
-    damping = 1e-4
+    damping = DAMPING
     found = _residuals(tumble, poses)
     if found is None:
         return replace(tumble, cost=np.inf, median_ratio=np.inf)
