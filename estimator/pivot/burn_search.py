@@ -55,9 +55,9 @@ def likeliest(equations: BurnEquations) -> tuple[BurnEquations, BurnFit]:
     return own, _spread(own, best) if best.burns else best
 
 
-def without(equations: BurnEquations, fit: BurnFit, index: int) -> BurnFit:
-    """The fit without one of its burns."""
-    rest = fit.burns[:index] + fit.burns[index + 1 :]
+def without(equations: BurnEquations, fit: BurnFit, indices: IntArray) -> BurnFit:
+    """The fit without some of its burns."""
+    rest = tuple(burn for index, burn in enumerate(fit.burns) if index not in indices)
     found = equations.settled(rest, fit)
     return _spread(equations, found) if rest else found
 

@@ -59,11 +59,12 @@ def with_unknown_burns(
             burned = refined(again, options)
         except ComputationError:
             return none
-        gains = _gains(burned)
-        worst = int(np.argmin(gains))
-        if gains[worst] >= price(len(gains)) - price(len(gains) - 1):
+        gains = np.array(_gains(burned))
+        idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))
+        if not len(idle):
             return (burned, again) if burned.converged and _likelier(burned, found) else none
-        fit = without(equations, fit, worst)
+        # Without one of them others may be needed: half of them, so that even many soon come to an end.
+        fit = without(equations, fit, idle[np.argsort(gains[idle])[: (len(idle) + 1) // 2]])
     return none
 
 
