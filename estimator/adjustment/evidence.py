@@ -206,11 +206,12 @@ def _along(
 ) -> tuple[list[FloatArray], list[float]]:
     """θ (h,), and points in steps (h,) either way as far as −2 ln p is not much greater, within bounds; and that."""
     points, costs = [theta], [cost(linear, prior, theta)]
+    moved = step != 0
     for sign in (-1, 1):
         for k in range(1, MOST_STEPS):
             at = theta + sign * k * step
-            if np.any(at < bounds[:, 0]) or np.any(at > bounds[:, 1]):
-                break
+            if np.any((at < bounds[:, 0]) & moved) or np.any((at > bounds[:, 1]) & moved):
+                break  # the others were held within bounds of an earlier linearisation, which differ by rounding
             value = cost(linear, prior, at)
             if value > min(costs) + GRID_END:
                 break

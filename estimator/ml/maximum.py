@@ -32,7 +32,7 @@ from baryscope.estimator.tracks import FeatureTracks, errors_of
 FloatArray = NDArray[np.float64]
 
 MAX_ROUNDS = 25
-DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
+DAMPING = 1e-6  # of the first step, over the diagonal
 STEP_TOLERANCE = 1e-2  # squared length of the last step, in units of the covariance
 ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights

@@ -89,3 +89,15 @@ def test_the_bounds_of_a_hyperparameter_hold_its_value(theta, low, high):
     none = np.zeros(0)
     found = Posterior(np.array([theta]), np.array([[-1.0, 1.0]]), none, none, none, none)
     assert found.bounds(0) == pytest.approx((np.exp(low), np.exp(high)))
+
+
+def test_a_hyperparameter_that_rounding_has_put_below_its_bound_leaves_the_others_their_uncertainty():
+    """Bounds are those of the last linearisation, θ that of the one before."""
+    H, _, y = observed(3, 0.4)
+    halves = [Prior(np.zeros(6), np.ones((6, 1)), (Hyperparameter(name),)) for name in ("one", "other")]
+    prior = Prior.none(2).joined(halves[0]).joined(halves[1])
+    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    lowest = np.array([maximise(linear, prior)[0], ranges(linear, prior)[1, 0]])
+    at, below = (posterior(linear, prior, lowest - [0.0, apart]) for apart in (0.0, 1e-9))
+    assert np.ptp(at.interval[0]) > 0.1
+    np.testing.assert_allclose(below.interval[0], at.interval[0], rtol=1e-6)
