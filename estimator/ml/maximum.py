@@ -99,14 +99,14 @@ class _Problem:
     stereo: bool
 
     @cached_property
-    def path_at_knots(self) -> FloatArray:
-        """The path's Jacobian (k, 3, p) at the knots of the blocks."""
-        return self.path.at(self.blocks.knots.ravel()).jacobian
+    def path_at_knots(self) -> FloatArray | None:
+        """The path's Jacobian (k, 3, p) at the knots of the blocks; None if it is not smooth, or knots are no help."""
+        smooth = np.isfinite(self.path.frequency) and self.sampled.seen_of is None
+        return self.path.at(self.blocks.knots.ravel()).jacobian if smooth and worthwhile(self.blocks) else None
 
     def model(self, state: _State, points: FloatArray) -> Model:
         """What is seen of points (m, 3) at a state."""
-        smooth = worthwhile(self.blocks) and self.sampled.seen_of is None
-        knots = Knots(self.blocks, state.motion, self.path_at_knots) if smooth else None
+        knots = None if self.path_at_knots is None else Knots(self.blocks, state.motion, self.path_at_knots)
         origin, turned = self.sampled.position(state.x), turned_by(self.sampled, state.x)
         return Model(state.motion, self.sampled, origin, points, self.noise, knots, turned)
 
@@ -159,7 +159,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
 
     def problem_of(rotation: Rotation) -> _Problem:
         priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
-        blocks = Blocks.over(tracks.time, _block_length(rotation, pivot.path, float(np.ptp(tracks.time))))
+        blocks = Blocks.over(tracks.time, _block_length(rotation, pivot.path))
         return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, measured, floor, stereo)
 
     rotation = tumble.rotation
@@ -324,12 +324,12 @@ def _attitude_information(best: _Iterate) -> float:
     return float(2 / 3 * (weight @ squares).sum() / best.variance)
 
 
-def _block_length(rotation: Rotation, path: Path, span: float) -> float:
-    """The longest block in s in which rotation and path are polynomials; span: of the tracks, s."""
+def _block_length(rotation: Rotation, path: Path) -> float:
+    """The longest block in s in which rotation and path are polynomials, or the rotation alone if the path jumps."""
     rate = float(np.linalg.norm(rotation.rate))
     torque = 0.0 if rotation.torque is None else rotation.torque.highest_frequency
-    waves = np.pi * path.size / 3 / max(span, 1e-300)
-    return PHASE / max(rate + torque, waves)
+    highest = max(rate + torque, path.frequency if np.isfinite(path.frequency) else 0.0)
+    return PHASE / highest if highest > 0 else np.inf
 
 
 def _dof(observations: Observations, unknowns: float) -> float:

@@ -100,6 +100,16 @@ def test_a_kick_without_an_orbit():
     assert found.predicted_rmse < 0.01
 
 
+def test_a_kick_among_so_many_frames_that_smooth_paths_are_interpolated():
+    """The Jacobian by a kick's times jumps: interpolated, it kept the steps of `ml` from converging."""
+    time, kick = np.linspace(0.0, 300.0, 1001), (140.0, 141.0, (0.2, 0.2, -0.1))
+    com, R = path_with_burns(time, (kick,)), attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), time)
+    tracks = make_case(time, R, com, box_features(8, (10, 4, 4), 1), noise=0.02, seed=6).tracks
+    found = estimate(tracks, method="ml", orbit=ORBIT)
+    assert_found(found, (kick,))
+    assert nees(found, com).mean() < 12
+
+
 def test_a_burn_after_which_no_frame_fits_the_path():
     """0.2 m/s²: without the burn, the frames before it would be outliers of the path after it, a hundred metres off."""
     strong = (62.0, 74.0, (-0.4, -2.2, 1.7))
