@@ -129,8 +129,8 @@ class Passes:
         if not len(problem.theta):
             return 0.0
         x = self.about.x + last.parameters.theta[INERTIA : INERTIA + len(self.about.x)]
-        of_path = problem.path_prior(last.noise_variance)
-        return uncertain_smoothness(last.parameters, last.prior, of_path, problem.theta, x)
+        of_path, variance = problem.path.prior, last.noise_variance
+        return uncertain_smoothness(last.parameters, last.prior, of_path, problem.theta, x, variance)
 
 
 def passes(problem: Problem) -> Passes:

@@ -1,7 +1,7 @@
 """The problem that the passes of `ekf` solve: observations, models, and prior."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,6 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.dynamics.paths import FIXED, Path
-from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, STATE, Reference
@@ -146,11 +145,6 @@ class Problem:
         towards_centroid = np.where(seen[:, None], -(mean @ reference.points), 0.0)
         before = [-logarithm_of_inertia(reference.inertia), -shift, np.zeros(3), towards_centroid.ravel()]
         return Prior(np.concatenate(before), information)
-
-    def path_prior(self, variance: float) -> PathPrior:
-        """The own prior of the path's unknowns, of variances over that of an observation."""
-        prior = self.path.prior
-        return replace(prior, offset=prior.offset - np.log(variance))
 
     @cached_property
     def _path_information(self) -> FloatArray:

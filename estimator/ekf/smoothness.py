@@ -11,7 +11,12 @@ from baryscope.estimator.tracks import FloatArray
 
 
 def uncertain_smoothness(
-    parameters: Parameters, prior: Prior, of_path: PathPrior, hyperparameters: FloatArray, x: FloatArray
+    parameters: Parameters,
+    prior: Prior,
+    of_path: PathPrior,
+    hyperparameters: FloatArray,
+    x: FloatArray,
+    variance: float,
 ) -> FloatArray:
     """The covariance (q, q) to add to that of the parameters, in the units of the weights.
 
@@ -21,9 +26,10 @@ def uncertain_smoothness(
     Args:
         parameters: with the prior's mean for given hyperparameters (h,).
         prior: of all parameters, in the units of the weights.
-        of_path: that of the path's unknowns, in the same units.
+        of_path: that of the path's unknowns, in m².
         hyperparameters: (h,), logarithms.
-        x: (s,), the path's unknowns.
+        x: (s,), the path's unknowns, m.
+        variance: of an observation of weight 1.
     """
     path = np.zeros(len(prior.mean), dtype=bool)
     path[INERTIA : INERTIA + len(x)] = True
@@ -36,9 +42,9 @@ def uncertain_smoothness(
     information = whole[np.ix_(path, path)] + whole[np.ix_(path, ~path)] @ regression
     values, axes = np.linalg.eigh((information + information.T) / 2)
     information = (axes * np.maximum(values, 0.0)) @ axes.T  # without the rounding of the elimination
-    linear = Linear(information, pull[path] + regression.T @ pull[~path], x)
+    linear = Linear(information / variance, (pull[path] + regression.T @ pull[~path]) / variance, x)
     own = conditional(linear, of_path, hyperparameters)[1]
-    added = posterior(linear, of_path, hyperparameters).covariance - own
+    added = (posterior(linear, of_path, hyperparameters).covariance - own) / variance
     by_path = np.zeros((len(path), len(x)))
     by_path[path], by_path[~path] = np.eye(len(x)), regression
     return np.asarray(by_path @ added @ by_path.T)

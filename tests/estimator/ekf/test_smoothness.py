@@ -17,7 +17,8 @@ def path():
     return Smooth(4, 0.0, 10.0).prior
 
 
-def test_elimination_changes_nothing(path):
+@pytest.mark.parametrize("variance", [1.0, 1e-4])
+def test_elimination_changes_nothing(path, variance):
     """A random problem in 5 + 15 + 9 parameters: `posterior` of all of them together is the oracle."""
     rng, s = np.random.default_rng(2), len(path.offset)
     q = BEFORE + s + AFTER
@@ -36,8 +37,8 @@ def test_elimination_changes_nothing(path):
     mean, covariance = conditional(linear, everything, theta)
     expected = posterior(linear, everything, theta).covariance - covariance
     gradient = information @ (mean - at) - linear.rhs
-    parameters = Parameters(mean, covariance, information, gradient, 0.0, 0.0)
-    prior = Prior(np.zeros(q), np.diag(others))
-    found = uncertain_smoothness(parameters, prior, path, theta, mean[BEFORE : BEFORE + s])
+    parameters = Parameters(mean, covariance / variance, variance * information, variance * gradient, 0.0, 0.0)
+    prior = Prior(np.zeros(q), variance * np.diag(others))
+    found = variance * uncertain_smoothness(parameters, prior, path, theta, mean[BEFORE : BEFORE + s], variance)
     # The positive part is taken of other matrices.
     np.testing.assert_allclose(found, expected, rtol=2e-2, atol=2e-2 * np.abs(expected).max())
