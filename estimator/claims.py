@@ -93,7 +93,7 @@ def with_wider(
         clusters=clusters,
         observability=observability_of(clusters, covariance),
         motion=motion,
-        predictor=None if result.predictor is None else result.predictor.widened(by),
+        widening=result.widening.then(by),
     )
 
 

@@ -49,6 +49,10 @@ class Prediction:
         """That of position and velocity (n, 6)."""
         return cls(time, state[:, :3], state[:, 3:], covariance)
 
+    def widened(self, by: "Widening", begin: float, end: float) -> "Prediction":
+        """With a wider covariance; begin, end: of the tracks, s."""
+        return replace(self, covariance=by.of_both(self.covariance, beyond(self.time, begin, end)))
+
 
 @dataclass(frozen=True)
 class Widening:
@@ -95,17 +99,12 @@ class Predictor(Protocol):
         """The prediction of the centre of mass (None), or of a point, at times (n,) in s; see `Estimate.predict`."""
         ...
 
-    def widened(self, by: "Widening") -> "Predictor":
-        """The same with wider covariances."""
-        ...
-
 
 @dataclass(frozen=True, eq=False)
 class PredictedPath:
     """The posterior of a path over the tracks from begin to end, in s.
 
-    x (p,) and its covariance (p, p); density of the process noise, m²/s³, the mean over its posterior; wider:
-    what a misfit adds.
+    x (p,) and its covariance (p, p); density of the process noise, m²/s³, the mean over its posterior.
     """
 
     path: Path
@@ -114,11 +113,6 @@ class PredictedPath:
     begin: float
     end: float
     density: float = 0.0
-    wider: Widening = UNCHANGED
-
-    def widened(self, by: Widening) -> "PredictedPath":
-        """See `Predictor`."""
-        return replace(self, wider=self.wider.then(by))
 
     def at(self, time: FloatArray, point: Point) -> Prediction:
         """See `Predictor`.
@@ -131,8 +125,7 @@ class PredictedPath:
                 "point: pivot has attitudes in its frames only, not between and after them, expected ml or ekf"
             )
         state, covariance = _by_chunks(self._chunk, time)
-        wider = self.wider.of_both(covariance + self.added(time), beyond(time, self.begin, self.end))
-        return Prediction.of(time, state, wider)
+        return Prediction.of(time, state, covariance + self.added(time))
 
     def _chunk(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6), and their covariance (n, 6, 6) by that of x."""
@@ -189,10 +182,6 @@ class PredictedBody:
     attached: IntArray
     torque_density: float = 0.0
 
-    def widened(self, by: Widening) -> "PredictedBody":
-        """See `Predictor`."""
-        return replace(self, path=self.path.widened(by))
-
     def at(self, time: FloatArray, point: Point) -> Prediction:
         """See `Predictor`.
 
@@ -208,9 +197,7 @@ class PredictedBody:
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
         motion = self.rotation.at(np.array([time.min(), time.max()]))
         state, covariance = _by_chunks(lambda part: self._chunk(motion.at(part), b, by_unknowns, own), time)
-        covariance = covariance + self._grown(motion.at(time), b)
-        away = beyond(time, self.path.begin, self.path.end)
-        return Prediction.of(time, state, self.path.wider.of_both(covariance, away))
+        return Prediction.of(time, state, covariance + self._grown(motion.at(time), b))
 
     def _chunk(
         self, motion: Attitudes, b: FloatArray, by_unknowns: FloatArray, own: FloatArray

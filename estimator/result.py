@@ -18,7 +18,7 @@ from baryscope.estimator.dynamics.burns import FoundBurn
 from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
-from baryscope.estimator.prediction import Point, Prediction, Predictor, times_of
+from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, Widening, times_of
 from baryscope.estimator.registration.intervals import Interval
 from baryscope.models.errors import ComputationError, InputError, Reason
 
@@ -285,6 +285,7 @@ class Estimate:
         forces: the estimated factors of forces: an accelerometer's scale, constant accelerations.
         process_noise: None if the method has no model of it.
         predictor: of positions and velocities at other times, see `predict`; None if the method has none.
+        widening: what misfits and a camera's errors add to predictions; the covariances above have it already.
     """
 
     time: FloatArray
@@ -311,6 +312,7 @@ class Estimate:
     predictor: Predictor | None = None
     version: str = VERSION
     forces: tuple[Factor, ...] = ()
+    widening: Widening = UNCHANGED
 
     def predict(self, times: ArrayLike, point: Point = None) -> Prediction:
         """Position and velocity in C, with their joint covariance, at any times.
@@ -333,7 +335,7 @@ class Estimate:
         free = next((finding for finding in self.findings if isinstance(finding, FreeAttitudes)), None)
         if point is not None and free is not None:
             raise ComputationError(f"{free.reason}: no point can be predicted without a tumble", Reason.DIVERGED)
-        return self.predictor.at(times_of(times), point)
+        return self.predictor.at(times_of(times), point).widened(self.widening, self.time[0], self.time[-1])
 
     @property
     def status(self) -> Status:

@@ -1,6 +1,6 @@
 """Predictions of `ekf`: the smoothed states at the times that are asked for, see `further_nodes`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from baryscope.estimator.ekf.further_nodes import further_nodes
 from baryscope.estimator.ekf.linearised import PATH, STATE, moved
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
-from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Widening, beyond, carried, point_in_body
+from baryscope.estimator.prediction import Point, Prediction, carried, point_in_body
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 AT_ONCE = 5000  # times, at each of which is a node of the smoother
@@ -16,19 +16,11 @@ AT_ONCE = 5000  # times, at each of which is a node of the smoother
 
 @dataclass(frozen=True, eq=False)
 class PredictedTumble:
-    """The passes, and the features' labels.
-
-    features: those that are seen, whose axes and centroid body coordinates refer to; wider: what a misfit adds.
-    """
+    """The passes, and the features' labels; features: those seen, whose axes and centroid body coordinates refer to."""
 
     found: Passes
     labels: tuple[str, ...]
     features: IntArray
-    wider: Widening = UNCHANGED
-
-    def widened(self, by: Widening) -> "PredictedTumble":
-        """See `Predictor`."""
-        return replace(self, wider=self.wider.then(by))
 
     def at(self, time: FloatArray, point: Point) -> Prediction:
         """See `Predictor`.
@@ -40,9 +32,7 @@ class PredictedTumble:
         ascending, index = np.unique(time, return_inverse=True)
         parts = [self._part(ascending[k : k + AT_ONCE], point) for k in range(0, len(ascending), AT_ONCE)]
         mean, covariance = (np.concatenate(values)[index] for values in zip(*parts, strict=True))
-        own = self.found.problem.start.nodes.time
-        away = beyond(time, float(own[0]), float(own[-1]))
-        return Prediction.of(time, mean, self.wider.of_both(covariance, away))
+        return Prediction.of(time, mean, covariance)
 
     def _part(self, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6) at ascending times (n,), and their covariance (n, 6, 6)."""

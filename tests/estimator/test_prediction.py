@@ -7,11 +7,13 @@ import pytest
 from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
+from baryscope.estimator.claims import with_wider
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.prediction import PredictedPath, Widening
 from baryscope.estimator.result import FreeAttitudes
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turning
+from results import an_estimate
 from synthetic import make_case
 
 BEFORE, FRAMES, AHEAD, DRAWS = 60, 160, 60, 16
@@ -157,9 +159,13 @@ def test_what_is_widened_twice_is_as_wide_as_both_make_it():
     """As of a result that is wider by its camera's errors, and then by a misfit."""
     path = PredictedPath(Polynomial(1, 0.0, 10.0), np.zeros(6), np.diag(np.arange(1.0, 7.0)), 0.0, 10.0)
     first, second, ahead = Widening(2.0, 0.3, 0.01), Widening(1.5, 0.1, 0.02), np.array([-8.0, 5.0, 20.0])
-    alone, outside = path.at(ahead, None).covariance, np.array([-8.0, 0.0, 10.0])
+    found = an_estimate(time=np.arange(11.0), predictor=path)
+    alone, outside = found.predict(ahead).covariance, np.array([-8.0, 0.0, 10.0])
+    np.testing.assert_array_equal(alone, path.at(ahead, None).covariance)
+    for by in (first, second):
+        found = with_wider(found, found.covariance, found.clusters, found.motion, by)
     expected = second.of_both(first.of_both(alone, outside), outside)
-    np.testing.assert_allclose(path.widened(first).widened(second).at(ahead, None).covariance, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.predict(ahead).covariance, expected, rtol=1e-12)
 
 
 def test_what_cannot_be_predicted_is_said_in_a_line():
