@@ -195,7 +195,7 @@ class PredictedBody:
         seen = np.diag(own_covariance)[::3] > 0
         b, by_points = point_in_body(point, self.labels, self.points, seen, self.attached)
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
-        motion = self.rotation.at(np.array([time.min(), time.max()]))
+        motion = self.rotation.at(np.array([self.path.begin, self.path.end, time.min(), time.max()]))
         state, covariance = _by_chunks(lambda part: self._chunk(motion.at(part), b, by_unknowns, own), time)
         return Prediction.of(time, state, covariance + self._grown(motion.at(time), b))
 
@@ -218,7 +218,7 @@ class PredictedBody:
         grown = path.added(time)
         if self.torque_density > 0 and beyond(time, path.begin, path.end).any():
             by_motion = carried(motion.attitude, motion.rate, b)[1]
-            turned = rotation_growth(self.rotation, self.torque_density, path.begin, path.end, time)
+            turned = rotation_growth(self.rotation, motion, self.torque_density, path.begin, path.end, time)
             grown += by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
         return grown
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.linear_motion import highest_frequency
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
@@ -49,15 +49,17 @@ def path_growth(path: Path, density: float, begin: float, end: float, time: Floa
     return _grown(transition, longest, density, begin, end, time)
 
 
-def rotation_growth(rotation: Rotation, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
+def rotation_growth(
+    rotation: Rotation, motion: Attitudes, density: float, begin: float, end: float, time: FloatArray
+) -> FloatArray:
     """The covariance (n, 6, 6) of attitude (a rotation vector) and rate, both in B, by torque noise.
 
-    density: of the angular acceleration, rad²/s³; begin, end, time: as for `path_growth`.
+    motion: of the rotation, over a span that holds the other times; density: of the angular acceleration, rad²/s³;
+    begin, end, time: as for `path_growth`.
 
     Raises:
-        ComputationError: the rotation cannot be followed so far.
+        ComputationError: the times are too far away.
     """
-    motion = rotation.at(np.array([begin, end, time.min(), time.max()]))
 
     def transition(start: FloatArray, step: FloatArray) -> FloatArray:
         return rotation.transition(motion.at(start), motion.at(start + step))

@@ -91,7 +91,8 @@ def test_of_a_rotation_it_is_the_integral_of_responses_to_kicks(T):
             response = np.concatenate([turn, end_kicked - end]) / kick
             expected += DENSITY * weight * np.outer(response, response)
     rotation = Rotation(0.0, np.eye(3), RATE, ENVISAT)
-    found = rotation_growth(rotation, DENSITY, 0.0, END, np.array([origin + T]))[0]
+    motion, time = rotation.at(np.array([0.0, END, origin + T])), np.array([origin + T])
+    found = rotation_growth(rotation, motion, DENSITY, 0.0, END, time)[0]
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4)
 
@@ -108,8 +109,10 @@ def test_the_gravity_gradient_turns_what_the_noise_has_caused():
         end = Rotation(float(s), R, rate, ENVISAT, ORBIT).at(np.array([origin + T]))
         response = np.concatenate([end.turn[0, :, :3], end.rate_sensitivity[0, :, :3]])
         expected += DENSITY * weight * response @ response.T
-    found = rotation_growth(rotation, DENSITY, -1.0, origin, np.array([origin + T]))[0]
+    found, free = (
+        rotation_growth(one, one.at(np.array([-1.0, T])), DENSITY, -1.0, origin, np.array([origin + T]))[0]
+        for one in (rotation, replace(rotation, orbit=None))
+    )
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-4)
-    free = rotation_growth(replace(rotation, orbit=None), DENSITY, -1.0, origin, np.array([origin + T]))[0]
     assert abs(np.trace(free) / np.trace(found) - 1) > 0.01  # it makes a difference
