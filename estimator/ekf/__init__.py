@@ -4,7 +4,3 @@
 process noise (`bank`), filters and smooths (`filter`, `solution`, `smoothness`); `prediction` smooths at other times,
 with `further_nodes`. Uses geometry, registration, dynamics, adjustment, pivot, the fitted tumble of ml, and result.
 """
-
-from baryscope.estimator.ekf.method import estimate_by_filter
-
-__all__ = ["estimate_by_filter"]

@@ -1,10 +1,6 @@
 """Maximum a posteriori estimate of path, points, rate and inertia of a free tumble, starting from `pivot`.
 
-`method` is the entry and says why there is a prior; `likelihood` has the normal equations, also for the bound.
+`method` is the entry and `priors` says why there are some; `initial_tumble` starts, `maximum` iterates on the normal
+equations of `likelihood`, which are also those of the bound, with `jacobians` of blocks of frames.
 Uses pivot and the rooms that pivot uses.
 """
-
-from baryscope.estimator.ml.likelihood import Equations, Model, equations
-from baryscope.estimator.ml.method import estimate_by_likelihood
-
-__all__ = ["Equations", "Model", "equations", "estimate_by_likelihood"]
