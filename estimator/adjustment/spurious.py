@@ -20,17 +20,6 @@ FRAMES = 3000  # frames of a body from which its spurious information is compute
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
-@dataclass(frozen=True, eq=False)
-class ProductNoise:
-    """What `product_gradient` needs of noise: offset (3, 3), the covariance of the body's offset in S, m²; variance of
-    an observation of weight 1; shift (n, 3, 3) or None: the covariance of the frames' shifts in C over that variance.
-    """
-
-    offset: FloatArray
-    variance: float
-    shift: FloatArray | None = None
-
-
 def three_sigma_factor(values: int) -> float:
     """The 3σ bound of a mean of squares of Gaussian values over its expectation, for the number of values."""
     return float(1 + 3 * np.sqrt(2 / values))
@@ -71,74 +60,38 @@ def spurious_information_columns(
     return columns, crossed.T @ np.linalg.pinv(offset, hermitian=True) @ columns
 
 
-def likely_spurious_information(
-    body: Body, observations: Observations, origin: FloatArray, variance: float, shift: FloatArray | None = None
-) -> FloatArray:
-    """The spurious information (3, 3) on a body's offset with a margin of three standard deviations."""
-    expected = spurious_information(body, observations, origin, variance, shift)
-    return three_sigma_factor(len(body.frames)) * expected
-
-
-def spurious_information(
-    body: Body,
-    observations: Observations,
-    origin: FloatArray,
-    variance: float,
-    shift: FloatArray | None = None,
-) -> FloatArray:
-    """The spurious information (3, 3) in S on a body's offset from the noise of its attitudes, in the weights' units.
-
-    An attitude error φ changes the offset d in C by φ × d. With C the covariance of φ and Q the frame's information on
-    its position with the attitude unknown, the expected information is Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds
-    a share of about the greatest variance of φ, in rad².
-    origin (n, 3): the path in C, m; variance: of an observation of weight 1; shift (n, 3, 3): the covariance of the
-    frames' shifts in C over that variance.
-    """
-    noise = _FrameNoise.of(body, observations, origin, variance, shift)
-    turned = (1 + noise.variances[:, -1:, None]) * noise.of_attitude
-    return noise.every * turned_information(noise.known, turned)
-
-
-def product_gradient(
-    body: Body, observations: Observations, path: SampledPath, x: FloatArray, noise: ProductNoise
-) -> FloatArray:
-    """The variance (3 + p, 3 + p) of the cost's gradient by offset and x from products of errors, in squared weights.
-
-    Where the offset is off by δ, an attitude error φ moves a frame by φ × δ, which is of second order and no residual
-    of the solution shows. With P the covariance of δ and C that of φ, it is Σ Aᵀ Q Γ Q A, Γ = Σ Pᵢⱼ [eᵢ]× C [eⱼ]×ᵀ, A
-    the Jacobian of the frame's position in S by offset and x.
-    """
-    own = _FrameNoise.of(body, observations, path.position(x), noise.variance, noise.shift)
-    axes = cross_matrices(np.eye(3))
-    moved = np.einsum("ij,iab,kbc,jdc->kad", noise.offset, axes, own.of_attitude, axes, optimize=True)
-    weight = own.known @ moved @ own.known
-    turned = own.attitude @ weight
-    by_x = path.gram(own.frames, turned @ np.swapaxes(own.attitude, 1, 2))
-    crossed = path.moment(own.frames, turned)
-    return np.asarray(own.every * np.block([[weight.sum(axis=0), crossed.T], [crossed, by_x]]))
-
-
 @dataclass(frozen=True, eq=False)
-class _FrameNoise:
-    """What noise does to a body's frames, of which each of `every` is taken: frames (n,), and attitude (n, 3, 3).
+class NoisyAttitudes:
+    """What noise does to the attitudes of a body's frames, of which each of `every` is taken.
 
-    known (n, 3, 3): the information Q on the frame's position in S, with the attitude unknown; of_attitude (n, 3, 3):
-    the covariance C of the attitude, rad², and variances (n, 3) along its principal axes, ascending. An attitude that
-    is not known at all is off by a radian or two, so that C is bounded by (1 + C⁻¹)⁻¹.
+    count: the number of all frames; frames (n,): those taken, and attitude (n, 3, 3) there; known (n, 3, 3): the
+    information Q on the frame's position in S, with the attitude unknown; covariance (n, 3, 3): C of the attitude,
+    rad², and variances (n, 3) along its principal axes, ascending. An attitude that is not known at all is off by a
+    radian or two, so that C is bounded by (1 + C⁻¹)⁻¹.
     """
 
     every: int
+    count: int
     frames: IntArray
     attitude: FloatArray
     known: FloatArray
-    of_attitude: FloatArray
+    covariance: FloatArray
     variances: FloatArray
 
     @classmethod
     def of(
-        cls, body: Body, observations: Observations, origin: FloatArray, variance: float, shift: FloatArray | None
-    ) -> "_FrameNoise":
-        """Arguments as in `spurious_information`."""
+        cls,
+        body: Body,
+        observations: Observations,
+        origin: FloatArray,
+        variance: float,
+        shift: FloatArray | None = None,
+    ) -> "NoisyAttitudes":
+        """Those of a body.
+
+        origin (n, 3): the path in C, m; variance: of an observation of weight 1; shift (n, 3, 3): the covariance of the
+        frames' shifts in C over that variance.
+        """
         every = max(1, len(body.frames) // FRAMES)
         frames, attitude = body.frames[::every], body.attitude[::every]
         found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
@@ -149,4 +102,33 @@ class _FrameNoise:
         values, vectors = np.linalg.eigh(variance * symmetric_inverses(found.turn))
         values /= 1 + values
         covariance = (vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2)
-        return cls(every, frames, attitude, known, covariance, values)
+        return cls(every, len(body.frames), frames, attitude, known, covariance, values)
+
+    def spurious_information(self) -> FloatArray:
+        """The spurious information (3, 3) in S on the body's offset, in the weights' units.
+
+        An attitude error φ changes the offset d in C by φ × d, so that the expected information is
+        Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds a share of about the greatest variance of φ, in rad².
+        """
+        turned = (1 + self.variances[:, -1:, None]) * self.covariance
+        return self.every * turned_information(self.known, turned)
+
+    def likely_spurious_information(self) -> FloatArray:
+        """The same with a margin of three standard deviations."""
+        return three_sigma_factor(self.count) * self.spurious_information()
+
+    def product_gradient(self, path: SampledPath, offset: FloatArray) -> FloatArray:
+        """The variance (3 + p, 3 + p) of the cost's gradient by offset and x from products of errors, in squared
+        weights, for a covariance (3, 3) of the offset in S, m².
+
+        Where the offset is off by δ, an attitude error φ moves a frame by φ × δ, which is of second order and no
+        residual of the solution shows. With P the covariance of δ, it is Σ Aᵀ Q Γ Q A, Γ = Σ Pᵢⱼ [eᵢ]× C [eⱼ]×ᵀ, A the
+        Jacobian of the frame's position in S by offset and x.
+        """
+        axes = cross_matrices(np.eye(3))
+        moved = np.einsum("ij,iab,kbc,jdc->kad", offset, axes, self.covariance, axes, optimize=True)
+        weight = self.known @ moved @ self.known
+        turned = self.attitude @ weight
+        by_x = path.gram(self.frames, turned @ np.swapaxes(self.attitude, 1, 2))
+        crossed = path.moment(self.frames, turned)
+        return np.asarray(self.every * np.block([[weight.sum(axis=0), crossed.T], [crossed, by_x]]))

@@ -6,12 +6,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
-from baryscope.estimator.adjustment.spurious import (
-    ProductNoise,
-    farthest,
-    product_gradient,
-    spurious_information_columns,
-)
+from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
@@ -97,10 +92,9 @@ def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
     """The variance (3 k + p, 3 k + p) of the cost's gradient from products of errors, for the offsets' covariances."""
     k, size = 3 * len(found.bodies), len(found.solution.x)
     total = np.zeros((k + size, k + size))
-    for index, (body, offset) in enumerate(zip(found.bodies, offsets, strict=True)):
-        noise = ProductNoise(offset, found.variance, found.shift)
+    for index, (noisy, offset) in enumerate(zip(found.noisy_attitudes, offsets, strict=True)):
         own = np.r_[3 * index : 3 * index + 3, k : k + size]
-        total[np.ix_(own, own)] += product_gradient(body, found.observations, found.sampled, found.solution.x, noise)
+        total[np.ix_(own, own)] += noisy.product_gradient(found.sampled, offset)
     return total
 
 

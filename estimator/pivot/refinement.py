@@ -11,7 +11,7 @@ from baryscope.estimator.adjustment.evidence import Linear, Posterior, held, max
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import reweighted
-from baryscope.estimator.adjustment.spurious import likely_spurious_information
+from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
@@ -103,15 +103,19 @@ class Pivot:
         return self.solution.bodies
 
     @cached_property
-    def spurious(self) -> tuple[FloatArray, ...]:
-        """The spurious information (3, 3) on each body's offset, in the weights' units, with a margin of 3σ."""
+    def noisy_attitudes(self) -> tuple[NoisyAttitudes, ...]:
+        """What noise does to the attitudes of each body."""
         origin = self.sampled.position(self.solution.x)
         return tuple(
-            likely_spurious_information(body, self.observations, origin, self.variance, self.shift)
-            for body in self.bodies
+            NoisyAttitudes.of(body, self.observations, origin, self.variance, self.shift) for body in self.bodies
         )
 
-    @property
+    @cached_property
+    def spurious(self) -> tuple[FloatArray, ...]:
+        """The spurious information (3, 3) on each body's offset, in the weights' units, with a margin of 3σ."""
+        return tuple(noisy.likely_spurious_information() for noisy in self.noisy_attitudes)
+
+    @cached_property
     def spurious_share(self) -> float:
         """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
         return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())

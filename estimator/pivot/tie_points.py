@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.spurious import likely_spurious_information
+from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import Solution
@@ -127,7 +127,7 @@ def _spurious_share(
     """The greatest share of spurious information in the information on a body's offset."""
     body, own = solution.bodies[index], slice(3 * index, 3 * index + 3)
     factor = factor_of(solution.offset_covariance[own, own])
-    spurious = likely_spurious_information(body, observations, origin, variance)
+    spurious = NoisyAttitudes.of(body, observations, origin, variance).likely_spurious_information()
     return float(np.linalg.eigvalsh(factor.T @ spurious @ factor)[-1])
 
 

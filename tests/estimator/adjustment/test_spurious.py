@@ -7,9 +7,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
-    ProductNoise,
-    product_gradient,
-    spurious_information,
+    NoisyAttitudes,
     spurious_information_columns,
     three_sigma_factor,
 )
@@ -64,9 +62,8 @@ def test_products_of_errors_against_random_ones():
     position = sampled.position(x)[:, None] + points @ np.swapaxes(R, 1, 2)
     body, weight = Body(np.arange(4), np.arange(6), points, R), np.ones((6, 4))
     factor = rng.normal(size=(3, 3))
-    found = product_gradient(
-        body, Observations(position, weight), sampled, x, ProductNoise(factor @ factor.T, noise**2)
-    )
+    noisy = NoisyAttitudes.of(body, Observations(position, weight), sampled.position(x), noise**2)
+    found = noisy.product_gradient(sampled, factor @ factor.T)
     squares = np.sum(points**2) * np.eye(3) - points.T @ points  # Σ [b]× [b]×ᵀ
     mean = points.mean(axis=0)
     known = 4 * np.eye(3) - 16 * _cross(mean).T @ np.linalg.inv(squares) @ _cross(mean)
@@ -115,7 +112,7 @@ def test_near_spins_have_errors_as_claimed(kind):
             bodies, x = found.bodies, found.x
             if found.step < 1e-3 * noise**2:
                 break
-        own = spurious_information(bodies[0], observations, sampled.position(x), noise**2)
+        own = NoisyAttitudes.of(bodies[0], observations, sampled.position(x), noise**2).spurious_information()
         shares.append(np.linalg.eigvals(found.offset_covariance @ own).real.max())
         columns, _ = spurious_information_columns(
             found.offset_covariance, found.offset_path, three_sigma_factor(100) * own, noise**2 / 20**2
