@@ -113,7 +113,7 @@ def at_best_attitudes(
     """
     if observations.precision is None:
         seen = _Seen.of(observations, origin, points)
-        best = _turned(attitude, seen.turn, _cross_sums(seen.moments @ attitude))
+        best = _turned(attitude, seen.turn, _cross_sums(seen.moments, np.asfortranarray(attitude)))
         return best, seen.pieces(best)
     found = pieces(observations, attitude, origin, points)
     best = _turned(attitude, found.turn, found.turn_rhs)
@@ -125,6 +125,7 @@ class _Seen:
     """Observations of the same weight along all axes, from the centre of mass, and what holds for all attitudes.
 
     offset d (n, m, 3) in C; total Σ w d (n, 3) and moments Σ w b dᵀ (n, 3, 3); turn (n, 3, 3): the block of φ in B.
+    In memory the frames come last, so that einsum runs along them, in a quarter of the time of matmul.
     """
 
     weight: FloatArray
@@ -138,22 +139,24 @@ class _Seen:
     @classmethod
     def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Seen":
         """Those of points (m, 3) in B, for origins (n, 3) in C."""
-        w, arms, offset = observations.weight, cross_matrices(points), observations.position - origin[:, None]
+        w, arms = np.asfortranarray(observations.weight), cross_matrices(points)
+        offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
         weighted = w[:, :, None] * offset
-        total = np.einsum("kmi->ki", weighted)
-        return cls(w, points, arms, offset, total, points.T @ weighted, turn_information(w, arms))
+        moments = (points.T @ weighted.T).T
+        return cls(w, points, arms, offset, np.einsum("kmi->ki", weighted), moments, turn_information(w, arms))
 
     def pieces(self, attitude: FloatArray) -> Pieces:
         """See `pieces`."""
-        w, (n, m) = self.weight, self.weight.shape
-        residual = self.offset @ attitude - self.points
+        w, attitude = self.weight, np.asfortranarray(attitude)
+        residual = np.einsum("kmj,kji->kmi", self.offset, attitude)
+        residual -= self.points
         return Pieces(
             turn=self.turn,
-            turn_shift=(w @ self.arms.reshape(m, 9)).reshape(n, 3, 3),
+            turn_shift=_sums(w, self.arms),
             shift=w.sum(axis=1)[:, None, None] * np.eye(3),
             point=w.sum(axis=0)[:, None, None] * np.eye(3),
-            turn_rhs=_cross_sums(self.moments @ attitude),
-            shift_rhs=(self.total[:, None] @ attitude)[:, 0] - w @ self.points,
+            turn_rhs=_cross_sums(self.moments, attitude),
+            shift_rhs=np.einsum("kj,kji->ki", self.total, attitude) - w @ self.points,
             point_rhs=np.einsum("km,kmi->mi", w, residual),
             squares=w * np.einsum("kmi,kmi->km", residual, residual),
             _weight=w,
@@ -162,9 +165,15 @@ class _Seen:
         )
 
 
+def _sums(weight: FloatArray, matrices: FloatArray) -> FloatArray:
+    """Σ w A (n, 3, 3) for weights (n, m) and matrices (m, 3, 3), with the frames last in memory."""
+    n, m = weight.shape
+    return np.asarray((np.swapaxes(matrices, 1, 2).reshape(m, 9).T @ weight.T).reshape(3, 3, n).T)
+
+
 def _turned(attitude: FloatArray, turn: FloatArray, rhs: FloatArray) -> FloatArray:
     """The attitudes (n, 3, 3) after the step of their own equations."""
-    return np.asarray(attitude @ exp_rotation((symmetric_inverses(turn) @ rhs[:, :, None])[:, :, 0]))
+    return np.asarray(attitude @ exp_rotation(np.einsum("kij,kj->ki", symmetric_inverses(turn), rhs)))
 
 
 def attitude_information(observations: Observations, attitude: FloatArray, points: FloatArray) -> FloatArray:
@@ -182,17 +191,12 @@ def attitude_information(observations: Observations, attitude: FloatArray, point
 
 def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:
     """Σ w [b]× [b]×ᵀ for each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
-    squares = np.einsum("mij,mkj->mik", arms, arms)
-    return np.asarray((weight @ squares.reshape(-1, 9)).reshape(-1, 3, 3))
+    return _sums(weight, arms @ np.swapaxes(arms, 1, 2))
 
 
-def _cross_sums(moments: FloatArray) -> FloatArray:
-    """Σ b × r (n, 3) from Σ b rᵀ (n, 3, 3)."""
+def _cross_sums(moments: FloatArray, attitude: FloatArray) -> FloatArray:
+    """Σ b × Rᵀ d (n, 3) from Σ b dᵀ (n, 3, 3) and R (n, 3, 3)."""
+    turned = np.einsum("kij,kjl->kil", moments, attitude)
     return np.stack(
-        [
-            moments[:, 1, 2] - moments[:, 2, 1],
-            moments[:, 2, 0] - moments[:, 0, 2],
-            moments[:, 0, 1] - moments[:, 1, 0],
-        ],
-        axis=1,
-    )
+        [turned[:, 1, 2] - turned[:, 2, 1], turned[:, 2, 0] - turned[:, 0, 2], turned[:, 0, 1] - turned[:, 1, 0]]
+    ).T

@@ -6,6 +6,7 @@ and neither time nor memory for a Jacobian J of every frame. The error of a wave
 is 2 (φ/4)^KNOTS / KNOTS! of it (Trefethen, Approximation Theory and Approximation Practice, ch. 8).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.paths import Frames
 from baryscope.estimator.dynamics.polynomials import lagrange_weights
+from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -24,6 +26,7 @@ ROW, COLUMN = np.triu_indices(KNOTS)  # of the pairs of knots
 PAIR = np.zeros((KNOTS, KNOTS), dtype=np.intp)
 PAIR[ROW, COLUMN] = PAIR[COLUMN, ROW] = np.arange(len(ROW))
 SHORTEST = 1e-9  # s, of a block
+PART = 2000  # frames whose covariances are computed together, about
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,13 +77,29 @@ class Blocks:
 
     def covariances(self, jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
         """J C Jᵀ (n, 3, 3) at the frames for a Jacobian (k KNOTS, 3, q) at the knots and a covariance C (q, q)."""
-        found, pairs = np.empty((len(self.weights), 9)), _pairs(self.weights)
+        found = np.empty((len(self.weights), 6))
         by_block = jacobian.reshape(len(self.knots), 3 * KNOTS, -1)
-        for own, (begin, end) in zip(by_block, pairwise(self.first.tolist()), strict=True):
-            block = (own @ covariance @ own.T).reshape(KNOTS, 3, KNOTS, 3).transpose(0, 2, 1, 3)
-            both = np.where((ROW == COLUMN)[:, None, None], block[ROW, COLUMN], block[ROW, COLUMN] + block[COLUMN, ROW])
-            np.matmul(pairs[:, begin:end].T, both.reshape(-1, 9), out=found[begin:end])
-        return found.reshape(-1, 3, 3)
+        for blocks in self._parts():
+            own = by_block[blocks]
+            left = (own.reshape(-1, own.shape[2]) @ covariance).reshape(own.shape)
+            joint = (left @ np.swapaxes(own, 1, 2)).reshape(-1, KNOTS, 3, KNOTS, 3).transpose(0, 1, 3, 2, 4)
+            of_pairs = elements_of(joint[:, ROW, COLUMN] + joint[:, COLUMN, ROW])
+            of_pairs[:, ROW == COLUMN] /= 2
+            bounds = self.first[blocks.start : blocks.stop + 1]
+            pairs = _pairs(self.weights[bounds[0] : bounds[-1]])
+            for both, (begin, end) in zip(of_pairs, pairwise(bounds.tolist()), strict=True):
+                np.matmul(pairs[:, begin - bounds[0] : end - bounds[0]].T, both, out=found[begin:end])
+        return found[:, FULL]
+
+    def squares(self) -> FloatArray:
+        """Σ w wᵀ (k, KNOTS, KNOTS) over the frames of each block."""
+        bounds = pairwise(self.first.tolist())
+        return np.array([self.weights[begin:end].T @ self.weights[begin:end] for begin, end in bounds])
+
+    def _parts(self) -> Iterator[slice]:
+        """Parts of the blocks of about PART frames."""
+        cuts = np.unique(np.searchsorted(self.first, np.arange(0, len(self.weights), PART), side="right") - 1)
+        return (slice(begin, end) for begin, end in pairwise([*cuts.tolist(), len(self.knots)]))
 
     def sums(self, frames: Frames, values: FloatArray) -> FloatArray:
         """Σ w v (b, ..., KNOTS, c) over f ascending frames in each of the blocks around them, for v (..., f, c)."""
@@ -100,5 +119,9 @@ class Blocks:
 
 def _pairs(weights: FloatArray) -> FloatArray:
     """The products (pairs, n) of two of the weights (n, KNOTS)."""
-    across = np.ascontiguousarray(weights.T)
-    return np.asarray(across[ROW] * across[COLUMN])
+    across, found, first = weights.T, np.empty((len(ROW), len(weights))), 0
+    for k in range(KNOTS):
+        last = first + KNOTS - k
+        np.multiply(across[k], across[k:], out=found[first:last])
+        first = last
+    return found

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
 from baryscope.estimator.dynamics.paths import Frames, SampledPath, product
+from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
 
@@ -46,18 +47,29 @@ class InterpolatedPath(SampledPath):
 
     def gram(self, frames: Frames, weights: FloatArray) -> FloatArray:
         """See `SampledPath`."""
-        jacobian, weighted = self._weighted(frames, weights)
+        jacobian, (weighted,) = self._weighted(frames, weights)
+        return np.asarray(jacobian.T @ weighted)
+
+    def gram_and_diagonal(
+        self, frames: Frames, weights: FloatArray, others: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `SampledPath`."""
+        jacobian, (first, second) = self._weighted(frames, weights, others)
+        return np.asarray(jacobian.T @ first), np.asarray(np.einsum("kp,kp->p", jacobian, second))
+
+    def mean_square(self) -> FloatArray:
+        """See `SampledPath`."""
+        jacobian = self._by_block.reshape(-1, KNOTS, 3 * self.size)
+        weighted = self._mean_squares @ jacobian
         return np.asarray(jacobian.reshape(-1, self.size).T @ weighted.reshape(-1, self.size))
 
-    def gram_diagonal(self, frames: Frames, weights: FloatArray) -> FloatArray:
-        """See `SampledPath`."""
-        return np.asarray(np.einsum("kip,kip->p", *self._weighted(frames, weights)))
-
-    def _weighted(self, frames: Frames, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """J (b, 3 KNOTS, p) in the blocks around the frames, and Σ W J with the weights (k, 3, 3) summed there."""
+    def _weighted(self, frames: Frames, *weights: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+        """J (3 b KNOTS, p) at the knots of b blocks around the frames, and Σ W J for each of the weights (k, 3, 3)."""
         jacobian = self._by_block[self.blocks.around(frames)[0]]
-        pairs = self.blocks.pair_sums(frames, weights.reshape(-1, 9)).reshape(-1, KNOTS, KNOTS, 3, 3)
-        return jacobian, pairs.transpose(0, 1, 3, 2, 4).reshape(-1, 3 * KNOTS, 3 * KNOTS) @ jacobian
+        elements = np.concatenate([elements_of(one) for one in weights], axis=1)
+        pairs = self.blocks.pair_sums(frames, elements).reshape(-1, KNOTS, KNOTS, len(weights), 6)[..., FULL]
+        by_pair = pairs.transpose(3, 0, 1, 4, 2, 5).reshape(len(weights), -1, 3 * KNOTS, 3 * KNOTS)
+        return jacobian.reshape(-1, self.size), [(own @ jacobian).reshape(-1, self.size) for own in by_pair]
 
     @property
     def frames(self) -> int:
@@ -81,10 +93,14 @@ class InterpolatedPath(SampledPath):
 
     def lengths(self, directions: FloatArray) -> FloatArray:
         """See `SampledPath`."""
-        pairs = self.blocks.pair_sums(slice(None), np.ones((self.frames, 1)))[..., 0]
-        moves = (self._by_block @ directions).reshape(len(pairs), KNOTS, -1)
-        squares = np.sum(moves * (pairs @ moves), axis=(0, 1)).reshape(3, -1).sum(axis=0) / self.frames
+        moves = (self._by_block @ directions).reshape(len(self.blocks.knots), KNOTS, -1)
+        squares = np.sum(moves * (self._mean_squares @ moves), axis=(0, 1)).reshape(3, -1).sum(axis=0)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
+
+    @cached_property
+    def _mean_squares(self) -> FloatArray:
+        """The sums (b, KNOTS, KNOTS) of products of two weights in each block, over the number of all frames."""
+        return self.blocks.squares() / self.frames
 
 
 def interpolated(at: Callable[[FloatArray], SampledPath], frequency: float, time: FloatArray) -> SampledPath:

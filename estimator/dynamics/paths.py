@@ -99,14 +99,16 @@ class SampledPath:
         return np.asarray((self.jacobian.reshape(-1, self.size) @ columns).reshape(self.frames, 3, -1))
 
     def gram(self, frames: Frames, weights: FloatArray) -> FloatArray:
-        """Σ Jᵀ W J (p, p) over k ascending frames, for weights (k, 3, 3)."""
+        """Σ Jᵀ W J (p, p) over k ascending frames, for symmetric weights (k, 3, 3)."""
         own = self.jacobian[frames]
         return np.asarray(own.reshape(-1, self.size).T @ (weights @ own).reshape(-1, self.size))
 
-    def gram_diagonal(self, frames: Frames, weights: FloatArray) -> FloatArray:
-        """The diagonal (p,) of that."""
+    def gram_and_diagonal(
+        self, frames: Frames, weights: FloatArray, others: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """That, and the diagonal (p,) of the same for other weights (k, 3, 3)."""
         own = self.jacobian[frames]
-        return np.asarray(np.einsum("kip,kip->p", own, weights @ own))
+        return self.gram(frames, weights), np.asarray(np.einsum("kip,kip->p", own, others @ own))
 
     def mean_square(self) -> FloatArray:
         """The mean (p, p) of Jᵀ J over the frames."""

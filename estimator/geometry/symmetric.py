@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+UPPER = np.triu_indices(3)  # rows and columns of the six elements that make a symmetric 3 × 3 matrix
+FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # which of them stands where in the matrix
 RANK_TOLERANCE = 1e-13  # eigenvalue of the scaled matrix up to which a direction belongs to the null space
 
 
@@ -40,6 +42,11 @@ def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, F
     scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     return scale, values, vectors
+
+
+def elements_of(matrix: FloatArray) -> FloatArray:
+    """The six elements (..., 6) that make symmetric matrices (..., 3, 3), which are `elements[..., FULL]`."""
+    return np.asarray(matrix[(..., *UPPER)])
 
 
 def symmetric_inverses(matrix: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 A frame has the blocks T of its rotation φ, U of φ with the shift τ, and those of each point: w [b]× with φ and w with τ
 for observations of the same weight w along all axes. With H = T⁻¹ and Q = Uᵀ H, what is left of τ is s − Q U with the
 sum s of the weights, of τ with a point w (1 − Q [b]×), and of two points −w w' [b]×ᵀ H [b']×. So sums over frames of
-w A, w A Q (A the attitude) and w w' H suffice, without the blocks of the points in each frame.
+w A (1 − Q [b]×), with A the attitude, and of w w' H suffice, without the points' blocks in each frame.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
+from baryscope.estimator.geometry.symmetric import FULL, elements_of, symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -89,34 +89,43 @@ def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Bod
     arms = cross_matrices(body.points)
     attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
     total = Sums.zero(path.size, 3 * m)
-    weights, pairs, by_path = np.zeros(m), np.zeros((m, m, 9)), np.zeros((m, path.size, 6))
+    weights, pairs, by_path = np.zeros(m), np.zeros((m, m, 6)), np.zeros((m, path.size, 3))
     for part in chunks_of(body):
         index = as_slice(body.frames[part])
         here, origin = own.frames(index), frames.origin[index]
         R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points)
-        w = here.weight
-        n, sums = len(w), w.sum(axis=1)
-        inverse, back = symmetric_inverses(found.turn), R_C_B @ np.swapaxes(found.turn_shift, 1, 2)
-        gain = back @ inverse
-        left = sums[:, None, None] * np.eye(3) - gain @ np.swapaxes(back, 1, 2)
-        across = np.ascontiguousarray(w.T)
-        both = np.concatenate([R_C_B, gain], axis=2)
-        rhs = R_C_B @ found.shift_rhs[:, :, None] - gain @ found.turn_rhs[:, :, None]
-        total.path += path.gram(index, left)
-        total.path_sizes += path.gram_diagonal(index, found.shift)
-        total.path_rhs += path.moment(index, rhs)[:, 0]
-        by_path += path.moment(index, across[:, :, None, None] * both)
-        pairs += across @ (across[:, :, None] * inverse.reshape(n, 9))
-        turned = across @ (inverse @ found.turn_rhs[:, :, None])[:, :, 0]
+        # With the frames last in memory, as the blocks have them.
+        w, R = np.asfortranarray(here.weight), np.asfortranarray(R_C_B)
+        inverse, back = symmetric_inverses(found.turn), np.einsum("kij,klj->kil", R, found.turn_shift)
+        gain = np.einsum("kij,kjl->kil", back, inverse)
+        left = found.shift - np.einsum("kij,klj->kil", gain, back)
+        rhs = np.einsum("kij,kj->ki", R, found.shift_rhs) - np.einsum("kij,kj->ki", gain, found.turn_rhs)
+        of_path, sizes = path.gram_and_diagonal(index, left, found.shift)
+        total.path += of_path
+        total.path_sizes += sizes
+        total.path_rhs += path.moment(index, rhs[:, :, None])[:, 0]
+        by_path += path.moment(index, _coupling(w, R, gain, arms))
+        across = w.T
+        pairs += across @ (across[:, :, None] * elements_of(inverse))
+        turned = across @ np.einsum("kij,kj->ki", inverse, found.turn_rhs)
         total.points_rhs += (found.point_rhs + np.cross(body.points, turned)).ravel()
         weights += w.sum(axis=0)
         attitudes[part], all_squares[part] = R_C_B, found.squares
     total.points_sizes = np.repeat(weights, 3)
-    of_pairs = np.einsum("mia,mlij,ljb->malb", arms, pairs.reshape(m, m, 3, 3), arms, optimize=True)
+    of_pairs = np.einsum("mia,mlij,ljb->malb", arms, pairs[:, :, FULL], arms, optimize=True)
     total.points = np.diag(total.points_sizes) - of_pairs.reshape(3 * m, 3 * m)
-    by_points = by_path[:, :, :3] - by_path[:, :, 3:] @ arms
-    total.path_points = np.moveaxis(by_points, 0, 1).reshape(-1, 3 * m)
+    total.path_points = np.moveaxis(by_path, 0, 1).reshape(-1, 3 * m)
     return replace(body, attitude=attitudes), total, all_squares
+
+
+def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: FloatArray) -> FloatArray:
+    """The blocks w (A − A Q [b]×) (m, n, 3, 3) of the shift in C with each point, for gain A Q (n, 3, 3)."""
+    n, m = weight.shape
+    # [b]×ᵀ (A Q)ᵀ of all points and frames in one multiplication, with the frames last.
+    turned = (np.swapaxes(arms, 1, 2).reshape(3 * m, 3) @ gain.T.reshape(3, 3 * n)).reshape(m, 3, 3, n)
+    coupling = attitude.T - turned
+    coupling *= weight.T[:, None, None]
+    return np.asarray(coupling.transpose(0, 3, 2, 1))
 
 
 def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
@@ -152,10 +161,11 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
             squares = pieces(here, R_C_B @ exp_rotation(turned), there, body.points).squares
             rows = rows - known @ gained
         rows = R_C_B @ rows
-        total.path += path.gram(index, rows[:, :, :3] @ R_B_C)
-        total.path_sizes += path.gram_diagonal(index, R_C_B @ found.shift @ R_B_C)
-        of_path = path.moment(index, rows[:, :, 3:])
-        total.path_points += of_path[:, :-1]
-        total.path_rhs += of_path[:, -1]
+        of_path, sizes = path.gram_and_diagonal(index, rows[:, :, :3] @ R_B_C, R_C_B @ found.shift @ R_B_C)
+        total.path += of_path
+        total.path_sizes += sizes
+        moments = path.moment(index, rows[:, :, 3:])
+        total.path_points += moments[:, :-1]
+        total.path_rhs += moments[:, -1]
         attitudes[part], all_squares[part] = R_C_B, squares
     return replace(body, attitude=attitudes), total, all_squares

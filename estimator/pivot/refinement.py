@@ -173,7 +173,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         converged = solution.step <= STEP_TOLERANCE * least and abs(
             float(np.vdot(unweighted, weight)) - cost
         ) <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof)
-        converged = converged and (rounds > 1 or start.errors is None)  # the first knows no variance
+        converged = converged and rounds > 1  # the first knows neither weights nor variance
         observations = observations.weighted(weight)
         if simple is not None:
             simple, converged = (None if converged or rounds >= SIMPLE_ROUNDS else simple), False

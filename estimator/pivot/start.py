@@ -43,8 +43,10 @@ class _Trial:
 
 def linear_start(
     registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float
-) -> tuple[tuple[Body, ...], FloatArray, Prior]:
-    """Initial bodies and x (p,): the best of several solutions, of linear least squares and some steps; and its prior.
+) -> tuple[tuple[Body, ...], FloatArray, Prior | None]:
+    """Initial bodies and x (p,): the best of several solutions, of linear least squares and some steps.
+
+    And the simple prior from which it began; None if that is the path's own.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
     of an observation of weight 1.
@@ -52,9 +54,8 @@ def linear_start(
     own = _in_subsample(registered, few)
     quiet = prior.fixed(DENSITY, NO_NOISE)
     smooth = prior.index(DECAY) is not None
-    priors = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if smooth else [quiet]
-    if prior.hyperparameters:
-        priors.append(prior)
+    simple = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if smooth else [quiet]
+    priors = [*simple, prior] if prior.hyperparameters else [prior]
     trials = []
     for one in priors:
         bodies, x = _linear_solution(own, few.observations, sampled, one)
@@ -67,7 +68,8 @@ def linear_start(
         index = _best(trials, sampled, prior, least)
     found = trials[index]
     pairs = zip(registered.bodies, found.bodies, strict=True)
-    return tuple(replace(body, points=refined.points) for body, refined in pairs), found.x, priors[index]
+    bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
+    return bodies, found.x, None if priors[index] is prior else priors[index]
 
 
 def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, steps: int) -> _Trial:

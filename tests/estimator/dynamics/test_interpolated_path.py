@@ -73,10 +73,13 @@ def test_sums_over_blocks_are_those_over_frames(few, frames):
     every = SampledPath(few.jacobian, few.position)
     count = len(np.arange(20_000)[frames])
     rng = np.random.default_rng(2)
-    weights, values = rng.normal(size=(count, 3, 3)), rng.normal(size=(count, 3, 5))
-    both = ((path.gram(frames, weights), path.gram_diagonal(frames, weights)) for path in (few, every))
+    weights, values = rng.normal(size=(2, count, 3, 3)), rng.normal(size=(count, 3, 5))
+    weights += np.swapaxes(weights, 2, 3)
+    close = {"rtol": 0.0, "atol": 1e-12 * count * np.abs(few.jacobian).max() ** 2}
+    np.testing.assert_allclose(few.gram(frames, weights[0]), every.gram(frames, weights[0]), **close)
+    both = (path.gram_and_diagonal(frames, *weights) for path in (few, every))
     for found, expected in zip(*both, strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-12 * count * np.abs(few.jacobian).max() ** 2)
+        np.testing.assert_allclose(found, expected, **close)
     np.testing.assert_allclose(few.moment(frames, values), every.moment(frames, values), rtol=1e-9, atol=1e-8)
 
 
@@ -88,6 +91,8 @@ def test_covariances_are_those_of_every_frame(few):
     assert np.linalg.eigvalsh(few.covariance(root @ root.T)).min() > -1e-12 * np.abs(expected).max()
     directions = np.random.default_rng(4).normal(size=(few.size, 2))
     np.testing.assert_allclose(few.lengths(directions), every.lengths(directions), rtol=1e-12)
+    mean_square = every.mean_square()
+    np.testing.assert_allclose(few.mean_square(), mean_square, atol=1e-12 * np.abs(mean_square).max())
 
 
 def test_few_frames_are_not_interpolated():
