@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.adjustment.diagnostics import cluster_of, covered_by, observability_of, rejected_by
+from baryscope.estimator.adjustment.diagnostics import REJECTED, cluster_of, covered_by, observability_of, rejected_by
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
@@ -27,7 +27,8 @@ from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, TURN
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
-from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
+from baryscope.estimator.ekf.products import product_gradient
+from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
 from baryscope.estimator.ekf.start import Start, starts
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.options import PathOptions, torques_of
@@ -176,7 +177,7 @@ def _refuse_effort(frames: int, nodes: int, features: int) -> None:
 @dataclass(frozen=True, eq=False)
 class _Answer:
     """Position and velocity (n, 3) at the frames, and the offset (3,) of the features' centroid from the centre of mass
-    in axes attached to the points; with covariances without spurious information.
+    in axes attached to the points; with covariances without spurious information. products (q, k): of errors.
     """
 
     position: FloatArray
@@ -185,6 +186,7 @@ class _Answer:
     velocity_covariance: FloatArray
     offset: FloatArray
     offset_covariance: FloatArray
+    products: FloatArray
 
 
 def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Passes, begin: float) -> Estimate:
@@ -226,7 +228,7 @@ def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Pa
         ),
         wall_time=clock.perf_counter() - begin,
         process_noise=_process_noise(found, options),
-        predictor=PredictedTumble(found, tracks.labels, features),
+        predictor=PredictedTumble(found, tracks.labels, features, answer.products),
     )
 
 
@@ -264,23 +266,29 @@ def _bounds(densities: list[float], probability: FloatArray) -> tuple[float, flo
 
 
 def _features(found: Passes) -> IntArray:
-    """The features that are observed."""
-    return np.asarray(np.nonzero((found.last.observations.weight > NEGLIGIBLE).any(axis=0))[0])
+    """The features of which not all observations are rejected."""
+    return np.asarray(np.nonzero((found.last.observations.weight >= REJECTED).any(axis=0))[0])
 
 
 def _answer(found: Passes, start: Start, features: IntArray) -> _Answer:
-    at, frames, solution, system = found.reference, start.nodes.frames, found.solution, found.last.system
+    at, frames, solution, last = found.reference, start.nodes.frames, found.solution, found.last
+    points = last.system.points
     offset, attached, least = attached_offset(found, features)
-    of_offset, growth = spurious_growth(solution, system, found.last.variance, attached, least)
-    growth = growth[frames, PATH]
-    of_path = solution.of_state[frames, PATH, PATH] + growth @ np.swapaxes(growth, 1, 2)
+    of_offset = attached @ solution.of_theta[points, points] @ attached.T
+    spurious, _ = spurious_growth(solution, last.system, last.variance, attached, least)
+    noise = found.problem.noise([last.member], last.noise_variance)
+    products = product_gradient(last.system, noise, solution, of_offset + spurious @ spurious.T)
+    columns, of_states = growth(found, solution, last.system, features, products)
+    of_states = of_states[frames, PATH]
+    of_path = solution.of_state[frames, PATH, PATH] + of_states @ np.swapaxes(of_states, 1, 2)
     return _Answer(
         at.origin[frames],
         of_path[:, :3, :3],
         at.path.velocity(at.deviation)[frames],
         of_path[:, 3:, 3:] / at.path.span**2,
         offset,
-        attached @ solution.of_theta[system.points, system.points] @ attached.T + of_offset @ of_offset.T,
+        of_offset + columns @ columns.T,
+        products,
     )
 
 

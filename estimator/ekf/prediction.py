@@ -7,7 +7,7 @@ import numpy as np
 from baryscope.estimator.ekf.further_nodes import further_nodes
 from baryscope.estimator.ekf.linearised import PATH, STATE, moved
 from baryscope.estimator.ekf.passes import Passes
-from baryscope.estimator.ekf.spurious import attached_offset, spurious_growth
+from baryscope.estimator.ekf.spurious import growth
 from baryscope.estimator.prediction import Point, Prediction, carried, point_in_body
 from baryscope.estimator.tracks import FloatArray, IntArray
 
@@ -16,11 +16,16 @@ AT_ONCE = 5000  # times, at each of which is a node of the smoother
 
 @dataclass(frozen=True, eq=False)
 class PredictedTumble:
-    """The passes, and the features' labels; features: those seen, whose axes and centroid body coordinates refer to."""
+    """The passes, and the features' labels.
+
+    features: those that are seen, whose axes and centroid body coordinates refer to; products (q, k): of errors, see
+    `products`.
+    """
 
     found: Passes
     labels: tuple[str, ...]
     features: IntArray
+    products: FloatArray
 
     def at(self, time: FloatArray, point: Point) -> Prediction:
         """See `Predictor`.
@@ -39,13 +44,12 @@ class PredictedTumble:
         found = self.found
         further = further_nodes(found, time)
         rows, reference, system, solution = further.rows, further.reference, further.system, further.solution
-        _, attached, least = attached_offset(found, self.features)
-        of_offset, growth = spurious_growth(solution, system, found.last.variance, attached, least)
+        of_offset, of_states = growth(found, solution, system, self.features, self.products)
         after = moved(reference, solution.state, solution.theta)
         u, to_si = after.deviation, np.repeat([1.0, 1 / after.path.span], 3)
         mean = np.concatenate([after.path.position(u), after.path.velocity(u)], axis=1)[rows]
         if point is None:
-            own, columns = solution.of_state[rows, PATH, PATH], growth[rows, PATH]
+            own, columns = solution.of_state[rows, PATH, PATH], of_states[rows, PATH]
             return mean, (own + columns @ np.swapaxes(columns, 1, 2)) * np.outer(to_si, to_si)
         seen = np.isin(np.arange(len(after.points)), self.features)
         b, by_points = point_in_body(point, self.labels, after.points, seen, self.features)
@@ -57,6 +61,6 @@ class PredictedTumble:
         of_b = np.broadcast_to(by_points @ solution.of_theta[points, points] @ by_points.T, (len(rows), 3, 3))
         of_both = np.block([[solution.of_state[rows], crossed], [np.swapaxes(crossed, 1, 2), of_b]])
         grown = by_points @ np.tile(np.eye(3), (len(after.points), 1)) @ of_offset
-        columns = by_both[:, :, :STATE] @ growth[rows] + by_b @ grown
+        columns = by_both[:, :, :STATE] @ of_states[rows] + by_b @ grown
         covariance = by_both @ of_both @ np.swapaxes(by_both, 1, 2) + columns @ np.swapaxes(columns, 1, 2)
         return mean + arm, covariance

@@ -1,4 +1,4 @@
-"""Spurious information of `ekf` on the centre of mass, see `adjustment.spurious`."""
+"""Spurious information of `ekf` on the centre of mass, and products of errors, see `adjustment.spurious`."""
 
 import numpy as np
 
@@ -50,3 +50,17 @@ def spurious_growth(
     spurious = three_sigma_factor(RATE_AND_INERTIA) * by_few + three_sigma_factor(int(system.seen.sum())) * by_noise
     of_offset, of_states = spurious_information_columns(offset, crossed, spurious, least)
     return of_offset, of_states.reshape(n, d, -1)
+
+
+def growth(
+    found: Passes, solution: Solution, system: Linearised, features: IntArray, products: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """What the covariances grow by: by spurious information on some features' offset, and by products of errors.
+
+    products (q, k): see `products.product_gradient`. Returns columns as `spurious_growth`.
+    """
+    _, attached, least = attached_offset(found, features)
+    of_offset, of_states = spurious_growth(solution, system, found.last.variance, attached, least)
+    pull = -products / found.last.variance
+    of_offset = np.concatenate([of_offset, attached @ (solution.of_theta[system.points] @ pull)], axis=1)
+    return of_offset, np.concatenate([of_states, solution.crossed @ pull], axis=2)
