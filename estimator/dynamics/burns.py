@@ -17,7 +17,8 @@ from baryscope.estimator.dynamics.forces import longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.models.ephemeris.trajectory import gravity_difference, lvlh_axes, target_states
+from baryscope.estimator.dynamics.relative_motion import beyond_gradient
+from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -147,17 +148,14 @@ class Burned(Extended):
             return None
         equation = self._equation(time)
         points = equation.panels.points
-        reference, before = target_states(self.orbit, points), self.base.at(points).position(self.about)
-        gradient = np.zeros((len(points), 3, 3)) if equation.gradient is None else equation.gradient
-        orbit, burned = self.orbit, before + self.columns(points) @ self.values
-
-        def beyond(p: FloatArray) -> FloatArray:
-            return np.asarray(-gravity_difference(orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p))
-
-        motion = equation.forced((beyond(burned) - beyond(before))[:, :, None])
+        assert equation.gradient is not None  # noqa: S101  there is an orbit
+        known = self.orbit, target_states(self.orbit, points), equation.gradient
+        before = self.base.at(points).position(self.about)
+        burned, without = before + self.columns(points) @ self.values, beyond_gradient(*known, before)
+        motion = equation.forced((beyond_gradient(*known, burned) - without)[:, :, None])
         for _ in range(BENDS):
             here = burned + motion.at_points.reshape(-1, 3)
-            motion = equation.forced((beyond(here) - beyond(before))[:, :, None])
+            motion = equation.forced((beyond_gradient(*known, here) - without)[:, :, None])
         return (motion.velocity(time) if rate else motion.position(time))[:, :, 0]
 
     def settled(self, x: FloatArray, of_x: FloatArray) -> tuple[tuple[Burn, ...], bool]:

@@ -141,8 +141,7 @@ class PerturbedOrbit(_OnOrbit):
         thrust = 0.0 if self.known is None else -self.known.inertial(panels.points, self.orbit)
 
         def left_out(p: FloatArray) -> FloatArray:
-            beyond = -gravity_difference(self.orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p)
-            return np.asarray(beyond + thrust)
+            return beyond_gradient(self.orbit, reference, gradient, p) + thrust
 
         def position(x: FloatArray) -> FloatArray:
             return seen(_exact(equation, equation.free @ (from_x @ x)[:, None], left_out), time)[:, :, 0]
@@ -166,6 +165,14 @@ class PerturbedOrbit(_OnOrbit):
         factor[:3, :3] = -R_I_L
         factor[3:] = -R_I_L @ np.hstack([turn, self.orbit.mean_motion * np.eye(3)])
         return factor
+
+
+def beyond_gradient(orbit: Orbit, reference: FloatArray, gradient: FloatArray, p: FloatArray) -> FloatArray:
+    """What gravity does beyond its gradient to the centre of mass at p (k, 3) in C from the chaser, m: (k, 3), m/s².
+
+    reference (k, 6): the target's states, gradient (k, 3, 3): there.
+    """
+    return np.asarray(-gravity_difference(orbit, reference, -p) - np.einsum("kij,kj->ki", gradient, p))
 
 
 def _exact(equation: LinearMotion, linear: Motion, left_out: Callable[[FloatArray], FloatArray]) -> Motion:
