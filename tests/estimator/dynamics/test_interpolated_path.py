@@ -18,9 +18,8 @@ ORBIT = Orbit(semi_major_axis=7.15e6, eccentricity=0.02, inclination=1.7)
 ECCENTRIC = replace(ORBIT, semi_major_axis=2.4e7, eccentricity=0.7)
 OBLATE = replace(ORBIT, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
 MIDDLE = 2900.0
-# A wave over a block has an error of 1e-11; that of RelativeOrbit.at, of its own spline, is 5/384 (0.01 rad)⁴, and that
-# of the response to process noise, of another spline, 5/384 (0.03 rad)⁴. Slopes lose an order, 0.01 or 0.03 rad.
-NOISY = 3e-8
+# A wave over a block has an error of 3e-13; that of RelativeOrbit.at, of its own spline, is 5/384 (0.01 rad)⁴ of the
+# orbit's rate, and more of its harmonics. Slopes lose an order, 0.01 rad.
 SPAN = (-100.0, 5900.0)
 
 
@@ -48,7 +47,6 @@ def test_interpolation_agrees_with_the_path_itself(name, noisy):
     path, tolerance = CASES[name]
     if noisy:
         path = disturbed(path, 1e-10, -100.0, 5900.0)
-        tolerance = max(tolerance, NOISY)
     for at, accuracy in ((path.at, tolerance), (path.rate_at, 100 * tolerance)):
         few, every = interpolated(at, path.frequency, TIME), at(TIME)
         assert isinstance(few, InterpolatedPath)

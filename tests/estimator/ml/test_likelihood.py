@@ -177,9 +177,10 @@ def test_blocks_agree_with_every_frame():
             observations, replace(model, knots=Knots(blocks, motion, path.at(blocks.knots.ravel()).jacobian))
         )
         scale = np.sqrt(np.outer(np.diag(every.matrix), np.diag(every.matrix)))
-        np.testing.assert_allclose(few.matrix / scale, every.matrix / scale, atol=1e-4)
+        # The rotation's Jacobian, of cubics between its nodes, is a polynomial in no block.
+        np.testing.assert_allclose(few.matrix / scale, every.matrix / scale, atol=1e-6)
         size = np.sqrt(np.diag(every.matrix))
-        np.testing.assert_allclose(few.rhs / size, every.rhs / size, atol=1e-4 * np.abs(every.rhs / size).max())
+        np.testing.assert_allclose(few.rhs / size, every.rhs / size, atol=1e-5 * np.abs(every.rhs / size).max())
         np.testing.assert_allclose(few.points, every.points, atol=1e-12)
 
 
