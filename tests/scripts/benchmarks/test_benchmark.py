@@ -157,8 +157,9 @@ def test_the_cost_of_a_method_comes_with_its_error(short, monkeypatch):
     assert estimating.cost_of(short, "pivot", moved).rmse == pytest.approx(5.0, abs=0.1)
 
 
-def test_other_programs_find_the_same_path(short):
-    part = adjusting.adjusting(short, ((120, 8, 1.0),))
+@pytest.mark.parametrize("density", [0.0, 1e-8])  # m²/s³: 8 cm in two minutes
+def test_other_programs_find_the_same_path(short, density):
+    part = adjusting.adjusting(short, ((120, 8, 1.0),), density)
     assert part.faults == ()
     assert part.tables[0].row_count == 3  # pivot, with and without process noise, and scipy
 
@@ -168,8 +169,8 @@ def test_another_program_that_disagrees_is_a_fault(short, monkeypatch, peer):
     usual = adjusting.by_scipy
 
     def broken(problem):
-        x, of_x = usual(problem)
-        return x + np.array([0.01, 0, 0, 0, 0, 0]), 2 * of_x
+        path, covariance = usual(problem)
+        return path + np.array([0.01, 0, 0]), 2 * covariance
 
     monkeypatch.setattr(adjusting, f"by_{peer}", broken)
     faults = adjusting.adjusting(replace(short, peers=frozenset({"gtsam"} & {peer})), ((120, 8, 1.0),)).faults
@@ -177,6 +178,13 @@ def test_another_program_that_disagrees_is_a_fault(short, monkeypatch, peer):
         "path, against pivot",
         "predicted error, against pivot's",
     ]
+
+
+def test_another_density_of_process_noise_is_another_problem(short, monkeypatch):
+    usual = adjusting.problem_of
+    monkeypatch.setattr(adjusting, "problem_of", lambda *given: usual(*given[:3], 100 * given[3]))
+    faults = adjusting.adjusting(short, ((120, 8, 1.0),), 1e-8).faults
+    assert any("predicted error, against pivot's" in fault for fault in faults)
 
 
 def test_tables_that_are_not_read_as_written_are_a_fault(short, monkeypatch):
