@@ -70,21 +70,21 @@ def estimate_by_filter(
     path = path if solved is None else _with_burns_of(solved, path)
     theta = np.array([_found(solved, one.name) for one in path.prior.hyperparameters])
 
-    def followed(start: Start) -> tuple[Start, Passes]:
+    def followed(start: Start) -> Passes:
         _refuse_effort(len(start.nodes.frames), len(start.nodes.time), tracks.seen.shape[1])
         rounds.did(0.5)
-        return start, passes(Problem(tracks, options, measured, start, path, on_orbit, theta, rounds))
+        return passes(Problem(tracks, options, measured, start, path, on_orbit, theta, rounds))
 
-    start, found = _first_of(starts(tracks, measured, solved, torques_of(orbit, options)), followed)
+    found = _first_of(starts(tracks, measured, solved, torques_of(orbit, options)), followed)
     if on_orbit:
         found = _with_unknown_burns(found, orbit)
-    return _result(tracks, options, start, found, begin)
+    return _result(found, begin)
 
 
 def _with_unknown_burns(found: Passes, orbit: Orbit | None) -> Passes:
     """The passes with the burns that `pivot` finds among the path's unknowns, if there may be any."""
     problem = found.problem
-    options, noise = problem.options, _process_noise(found, problem.options)
+    options, noise = problem.options, _process_noise(found)
     if options.unknown_burns == "none" or (noise.significance or 0.0) < SIGNIFICANT:
         return found
     try:
@@ -142,8 +142,8 @@ def _refuse_forces(options: PathOptions) -> None:
         raise InputError("acceleration: errors of its scale or firings found with ekf, expected none, or pivot or ml")
 
 
-def _first_of(candidates: Iterator[Start], followed: Callable[[Start], tuple[Start, Passes]]) -> tuple[Start, Passes]:
-    """The result of the first start that leads to one.
+def _first_of(candidates: Iterator[Start], followed: Callable[[Start], Passes]) -> Passes:
+    """The passes from the first start that leads anywhere.
 
     Raises:
         ComputationError: none does; that of the last.
@@ -189,9 +189,10 @@ class _Answer:
     products: FloatArray
 
 
-def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Passes, begin: float) -> Estimate:
-    frames, last, at, features = start.nodes.frames, found.last, found.reference, _features(found)
-    answer = _answer(found, start, features)
+def _result(found: Passes, begin: float) -> Estimate:
+    problem, last, at, features = found.problem, found.last, found.reference, _features(found)
+    tracks, options, start = problem.tracks, problem.options, problem.start
+    answer = _answer(found, features)
     cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
     gravity_gradient = start.rotation.orbit is not None
@@ -200,7 +201,7 @@ def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Pa
         labels=tracks.labels,
         position=answer.position,
         covariance=answer.covariance,
-        motion=_motion(found, start, features, answer),
+        motion=_motion(found, features, answer),
         observability=observability_of([cluster], answer.covariance),
         clusters=(cluster,),
         noise=Noise(options.sigma, float(np.sqrt(last.residual_variance)), tracks.covariance is not None),
@@ -212,7 +213,7 @@ def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Pa
         rounds=found.count,
         findings=_burns(found),
         method="ekf",
-        path=found.problem.path.name,
+        path=problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
         details=FilterDetails(
             process_noise=last.member.path,
@@ -223,11 +224,11 @@ def _result(tracks: FeatureTracks, options: PathOptions, start: Start, found: Pa
             nis=last.residual_variance / last.variance,
             log_likelihood=-0.5 * (last.parameters.log_determinant + last.parameters.squares / last.variance),
             final_covariance=answer.covariance[-1],
-            angular_rate=at.rate[frames[-1]],
+            angular_rate=at.rate[start.nodes.frames[-1]],
             inertia=at.inertia,
         ),
         wall_time=clock.perf_counter() - begin,
-        process_noise=_process_noise(found, options),
+        process_noise=_process_noise(found),
         predictor=PredictedTumble(found, tracks.labels, features, answer.products),
     )
 
@@ -238,9 +239,9 @@ def _burns(found: Passes) -> tuple[UnknownBurn, ...]:
     return unknown_burns(found.problem.path, found.shift + found.reference.x, found.solution.of_theta[own, own])
 
 
-def _process_noise(found: Passes, options: PathOptions) -> ProcessNoise:
+def _process_noise(found: Passes) -> ProcessNoise:
     """The process noise of the path."""
-    best, on_position = found.last.member, found.problem.slips
+    best, on_position, options = found.last.member, found.problem.slips, found.problem.options
     if options.process_noise == "none":
         return ProcessNoise("none", 0.0, of_position=on_position)
     if not isinstance(options.process_noise, str):
@@ -270,8 +271,8 @@ def _features(found: Passes) -> IntArray:
     return np.asarray(np.nonzero((found.last.observations.weight >= REJECTED).any(axis=0))[0])
 
 
-def _answer(found: Passes, start: Start, features: IntArray) -> _Answer:
-    at, frames, solution, last = found.reference, start.nodes.frames, found.solution, found.last
+def _answer(found: Passes, features: IntArray) -> _Answer:
+    at, frames, solution, last = found.reference, found.problem.start.nodes.frames, found.solution, found.last
     points = last.system.points
     offset, attached, least = attached_offset(found, features)
     of_offset = attached @ solution.of_theta[points, points] @ attached.T
@@ -292,9 +293,9 @@ def _answer(found: Passes, start: Start, features: IntArray) -> _Answer:
     )
 
 
-def _motion(found: Passes, start: Start, features: IntArray, answer: _Answer) -> Motion:
+def _motion(found: Passes, features: IntArray, answer: _Answer) -> Motion:
     """Velocity of the centre of mass, and attitude and rate of axes that are attached to some features' points."""
-    at, frames, solution = found.reference, start.nodes.frames, found.solution
+    at, frames, solution = found.reference, found.problem.start.nodes.frames, found.solution
     points, of_state = found.last.system.points, solution.of_state[frames]
     turn = np.zeros((3, 3 * len(at.points)))
     turn.reshape(3, -1, 3)[:, features] = turn_by_points(at.points[features]).reshape(3, -1, 3)
