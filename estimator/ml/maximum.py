@@ -32,8 +32,8 @@ from baryscope.estimator.tracks import FeatureTracks, errors_of
 FloatArray = NDArray[np.float64]
 
 MAX_ROUNDS = 25
-DAMPING = 1e-6  # of the first step, over the diagonal
-STEP_TOLERANCE = 1e-2  # squared length of the last step, in units of the covariance
+DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
+STEP_TOLERANCE = 1e-2  # squared length of the last step, in units of the covariance, and increase of −2 ln p by a step
 ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 STAGE = 0.5  # of the unit of progress, that the start, the tumble and each round take
@@ -213,7 +213,8 @@ def _converged(problem: _Problem, start: _Iterate, done: Rounds) -> _Iterate:
             moved = problem.moved(at.state, change)
             if moved is not None:
                 found = problem.equations(at.observations, moved, at.found.points)
-                if found.cost + at.variance * problem.priors.cost(moved.values, precision) > cost * (1 + 1e-12):
+                reached = found.cost + at.variance * problem.priors.cost(moved.values, precision)
+                if reached > cost + STEP_TOLERANCE * at.variance:
                     moved = None
             damping = damping * 10 if moved is None else damping / 30
         unknowns = len(values) - float(precision @ np.diag(conditional(linear, own, theta)[1]))
