@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 
@@ -28,7 +27,7 @@ class Observations:
         """The number of observations used."""
         return int(np.count_nonzero(self.weight))
 
-    def frames(self, index: slice | IntArray | BoolArray) -> "Observations":
+    def frames(self, index: slice | IntArray) -> "Observations":
         """The observations of some frames; a view if these are contiguous."""
         index = as_slice(index)
         precision = None if self.precision is None else self.precision[index]
@@ -51,9 +50,9 @@ class Observations:
         return np.asarray(np.einsum("kmi,kmij,kmj->km", residual, self.precision, residual))
 
 
-def as_slice(index: slice | IntArray | BoolArray) -> slice | IntArray | BoolArray:
+def as_slice(index: slice | IntArray) -> slice | IntArray:
     """An index of contiguous rows as a slice, so that indexing gives a view; any other index unchanged."""
-    if isinstance(index, slice) or index.dtype == np.bool_ or not len(index):
+    if isinstance(index, slice) or not len(index):
         return index
     first, stop = int(index[0]), int(index[-1]) + 1
     return slice(first, stop) if stop - first == len(index) and np.all(np.diff(index) == 1) else index

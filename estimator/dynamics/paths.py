@@ -16,8 +16,7 @@ from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
-Frames = slice | IntArray | BoolArray
+Frames = slice | IntArray
 
 FIXED = "fixed"
 DECAY = "decay"
