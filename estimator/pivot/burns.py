@@ -10,8 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, cost, maximise
-from baryscope.estimator.adjustment.reweighting import GATE
+from baryscope.estimator.adjustment.evidence import Linear, cost, maximise
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burns_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
@@ -20,7 +19,15 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burn_equations import BurnFit, burn_equations
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
-from baryscope.estimator.pivot.refinement import SUBSAMPLE_FRAMES, Pivot, Start, refined, scaled, subsampled
+from baryscope.estimator.pivot.refinement import (
+    SUBSAMPLE_FRAMES,
+    Pivot,
+    Start,
+    bounded_cost,
+    refined,
+    scaled,
+    subsampled,
+)
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.estimator.result import UnknownBurn
 from baryscope.models.errors import ComputationError
@@ -127,11 +134,7 @@ def _problem(found: Pivot) -> Linearised:
 def _likelier(one: Pivot, other: Pivot) -> bool:
     """Whether the marginal likelihood of a solution is greater, with outliers of a bounded cost."""
     variance = min(one.variance, other.variance)
-    scores, most = [], max(int((found.observations.weight > 0).sum()) for found in (one, other))
-    for found in (one, other):
-        problem, weight = _problem(found), found.observations.weight
-        used = weight > 0
-        squares = problem.squares[used] / weight[used]
-        bounded = float(np.minimum(squares / variance, GATE).sum()) + GATE * (most - len(squares))
-        scores.append(bounded + complexity(scaled(problem, variance), found.path.prior))
-    return scores[0] < scores[1]
+    first, second = (
+        bounded_cost(_problem(found), found.observations.weight, variance, found.path.prior) for found in (one, other)
+    )
+    return first < second

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.evidence import Linear, Posterior, held, maximise, posterior
+from baryscope.estimator.adjustment.evidence import Linear, Posterior, complexity, held, maximise, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
-from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.reweighting import GATE, reweighted
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
@@ -230,6 +230,23 @@ def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: floa
 def scaled(problem: Linearised, variance: float) -> Linear:
     """The reduced problem in the unknowns of the path, for a variance of an observation of weight 1."""
     return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
+
+
+def squares_of_used(problem: Linearised, weight: FloatArray) -> FloatArray:
+    """The squared residuals (k,) of the observations of any weight (n, m), in the units of the weights."""
+    return np.asarray(problem.squares[weight > 0] / weight[weight > 0])
+
+
+def bounded_cost(
+    problem: Linearised, weight: FloatArray, variance: float, prior: Prior, theta: FloatArray | None = None
+) -> float:
+    """−2 ln of the marginal likelihood of a solution, up to a constant, with outliers of a bounded cost.
+
+    An observation that is not used costs as much as any outlier. weight (n, m): robust; variance: of an observation of
+    weight 1; theta (h,): hyperparameters from which those of the greatest likelihood are sought.
+    """
+    gained = np.minimum(squares_of_used(problem, weight) / variance - GATE, 0.0)
+    return float(gained.sum()) + complexity(scaled(problem, variance), prior, theta)
 
 
 def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, sampled: SampledPath) -> Path | None:

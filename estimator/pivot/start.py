@@ -10,15 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import complexity, maximise
+from baryscope.estimator.adjustment.evidence import maximise
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import GATE, MEDIAN, reweighted
+from baryscope.estimator.adjustment.reweighting import MEDIAN, reweighted
 from baryscope.estimator.dynamics.paths import DECAY, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import frame_weights, solve_drift
 from baryscope.estimator.pivot.free_attitudes import linearised
-from baryscope.estimator.pivot.refinement import Subsample, scaled, stepped, values_for_path
+from baryscope.estimator.pivot.refinement import (
+    Subsample,
+    bounded_cost,
+    scaled,
+    squares_of_used,
+    stepped,
+    values_for_path,
+)
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 
@@ -91,21 +98,17 @@ def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, st
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float) -> int:
     """The trial of the greatest marginal likelihood, with outliers of a bounded cost, for the least variance of any."""
-    problems, residuals, variances = [], [], []
+    problems, variances = [], []
     for trial in trials:
         problem = linearised(trial.bodies, trial.observations, sampled, trial.x)
         weight = trial.observations.weight
-        used = weight > 0
-        squares = problem.squares[used] / weight[used]
         problems.append(problem)
-        residuals.append(squares)
         share = max(values_for_path(trial.bodies, trial.observations) / (3 * float(weight.sum())), 1e-3)
-        variances.append(max(float(np.median(squares)) / (MEDIAN * share), least))
-    variance, scores = min(variances), []
-    most = max(len(squares) for squares in residuals)
-    for trial, squares, problem in zip(trials, residuals, problems, strict=True):
-        bounded = float(np.minimum(squares / variance, GATE).sum()) + GATE * (most - len(squares))
-        scores.append(bounded + complexity(scaled(problem, variance), prior, trial.theta))
+        variances.append(max(float(np.median(squares_of_used(problem, weight))) / (MEDIAN * share), least))
+    scores = [
+        bounded_cost(problem, trial.observations.weight, min(variances), prior, trial.theta)
+        for trial, problem in zip(trials, problems, strict=True)
+    ]
     return int(np.argmin(scores))
 
 
