@@ -89,5 +89,6 @@ def test_a_run_of_frames_that_nothing_fits_is_named():
     assert [type(finding) for finding in found.findings] == [FramesLeftOut]
     left_out = found.findings[0]
     assert (left_out.begin, left_out.end, left_out.frames) == (time[60], time[79], 20)
-    assert left_out.magnitude == pytest.approx(30.0, rel=0.01)
+    # Attitudes give way to what does not fit: single frames are off by 0.6 m, the median of 20 by 0.17.
+    assert left_out.magnitude == pytest.approx(30.0, abs=4 * 0.17)
     assert found.status is Status.MODEL_DOES_NOT_FIT
