@@ -38,7 +38,7 @@ from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
-from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise, UnknownBurn
+from baryscope.estimator.result import Cluster, Estimate, FewFrames, Motion, Noise, ProcessNoise, UnknownBurn
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
@@ -211,7 +211,7 @@ def _result(found: Passes, begin: float) -> Estimate:
         covered=covered_by([cluster], len(tracks.time)),
         converged=found.converged,
         rounds=found.count,
-        findings=_burns(found),
+        findings=_burns(found) + _few_frames(found, len(cluster.frames)),
         method="ekf",
         path=problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -237,6 +237,14 @@ def _burns(found: Passes) -> tuple[UnknownBurn, ...]:
     """The findings of burns among the path's unknowns."""
     own = slice(INERTIA, INERTIA + found.problem.path.size)
     return unknown_burns(found.problem.path, found.shift + found.reference.x, found.solution.of_theta[own, own])
+
+
+def _few_frames(found: Passes, frames: int) -> tuple[FewFrames, ...]:
+    """A finding if there are fewer frames with an attitude than unknowns of path and offset that the tracks tell."""
+    own, last = slice(INERTIA, INERTIA + found.problem.path.size), found.last
+    held = np.vdot(last.prior.information[own, own], last.parameters.covariance[own, own])
+    unknowns = found.problem.path.size - float(held) + 3
+    return (FewFrames(frames, unknowns),) if frames < unknowns else ()
 
 
 def _process_noise(found: Passes) -> ProcessNoise:

@@ -11,7 +11,7 @@ from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import Status
+from baryscope.estimator.result import FewFrames, Status
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
@@ -348,3 +348,15 @@ def test_what_the_filter_cannot_take_of_forces_is_said(tracked):
     ):
         with pytest.raises(InputError, match=line):
             estimate(tracked().tracks, method="ekf", options=options)
+
+
+@pytest.mark.parametrize(("count", "checked"), [(5, False), (12, True)])
+def test_fewer_frames_than_unknowns_check_nothing(tracked, count, checked):
+    """Relative motion and an offset are nine unknowns, of which five frames show no misfit."""
+    case = tracked()
+    rows = np.arange(0, 10 * count, 10)
+    tracks = FeatureTracks(case.tracks.time[rows], case.tracks.position[rows], case.tracks.labels)
+    found = estimate_by_filter(tracks, CIRCULAR.model(), FREE)
+    few = [one for one in found.findings if isinstance(one, FewFrames)]
+    assert [(one.frames, one.unknowns) for one in few] == ([] if checked else [(5, pytest.approx(9.0, abs=0.1))])
+    assert found.status.trustworthy == checked
