@@ -15,7 +15,7 @@ from baryscope.estimator.registration.body import Body
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-FARTHEST_RADII = 3.0  # standard deviation of a centre of mass that is not observed, in radii of the features
+FARTHEST_RADII = 3.0  # standard deviation of an unobserved centre of mass from the features' centroid, in their radii
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 

@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.spurious import FARTHEST_RADII
 from baryscope.estimator.dynamics.paths import FIXED, Path
 from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
@@ -30,7 +31,6 @@ from baryscope.estimator.tracks import FeatureTracks, FloatArray
 
 FREE_TURN = 0.3  # rad from node to node, by noise that leaves the attitudes free
 PRIOR_INERTIA_DEVIATION = 1.0  # of the inertia's logarithm from that of a sphere
-PRIOR_RADII = 3.0  # standard deviation of the centre of mass from the features' centroid, in their radii
 FAR = 100.0  # standard deviation of a path's unknowns over the distance
 ROUNDING = 1e-7  # of the distance: standard deviation of residuals that are rounding
 
@@ -135,7 +135,7 @@ class Problem:
         seen = np.asarray((self.start.weight > 0).any(axis=0))
         mean = np.where(seen, 1 / np.count_nonzero(seen), 0.0)
         of_points = np.diag(np.where(seen, 0.0, 1.0))
-        of_points += variance * np.outer(mean, mean) / (PRIOR_RADII * self.start.radius) ** 2
+        of_points += variance * np.outer(mean, mean) / (FARTHEST_RADII * self.start.radius) ** 2
         information = block_diag(
             variance / PRIOR_INERTIA_DEVIATION**2 * np.eye(INERTIA),
             variance * np.diag(self._path_information),
