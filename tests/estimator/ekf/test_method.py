@@ -354,7 +354,7 @@ def test_what_the_filter_cannot_take_of_forces_is_said(tracked):
 def test_fewer_frames_than_unknowns_check_nothing(tracked, count, checked):
     """Relative motion and an offset are nine unknowns, of which five frames show no misfit."""
     case = tracked()
-    rows = np.arange(0, 10 * count, 10)
+    rows = np.arange(0, 4 * count, 4)
     tracks = FeatureTracks(case.tracks.time[rows], case.tracks.position[rows], case.tracks.labels)
     found = estimate_by_filter(tracks, CIRCULAR.model(), FREE)
     few = [one for one in found.findings if isinstance(one, FewFrames)]
