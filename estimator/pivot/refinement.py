@@ -190,7 +190,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     assert theta is not None  # noqa: S101  there was a round
     found = posterior(linear, path.prior, theta)
     solution = solution.with_covariance(found.covariance / max(scale, floor), problem.bodies)
-    solution, tied, refused = tie_bodies(solution, max(scale, floor), observations, sampled.position(x))
+    solution, tied, refused = tie_bodies(solution, max(scale, floor), observations, sampled.position(x), shift)
     return Pivot(
         path=path,
         sampled=sampled,

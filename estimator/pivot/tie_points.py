@@ -87,19 +87,22 @@ class _Factors:
 
 
 def tie_bodies(
-    solution: Solution, variance: float, observations: Observations, origin: FloatArray
+    solution: Solution,
+    variance: float,
+    observations: Observations,
+    origin: FloatArray,
+    shift: FloatArray | None = None,
 ) -> tuple[Solution, tuple[TiePoints, ...], tuple[TiePoints, ...]]:
     """The solution with tie points between bodies that share features, the tie points, and those refused.
 
-    variance: of an observation of weight 1; observations (n, m) of the solution; origin (n, 3): its path in C, m.
+    variance: of an observation of weight 1; observations (n, m) of the solution; origin (n, 3): its path in C, m;
+    shift (n, 3, 3): the covariance of the frames' shifts over the variance.
     """
     sharing = list(_sharing(solution))
     if not sharing or solution.null_space.shape[1]:
         return solution, (), ()
-    known = [
-        _spurious_share(solution, index, observations, origin, variance) <= MAX_SPURIOUS
-        for index in range(len(solution.bodies))
-    ]
+    noisy = (NoisyAttitudes.of(body, observations, origin, variance, shift) for body in solution.bodies)
+    known = [_spurious_share(solution, index, one) <= MAX_SPURIOUS for index, one in enumerate(noisy)]
     tied, refused, factors = [], [], _Factors.of(solution)
     compare = _Comparison(solution, factors, variance)
     for bodies, features in sharing:
@@ -121,14 +124,11 @@ def tie_bodies(
     return (compare.constrained(tied) if tied else solution), tuple(tied), tuple(refused)
 
 
-def _spurious_share(
-    solution: Solution, index: int, observations: Observations, origin: FloatArray, variance: float
-) -> float:
-    """The greatest share of spurious information in the information on a body's offset."""
-    body, own = solution.bodies[index], slice(3 * index, 3 * index + 3)
+def _spurious_share(solution: Solution, index: int, noisy: NoisyAttitudes) -> float:
+    """The greatest share of spurious information in the information on the offset of a body of noisy attitudes."""
+    own = slice(3 * index, 3 * index + 3)
     factor = factor_of(solution.offset_covariance[own, own])
-    spurious = NoisyAttitudes.of(body, observations, origin, variance).likely_spurious_information()
-    return float(np.linalg.eigvalsh(factor.T @ spurious @ factor)[-1])
+    return float(np.linalg.eigvalsh(factor.T @ noisy.likely_spurious_information() @ factor)[-1])
 
 
 def _sharing(solution: Solution) -> Iterator[tuple[tuple[int, int], IntArray]]:

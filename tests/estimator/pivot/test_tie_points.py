@@ -103,6 +103,24 @@ def test_tied_bodies_agree_with_one_body(kind):
     np.testing.assert_allclose(a @ a.T, b @ b.T, atol=20 * FINE**2)
 
 
+def test_bodies_are_tied_although_their_frames_are_shifted():
+    """By 7 cm, as by a camera's attitude: frames tell less of the offsets, and so does the noise of the attitudes."""
+    observations, sampled, bodies, _ = scene([[0, 1, 2, 3], [3, 4, 5, 6]], POINTS)
+    rng, shift = np.random.default_rng(1), 0.07
+    position = observations.position + shift * rng.normal(size=(24, 1, 3)) * (observations.weight[..., None] > 0)
+    observations, noise = replace(observations, position=position), np.tile((shift / FINE) ** 2 * np.eye(3), (24, 1, 1))
+    x = X
+    for _ in range(4):
+        apart = gauss_newton_step(bodies, observations, sampled, x, noise)
+        bodies, x = apart.bodies, apart.x
+    origin = sampled.position(x)
+    found, made, refused = tie_bodies(apart, FINE**2, observations, origin, noise)
+    assert ([one.features.tolist() for one in made], refused) == ([[3]], ())
+    error, deviation = found.x - X, FINE * np.sqrt(np.diag(found.covariance))
+    assert np.trace(found.covariance) < np.trace(apart.covariance)
+    assert (np.abs(error) < 4 * deviation).all()
+
+
 def test_relabelled_points_are_no_tie_points():
     """F3 of the second body is a different point, 1 % farther away, with the same label."""
     points = np.concatenate([POINTS, POINTS[3:4] * 1.01])
