@@ -60,9 +60,12 @@ class Blocks:
         """
         if isinstance(frames, slice):
             begin, end, _ = frames.indices(len(self.weights))
-            bounds = np.clip(self.first, begin, end) - begin
-        else:
-            bounds = np.searchsorted(frames, self.first)
+            if begin >= end:
+                return slice(0, 0), np.zeros(1, dtype=np.intp)
+            of_ends = np.searchsorted(self.first, [begin, end - 1], side="right").tolist()
+            held = slice(of_ends[0] - 1, of_ends[1])
+            return held, np.clip(self.first[held.start : held.stop + 1], begin, end) - begin
+        bounds = np.searchsorted(frames, self.first)
         some = np.flatnonzero(np.diff(bounds))
         held = slice(int(some[0]), int(some[-1]) + 1) if some.size else slice(0, 0)
         return held, bounds[held.start : held.stop + 1]

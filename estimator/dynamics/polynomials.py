@@ -22,20 +22,23 @@ def cubic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> Float
 
     s (n,) is the fraction of the interval, 0 to 1; returns (n, c).
     """
-    s = s[:, None]
+    before, slope_before, after, slope_after = cubic_weights(s).T[:, :, None]
+    value: FloatArray = before * f[left] + after * f[left + 1]
+    value += slope_before * df[left] + slope_after * df[left + 1]
+    return value
+
+
+def cubic_weights(s: FloatArray) -> FloatArray:
+    """The weights (n, 4) in that cubic of f and df at the node before, and of f and df at the one after."""
     s2, s3 = s * s, s * s * s
     h01 = 3 * s2 - 2 * s3
-    value: FloatArray = (1 - h01) * f[left] + h01 * f[left + 1]
-    value += (s - 2 * s2 + s3) * df[left] + (s3 - s2) * df[left + 1]
-    return value
+    return np.stack([1 - h01, s - 2 * s2 + s3, h01, s3 - s2], axis=1)
 
 
-def cubic_slope(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> FloatArray:
-    """The derivative of `cubic` by s."""
-    s = s[:, None]
-    value: FloatArray = (6 * s - 6 * s * s) * (f[left + 1] - f[left])
-    value += (1 - 4 * s + 3 * s * s) * df[left] + (3 * s * s - 2 * s) * df[left + 1]
-    return value
+def cubic_slope_weights(s: FloatArray) -> FloatArray:
+    """The weights (n, 4) in the derivative of the cubic by s."""
+    h01 = 6 * s - 6 * s * s
+    return np.stack([-h01, 1 - 4 * s + 3 * s * s, h01, 3 * s * s - 2 * s], axis=1)
 
 
 def quintic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray, ddf: FloatArray) -> FloatArray:

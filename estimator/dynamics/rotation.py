@@ -9,13 +9,13 @@ Only the ratios of the inertia's elements are observable, so J has trace 1. Its 
 coefficients of INERTIA_BASIS, a basis of the traceless symmetric matrices.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from baryscope.estimator.dynamics.euler import (
     CHUNK,
@@ -27,7 +27,7 @@ from baryscope.estimator.dynamics.euler import (
     sensitivity_step,
     turn_of_step,
 )
-from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope, quintic
+from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope_weights, cubic_weights, quintic
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.estimator.geometry.so3 import exp_rotation
@@ -40,7 +40,6 @@ NODE_ANGLE = 0.5  # rad from node to node: the interpolation's error is 1e-8 to 
 NODE_PHASE = 1.0  # rad of the torque's last mode from node to node, at most
 MAX_NODES = 200_000  # of an integration: 600 MB, and 10 s
 MIN_PRINCIPAL_MOMENT = 1e-3  # over the trace: bound on the inertia of an estimate
-CACHED = 40_000  # numbers of sensitivities that are interpolated together
 RATE_AND_INERTIA = 8  # unknowns of a free rotation: three of the rate at the epoch, five of the inertia
 
 
@@ -199,12 +198,14 @@ class _Nodes:
     quaternion: FloatArray  # (k, 4) R_C_B, scalar first, without jumps of sign
     rate: FloatArray  # (k, 3)
     acceleration: FloatArray  # (k, 3)
-    sensitivity: FloatArray  # (k, 6, size) of the rotation vector in C and of the rate in B
+    # (2 k, 3 size), in turn: the rotation vector in C by the unknowns, and its change at this slope to the next node
+    sensitivity: FloatArray
+    size: int  # number of unknowns
 
     @property
     def finite(self) -> bool:
         """Whether the integration, which begins within, has not diverged."""
-        ends = self.quaternion[[0, -1]], self.sensitivity[[0, -1]]
+        ends = self.quaternion[[0, -1]], self.sensitivity[[0, 1, -2, -1]]
         return all(bool(np.isfinite(one).all()) for one in ends)
 
     def between(self, time: FloatArray) -> Attitudes:
@@ -215,33 +216,23 @@ class _Nodes:
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
         attitude = matrix_from_quaternion(quaternion)
         rate = cubic(s, left, self.rate, h * self.acceleration)
-        return Attitudes(time, attitude, rate, self.sensitivity.shape[2], self)
+        return Attitudes(time, attitude, rate, self.size, self)
 
     def turn_at(self, time: FloatArray) -> FloatArray:
         """The rotation's Jacobian (n, 3, size) in C."""
-        return self._in_parts(time, cubic)
+        left, s = self._locate(time)
+        return self._combined(left, cubic_weights(s))
 
     def turn_rate_at(self, time: FloatArray) -> FloatArray:
         """The derivative (n, 3, size) of that by time."""
-        return np.asarray(self._in_parts(time, cubic_slope) / (self.time[1] - self.time[0]))
-
-    def _in_parts(self, time: FloatArray, function: Callable[..., FloatArray]) -> FloatArray:
-        """What `cubic` or its slope make of the Jacobian, (n, 3, size), in parts that fit the processor's cache."""
-        columns = 3 * self.sensitivity.shape[2]
-        found, size = np.empty((len(time), columns)), CACHED // columns + 1
-        for first in range(0, len(time), size):
-            part = slice(first, first + size)
-            found[part] = function(*self._turn_around(time[part]))
-        return found.reshape(len(time), 3, -1)
-
-    def _turn_around(self, time: FloatArray) -> tuple[FloatArray, NDArray[np.intp], FloatArray, FloatArray]:
-        """What `cubic` needs for the Jacobian at times (n,), of the nodes around them only."""
         left, s = self._locate(time)
-        first = int(left.min(initial=len(self.time)))
-        around, h = slice(first, int(left.max(initial=0)) + 2), self.time[1] - self.time[0]
-        values, rates = np.split(self.sensitivity[around], 2, axis=1)
-        slopes = h * matrix_from_quaternion(self.quaternion[around]) @ rates
-        return s, left - first, values.reshape(len(values), -1), slopes.reshape(len(values), -1)
+        return self._combined(left, cubic_slope_weights(s) / (self.time[1] - self.time[0]))
+
+    def _combined(self, left: NDArray[np.intp], weights: FloatArray) -> FloatArray:
+        """The Jacobian (n, 3, size) by weights (n, 4) of the sensitivities at the nodes `left` and the next ones."""
+        n, places = len(left), 2 * left[:, None] + np.arange(4)
+        sparse = csr_array((weights.ravel(), places.ravel(), np.arange(0, 4 * n + 1, 4)), (n, len(self.sensitivity)))
+        return np.asarray(sparse @ self.sensitivity).reshape(n, 3, -1)
 
     def _locate(self, time: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """The index of the node before each time, and the fraction of the interval from there, 0 to 1."""
@@ -292,7 +283,10 @@ def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
     acceleration = rate_columns(gravity_gradient)(states, constants)[:, 4:7]
     if torque is not None:
         acceleration += torque.at(time)
-    return _Nodes(time, states[:4].T, states[4:7].T, acceleration, sensitivity)
+    turn = matrix_from_quaternion(states[:4].T)
+    sensitivity[:, 3:] = h * turn @ sensitivity[:, 3:]
+    of_turns = sensitivity.reshape(2 * len(time), 3 * start.size)
+    return _Nodes(time, states[:4].T, states[4:7].T, acceleration, of_turns, start.size)
 
 
 def _highest_rate(start: Rotation) -> float:
