@@ -26,7 +26,7 @@ class Pieces:
 
     turn, shift (n, 3, 3): the frames' blocks of φ and of τ; turn_shift (n, 3, 3) couples them. point (m, 3, 3): the
     features' blocks, summed over the frames. Right-hand sides: turn_rhs, shift_rhs (n, 3), point_rhs (m, 3).
-    squares (n, m): the weighted squared residuals.
+    squares (n, m): the weighted squared residuals. arms [b]× (m, 3, 3).
     """
 
     turn: FloatArray
@@ -37,17 +37,17 @@ class Pieces:
     shift_rhs: FloatArray
     point_rhs: FloatArray
     squares: FloatArray
+    arms: FloatArray
     _weight: FloatArray
-    _arms: FloatArray
     _precision: FloatArray | None
 
     def turn_points(self) -> FloatArray:
         """The blocks (n, 3, 3 m) that couple each frame's φ with the points."""
         n, m = self._weight.shape
         if self._precision is None:
-            arms = np.ascontiguousarray(np.swapaxes(self._arms, 0, 1)).reshape(3, 3 * m)
+            arms = np.ascontiguousarray(np.swapaxes(self.arms, 0, 1)).reshape(3, 3 * m)
             return np.asarray(arms * np.repeat(self._weight, 3, axis=1)[:, None, :])
-        return np.ascontiguousarray((self._arms @ self._precision).transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
+        return np.ascontiguousarray((self.arms @ self._precision).transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
 
     def shift_points(self) -> FloatArray:
         """The blocks (n, 3, 3 m) that couple each frame's τ with the points."""
@@ -55,6 +55,15 @@ class Pieces:
         if self._precision is None:
             return np.asarray(np.tile(np.eye(3), m) * np.repeat(self._weight, 3, axis=1)[:, None, :])
         return np.ascontiguousarray(self._precision.transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
+
+    def in_other_axes(self, attitude: FloatArray) -> FloatArray:
+        """For the same weights along all axes, the blocks w R (n, 3, 3 m) that couple each frame's R τ with the points.
+
+        attitude (n, 3, 3). Those with R φ are w R [b]×.
+        """
+        n, m = self._weight.shape
+        blocks = self._weight[:, None, :, None] * np.asfortranarray(attitude)[:, :, None]
+        return blocks.reshape(n, 3, 3 * m)
 
     def shift_alone(self) -> tuple[FloatArray, FloatArray]:
         """The frames' blocks of τ (n, 3, 3) with φ unknown, and their right-hand sides (n, 3)."""
@@ -72,11 +81,11 @@ class Pieces:
             by_shift = (self._weight.T @ shift.reshape(n, 3 * p)).reshape(m, 3, p)
             if turn is not None:
                 by_turn = (self._weight.T @ turn.reshape(n, 3 * p)).reshape(m, 3, p)
-                by_shift = by_shift + np.swapaxes(self._arms, 1, 2) @ by_turn
+                by_shift = by_shift + np.swapaxes(self.arms, 1, 2) @ by_turn
             return np.asarray(by_shift.reshape(3 * m, p).T)
         moved = np.broadcast_to(shift[:, None], (n, m, 3, p))
         if turn is not None:
-            moved = moved + np.swapaxes(self._arms, 1, 2) @ turn[:, None]
+            moved = moved + np.swapaxes(self.arms, 1, 2) @ turn[:, None]
         return np.asarray(np.einsum("kmij,kmjp->pmi", self._precision, moved, optimize=True).reshape(p, 3 * m))
 
 
@@ -99,7 +108,7 @@ def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray,
         point_rhs=weighted.reshape(len(w), -1).sum(axis=0).reshape(-1, 3),
         squares=np.einsum("kmi,kmi->km", weighted, residual),
         _weight=w,
-        _arms=arms,
+        arms=arms,
         _precision=precision,
     )
 
@@ -160,7 +169,7 @@ class _Seen:
             point_rhs=np.einsum("km,kmi->mi", w, residual),
             squares=w * np.einsum("kmi,kmi->km", residual, residual),
             _weight=w,
-            _arms=self.arms,
+            arms=self.arms,
             _precision=None,
         )
 

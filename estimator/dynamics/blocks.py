@@ -23,8 +23,9 @@ IntArray = NDArray[np.intp]
 KNOTS = 12
 NODES = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)  # Chebyshev's points of −1 … 1
 ROW, COLUMN = np.triu_indices(KNOTS)  # of the pairs of knots
+PAIRS = len(ROW)
 PAIR = np.zeros((KNOTS, KNOTS), dtype=np.intp)
-PAIR[ROW, COLUMN] = PAIR[COLUMN, ROW] = np.arange(len(ROW))
+PAIR[ROW, COLUMN] = PAIR[COLUMN, ROW] = np.arange(PAIRS)
 SHORTEST = 1e-9  # s, of a block
 PART = 2000  # frames whose covariances are computed together, about
 
@@ -108,9 +109,17 @@ class Blocks:
         """Σ w v (b, ..., KNOTS, c) over f ascending frames in each of the blocks around them, for v (..., f, c)."""
         return self._summed(frames, self.weights[frames].T, values)
 
-    def pair_sums(self, frames: Frames, values: FloatArray) -> FloatArray:
-        """Σ w wᵀ v (b, KNOTS, KNOTS, c) likewise, with the products of two weights, for v (f, c)."""
-        return self._summed(frames, _pairs(self.weights[frames]), values)[:, PAIR]
+    def pair_sums(self, frames: Frames, values: FloatArray, *places: IntArray) -> list[FloatArray]:
+        """Σ w wᵀ ⊗ V (b, r KNOTS, s KNOTS) likewise, for matrices V (f, r, s) of columns of values (f, c).
+
+        places (r, s), of one or several V: the column that is an element. Rows and columns are those of V for the first
+        knot, then for the second, and so on.
+        """
+        found = self._summed(frames, _pairs(self.weights[frames]), values)
+        columns = values.shape[1]
+        flat = found.reshape(len(found), PAIRS * columns)
+        all_places = (columns * PAIR[:, None, :, None] + own[:, None] for own in places)
+        return [flat[:, own.reshape(KNOTS * own.shape[1], -1)] for own in all_places]
 
     def _summed(self, frames: Frames, weights: FloatArray, values: FloatArray) -> FloatArray:
         held, bounds = self.around(frames)
@@ -122,7 +131,7 @@ class Blocks:
 
 def _pairs(weights: FloatArray) -> FloatArray:
     """The products (pairs, n) of two of the weights (n, KNOTS)."""
-    across, found, first = weights.T, np.empty((len(ROW), len(weights))), 0
+    across, found, first = weights.T, np.empty((PAIRS, len(weights))), 0
     for k in range(KNOTS):
         last = first + KNOTS - k
         np.multiply(across[k], across[k:], out=found[first:last])

@@ -67,8 +67,8 @@ class InterpolatedPath(SampledPath):
         """J (3 b KNOTS, p) at the knots of b blocks around the frames, and Σ W J for each of the weights (k, 3, 3)."""
         jacobian = self._by_block[self.blocks.around(frames)[0]]
         elements = np.concatenate([elements_of(one) for one in weights], axis=1)
-        pairs = self.blocks.pair_sums(frames, elements).reshape(-1, KNOTS, KNOTS, len(weights), 6)[..., FULL]
-        by_pair = pairs.transpose(3, 0, 1, 4, 2, 5).reshape(len(weights), -1, 3 * KNOTS, 3 * KNOTS)
+        places = (FULL + 6 * index for index in range(len(weights)))
+        by_pair = self.blocks.pair_sums(frames, elements, *places)
         return jacobian.reshape(-1, self.size), [(own @ jacobian).reshape(-1, self.size) for own in by_pair]
 
     @property

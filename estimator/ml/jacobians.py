@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
 from baryscope.estimator.dynamics.rotation import Attitudes
+from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
 
@@ -77,46 +78,42 @@ class Knots:
     motion: Attitudes
     path: FloatArray
 
-    def sums(
-        self, part: slice, attitude: FloatArray, matrix: FloatArray, rhs: FloatArray, coupling: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Σ Jᵀ B J (q, q), Σ Jᵀ r (q,) and Σ Jᵀ D (q, p) over the frames of a part; J (6, q) turns, then shifts.
-
-        attitude (n, 3, 3) R_C_B; matrix B (n, 6, 6), rhs r (n, 6) and coupling D (n, 6, p), all in B.
-        """
-        R_B_C = np.swapaxes(attitude, 1, 2)
-        in_C = np.concatenate([matrix, rhs[:, :, None], coupling], axis=2)
-        in_C[:, :3], in_C[:, 3:] = attitude @ in_C[:, :3], attitude @ in_C[:, 3:]
-        in_C[:, :, :3], in_C[:, :, 3:6] = in_C[:, :, :3] @ R_B_C, in_C[:, :, 3:6] @ R_B_C
-        n = len(in_C)
+    def around(self, part: slice) -> "KnotsAround":
+        """Those of the blocks around a part of the frames."""
         held = self.blocks.around(part)[0]
-        knots = slice(KNOTS * held.start, KNOTS * held.stop)
-        turn, shift = self.motion.turn_in_C(self.blocks.knots[held].ravel()), self.path[knots]
-        pairs = self.blocks.pair_sums(part, in_C[:, :, :6].reshape(n, 36)).reshape(-1, KNOTS, KNOTS, 6, 6)
-        single = self.blocks.sums(part, in_C[:, :, 6:].reshape(n, -1)).reshape(len(turn), 6, -1)
+        turn = self.motion.turn_in_C(self.blocks.knots[held].ravel())
+        return KnotsAround(self.blocks, part, turn, self.path[KNOTS * held.start : KNOTS * held.stop])
 
-        def crossed(a: slice, b: slice, jacobian: FloatArray) -> FloatArray:
-            """Σ B J for the rows a and columns b of B, flat over the knots (3 k KNOTS, size)."""
-            own = pairs[..., a, b].transpose(0, 1, 3, 2, 4).reshape(-1, 3 * KNOTS, 3 * KNOTS)
-            size = jacobian.shape[2]
-            return np.asarray((own @ jacobian.reshape(-1, 3 * KNOTS, size)).reshape(-1, size))
 
-        turned, shifted = slice(0, 3), slice(3, 6)
-        by_turn, by_shift = (values.reshape(-1, values.shape[2]).T for values in (turn, shift))
-        both = by_turn @ crossed(turned, shifted, shift)
-        total = np.block(
-            [
-                [by_turn @ crossed(turned, turned, turn), both],
-                [both.T, by_shift @ crossed(shifted, shifted, shift)],
-            ]
-        )
-        others = np.concatenate(
-            [
-                by_turn @ single[:, turned].reshape(-1, single.shape[2]),
-                by_shift @ single[:, shifted].reshape(-1, single.shape[2]),
-            ]
-        )
-        return total, others[:, 0], others[:, 1:]
+@dataclass(frozen=True, eq=False)
+class KnotsAround:
+    """The Jacobians of turn (k, 3, q) and shift (k, 3, p), in C, at the knots of the blocks around a part."""
+
+    blocks: Blocks
+    part: slice
+    turn: FloatArray
+    shift: FloatArray
+
+    def matrices(self, turn: FloatArray, crossed: FloatArray, shift: FloatArray) -> tuple[FloatArray, ...]:
+        """Σ Jᵀ B J (q, q) of turns, (q, p) of turns and shifts, and (p, p) of shifts, for blocks B (n, 3, 3) in C."""
+        values = np.concatenate([elements_of(turn), crossed.reshape(-1, 9), elements_of(shift)], axis=1)
+        places = FULL, 6 + np.arange(9).reshape(3, 3), 15 + FULL
+        sides = (self.turn, self.turn), (self.turn, self.shift), (self.shift, self.shift)
+        by_pair = self.blocks.pair_sums(self.part, values, *places)
+        return tuple(_product(left, own, right) for own, (left, right) in zip(by_pair, sides, strict=True))
+
+    def moments(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Σ Jᵀ v of turns (q, c) and of shifts (p, c) for values v (n, 3, c) in C."""
+        n, _, columns = values.shape
+        by_knot = self.blocks.sums(self.part, values.reshape(n, 3 * columns)).reshape(-1, columns)
+        turn, shift = (own.reshape(len(by_knot), -1).T @ by_knot for own in (self.turn, self.shift))
+        return turn, shift
+
+
+def _product(left: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
+    """Σ Lᵀ B R (q, p) for blocks B (b, 3 KNOTS, 3 KNOTS), L (b KNOTS, 3, q) and R (b KNOTS, 3, p)."""
+    weighted = blocks @ right.reshape(len(blocks), 3 * KNOTS, -1)
+    return np.asarray(left.reshape(-1, left.shape[2]).T @ weighted.reshape(-1, right.shape[2]))
 
 
 def worthwhile(blocks: Blocks) -> bool:

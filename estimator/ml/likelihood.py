@@ -20,12 +20,13 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, Pieces, pieces
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.blocks import PAIRS
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
-from baryscope.estimator.ml.jacobians import Knots
+from baryscope.estimator.ml.jacobians import Knots, KnotsAround
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -200,35 +201,65 @@ class _Sums:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _OfFrames:
+    """The equations of n frames in their movements (φ, τ) in B, and what couples these with the points.
+
+    turn, turn_shift, shift (n, 3, 3); turn_rhs, shift_rhs (n, 3); turn_points, shift_points (n, 3, 3 m), or None, where
+    they are those of the pieces.
+    """
+
+    turn: FloatArray
+    turn_shift: FloatArray
+    shift: FloatArray
+    turn_rhs: FloatArray
+    shift_rhs: FloatArray
+    turn_points: FloatArray | None = None
+    shift_points: FloatArray | None = None
+
+    @classmethod
+    def of(cls, found: Pieces, dense: bool) -> "_OfFrames":
+        """Those of pieces; dense: with what couples with the points."""
+        points = (found.turn_points(), found.shift_points()) if dense else (None, None)
+        return cls(found.turn, found.turn_shift, found.shift, found.turn_rhs, found.shift_rhs, *points)
+
+
 def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> None:
     """Add the frames of a part."""
-    m, attitude = len(model.points), model.attitude[part]
+    attitude, dense = model.attitude[part], model.knots is not None and observations.precision is not None
     found = pieces(observations.frames(part), attitude, model.origin[part], model.points)
-    block, rhs, coupling = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1), None
     sums.point += found.point
     sums.points_rhs += found.point_rhs
-    if model.noise is not None or model.knots is not None:
-        coupling = np.concatenate([found.turn_points(), found.shift_points()], axis=1)
-    if model.noise is not None:
-        assert coupling is not None  # noqa: S101  see above
-        gain = _gain(block, model.noise.frames(part).of_poses(attitude, model.origin[part]))
-        absorbed = gain @ coupling
-        sums.subtracted += np.swapaxes(coupling, 0, 1).reshape(-1, 3 * m).T @ np.swapaxes(absorbed, 0, 1).reshape(
-            -1, 3 * m
-        )
-        sums.points_rhs -= np.einsum("kip,ki->p", absorbed, rhs).reshape(m, 3)
-        coupling = coupling - block @ absorbed
-        rhs = rhs - np.einsum("kij,kj->ki", block @ gain, rhs)
-        block = block - block @ gain @ block
-    if model.knots is not None:
-        assert coupling is not None  # noqa: S101  see above
-        matrix, right, with_points = model.knots.sums(part, attitude, block, rhs, coupling)
-        sums.matrix += matrix
-        sums.rhs += right
-        sums.coupling += with_points
-        return
+    if model.noise is None:
+        frames = _OfFrames.of(found, dense)
+    else:
+        noise = model.noise.frames(part).of_poses(attitude, model.origin[part])
+        frames = _under_noise(sums, found, noise)
+    if model.knots is None:
+        _add_every(sums, part, found, frames, model)
+    else:
+        _add_by_knots(sums, model.knots.around(part), found, frames, attitude)
+
+
+def _under_noise(sums: _Sums, found: Pieces, noise: FloatArray) -> _OfFrames:
+    """The equations of frames that noise of a covariance (n, 6, 6) moves; adds what it takes from the points'."""
+    block, rhs = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1)
+    coupling = np.concatenate([found.turn_points(), found.shift_points()], axis=1)
+    size, gain = coupling.shape[2], _gain(block, noise)
+    absorbed = gain @ coupling
+    sums.subtracted += np.swapaxes(coupling, 0, 1).reshape(-1, size).T @ np.swapaxes(absorbed, 0, 1).reshape(-1, size)
+    sums.points_rhs -= np.einsum("kip,ki->p", absorbed, rhs).reshape(-1, 3)
+    coupling = coupling - block @ absorbed
+    rhs = rhs - np.einsum("kij,kj->ki", block @ gain, rhs)
+    block = block - block @ gain @ block
+    corners = block[:, :3, :3], block[:, :3, 3:], block[:, 3:, 3:]
+    return _OfFrames(*corners, rhs[:, :3], rhs[:, 3:], coupling[:, :3], coupling[:, 3:])
+
+
+def _add_every(sums: _Sums, part: slice, found: Pieces, frames: _OfFrames, model: Model) -> None:
+    """Add the frames of a part by the Jacobians at every one of them."""
     turn, own = model.motion.turn_of(part), model.rotation_size
-    R_B_C = np.swapaxes(attitude, 1, 2)
+    R_B_C = np.swapaxes(model.attitude[part], 1, 2)
     shift = R_B_C @ model.path.jacobian[part]
     if model.path.turn is not None:
         half = 0.0 if model.turned is None else cross_matrices(model.turned[part]) / 2
@@ -237,19 +268,49 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
     # Only the first of the unknowns turn the body, and only the last shift it.
     turning, shifting = slice(0, turn.shape[2]), slice(own, model.size)
     by_turn, by_shift = turn.reshape(-1, turn.shape[2]).T, shift.reshape(-1, shift.shape[2]).T
-    crossed = by_turn @ (block[:, :3, 3:] @ shift).reshape(-1, shift.shape[2])
-    sums.matrix[turning, turning] += by_turn @ (block[:, :3, :3] @ turn).reshape(-1, turn.shape[2])
+    crossed = by_turn @ (frames.turn_shift @ shift).reshape(-1, shift.shape[2])
+    sums.matrix[turning, turning] += by_turn @ (frames.turn @ turn).reshape(-1, turn.shape[2])
     sums.matrix[turning, shifting] += crossed
     sums.matrix[shifting, turning] += crossed.T
-    sums.matrix[shifting, shifting] += by_shift @ (block[:, 3:, 3:] @ shift).reshape(-1, shift.shape[2])
-    sums.rhs[turning] += by_turn @ rhs[:, :3].ravel()
-    sums.rhs[shifting] += by_shift @ rhs[:, 3:].ravel()
-    if coupling is None:
+    sums.matrix[shifting, shifting] += by_shift @ (frames.shift @ shift).reshape(-1, shift.shape[2])
+    sums.rhs[turning] += by_turn @ frames.turn_rhs.ravel()
+    sums.rhs[shifting] += by_shift @ frames.shift_rhs.ravel()
+    if frames.turn_points is None or frames.shift_points is None:
         sums.coupling[turning] += found.unknowns_points(turn, np.zeros_like(turn))
         sums.coupling[shifting] += found.unknowns_points(None, shift)
     else:
-        sums.coupling[turning] += by_turn @ coupling[:, :3].reshape(-1, 3 * m)
-        sums.coupling[shifting] += by_shift @ coupling[:, 3:].reshape(-1, 3 * m)
+        sums.coupling[turning] += by_turn @ frames.turn_points.reshape(by_turn.shape[1], -1)
+        sums.coupling[shifting] += by_shift @ frames.shift_points.reshape(by_shift.shape[1], -1)
+
+
+def _add_by_knots(sums: _Sums, around: KnotsAround, found: Pieces, frames: _OfFrames, attitude: FloatArray) -> None:
+    """Add the frames of a part by the Jacobians at the knots around them."""
+    R = np.asfortranarray(attitude)
+
+    def in_C(own: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("kij,kjl->kil", R, own))
+
+    blocks = frames.turn, frames.turn_shift, frames.shift
+    of_turns, crossed, of_shifts = around.matrices(*(np.einsum("kil,kml->kim", in_C(own), R) for own in blocks))
+    alone = in_C(np.stack([frames.turn_rhs, frames.shift_rhs], axis=2))
+    if frames.turn_points is None or frames.shift_points is None:
+        by_turn, by_shift = around.moments(np.concatenate([alone, found.in_other_axes(R)], axis=2))
+        by_point = by_turn[:, 2:].reshape(len(by_turn), -1, 3)
+        with_turn, with_shift = np.einsum("qmi,mij->qmj", by_point, found.arms), by_shift[:, 2:]
+    else:
+        coupling = in_C(frames.turn_points), in_C(frames.shift_points)
+        by_turn, by_shift = around.moments(np.concatenate([alone, *coupling], axis=2))
+        middle = 2 + coupling[0].shape[2]
+        with_turn, with_shift = by_turn[:, 2:middle], by_shift[:, middle:]
+    turning, shifting = slice(0, len(by_turn)), slice(len(by_turn), None)
+    sums.matrix[turning, turning] += of_turns
+    sums.matrix[turning, shifting] += crossed
+    sums.matrix[shifting, turning] += crossed.T
+    sums.matrix[shifting, shifting] += of_shifts
+    sums.rhs[turning] += by_turn[:, 0]
+    sums.rhs[shifting] += by_shift[:, 1]
+    sums.coupling[turning] += with_turn.reshape(len(by_turn), -1)
+    sums.coupling[shifting] += with_shift
 
 
 def _of_poses(found: Pieces) -> FloatArray:
@@ -306,10 +367,12 @@ def _squares(observations: Observations, model: Model) -> tuple[FloatArray, floa
 def _parts(observations: Observations, model: Model) -> list[slice]:
     """Chunks of frames that fit the processor's cache; with blocks, of whole ones."""
     n, m = observations.weight.shape
-    starts = np.arange(0, n, max(64, CHUNK_SIZE // max(9 * m, 3 * model.size)))
-    if model.knots is not None:
-        first = model.knots.blocks.first[:-1]
-        starts = np.unique(first[np.searchsorted(first, starts, side="right") - 1])
+    if model.knots is None:
+        starts = np.arange(0, n, max(64, CHUNK_SIZE // max(9 * m, 3 * model.size)))
+    else:
+        blocks = model.knots.blocks
+        starts = np.arange(0, n, max(64, CHUNK_SIZE // max(9 * m, 3 * model.size * blocks.knots.size // n, PAIRS)))
+        starts = np.unique(blocks.first[np.searchsorted(blocks.first, starts, side="right") - 1])
     return [slice(a, b) for a, b in pairwise([*starts.tolist(), n])]
 
 

@@ -34,9 +34,13 @@ def test_sums_are_those_over_the_frames(frames):
     expected = np.einsum("npq,snc->spqc", own, values)
     found = np.einsum("bkpq,bskc->spqc", knots, BLOCKS.sums(frames, values))
     np.testing.assert_allclose(found, expected, atol=1e-10)
-    products = np.einsum("npi,npj,nc->ijc", own, own, values[0])
-    pairs = BLOCKS.pair_sums(frames, values[0])
-    np.testing.assert_allclose(np.einsum("bkpi,blpj,bklc->ijc", knots, knots, pairs), products, atol=1e-9)
+    matrices, places = np.random.default_rng(4).normal(size=(len(own), 7)), np.array([[0, 3, 1], [6, 2, 4]])
+    products = np.einsum("npi,npq,nqj->ij", own[:, :2], matrices[:, places], own)
+    both = BLOCKS.pair_sums(frames, matrices, places, places.T)
+    for found, left, right in zip(both, (knots[:, :, :2], knots), (knots, knots[:, :, :2]), strict=True):
+        by_knot = found.reshape(-1, KNOTS, left.shape[2], KNOTS, right.shape[2])
+        summed = np.einsum("bkpi,bkplq,blqj->ij", left, by_knot, right)
+        np.testing.assert_allclose(summed, products if left is not knots else products.T, atol=1e-9)
 
 
 def test_gaps_have_no_blocks():

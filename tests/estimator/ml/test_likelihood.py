@@ -1,6 +1,7 @@
 """The joint normal equations against the dense problem: differences of the residuals by all unknowns."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -149,7 +150,7 @@ def test_unobserved_directions_get_the_given_displacement():
 
 
 def test_blocks_agree_with_every_frame():
-    """Jacobians at twelve knots of each block against those of all 1000 frames, with precisions."""
+    """Jacobians at twelve knots of each block against those of all 1000 frames, with precisions and without."""
     rng = np.random.default_rng(1)
     n, m = 1000, 5
     time = np.sort(rng.uniform(0.0, 60.0, n))
@@ -170,18 +171,17 @@ def test_blocks_agree_with_every_frame():
     assert len(blocks.knots) == 10
     turn, shift = (np.tile(np.diag(one), (n, 1, 1)) for one in ([1e-4, 1e-4, 1e-4], [0.1, 0.2, 0.0]))
     noise = FrameNoise(turn, shift, np.zeros((n, 3)))
-    for frames in (None, noise):
+    knots = Knots(blocks, motion, path.at(blocks.knots.ravel()).jacobian)
+    for frames, seen in product((None, noise), (observations, replace(observations, precision=None))):
         model = Model(motion, sampled, origin, points, frames)
-        every = equations(observations, model)
-        few = equations(
-            observations, replace(model, knots=Knots(blocks, motion, path.at(blocks.knots.ravel()).jacobian))
-        )
+        every, few = equations(seen, model), equations(seen, replace(model, knots=knots))
         scale = np.sqrt(np.outer(np.diag(every.matrix), np.diag(every.matrix)))
         # The rotation's Jacobian, of cubics between its nodes, is a polynomial in no block.
         np.testing.assert_allclose(few.matrix / scale, every.matrix / scale, atol=1e-6)
         size = np.sqrt(np.diag(every.matrix))
         np.testing.assert_allclose(few.rhs / size, every.rhs / size, atol=1e-5 * np.abs(every.rhs / size).max())
         np.testing.assert_allclose(few.points, every.points, atol=1e-12)
+        np.testing.assert_allclose(few.by_unknowns, every.by_unknowns, atol=1e-4 * np.abs(every.by_unknowns).max())
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
