@@ -1,5 +1,6 @@
 """Least-squares adjustment of point observations, shared by the methods that have a covariance.
 
-Normal equations, stereo covariances, robust weights, removal of spurious information, diagnostics of a result.
+Normal equations, stereo covariances, robust weights, removal of spurious information, products of errors,
+diagnostics of a result.
 Uses geometry, registration, tracks and result.
 """

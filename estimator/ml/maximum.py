@@ -46,9 +46,10 @@ RESOLVED = 3.0  # highest frequency of the modes over that at which the noise of
 class Likelihood:
     """The maximum a posteriori estimate of motion, path and points, with the normal equations there.
 
-    blocks of the frames; observations with their final weights; variance of an observation of weight 1, as given or
-    from the residuals: in m², or as a factor on the given covariances; residual_variance: that from the residuals;
-    unknowns: the number of unknowns y that the observations determine; posterior of y and of the hyperparameters.
+    blocks of the frames; noise of the frames' movements; observations with their final weights; variance of an
+    observation of weight 1, as given or from the residuals: in m², or as a factor on the given covariances;
+    residual_variance: that from the residuals; unknowns: the number of unknowns y that the observations determine;
+    posterior of y and of the hyperparameters.
     """
 
     rotation: Rotation
@@ -57,6 +58,7 @@ class Likelihood:
     path: Path
     sampled: SampledPath
     blocks: Blocks
+    noise: FrameNoise | None
     found: Equations
     priors: Priors
     posterior: Posterior
@@ -183,6 +185,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
         path=pivot.path,
         sampled=pivot.sampled,
         blocks=problem.blocks,
+        noise=noise,
         found=_of_true_size(best.found, pivot.path, errors_of(tracks)),
         priors=problem.priors,
         posterior=posterior(linear, problem.priors.own, best.theta),

@@ -30,11 +30,13 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
+from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised, turned_by
 from baryscope.estimator.ml.priors import DENSITY
+from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
@@ -222,7 +224,7 @@ def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) 
 def _covariances(
     best: Likelihood, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """The covariances of y (q, q) and of the clusters' offsets (3, 3), without spurious information.
+    """The covariances of y (q, q) and of the clusters' offsets (3, 3), without spurious information, with products.
 
     The estimate of a pure spin has a small error of its axis, which adds spurious information on the position along the
     axis, as in `pivot`. Here the attitude errors φ come from those of rate and inertia; the mean of φ over all frames
@@ -239,7 +241,12 @@ def _covariances(
         of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, least)
         offsets.append(variance * (offset + of_offset @ of_offset.T))
         of_y = of_y + of_unknowns @ of_unknowns.T
-    return variance * of_y, offsets
+    moved, points = product_errors(best, turn, variance * y, min(offsets, key=np.trace))
+    for index, features in enumerate(clusters):
+        attached = offset_by_points(best.found.points[features])
+        own = attached @ points[(3 * features[:, None] + np.arange(3)).ravel()]
+        offsets[index] = offsets[index] + own @ own.T
+    return variance * of_y + moved @ moved.T, offsets
 
 
 def _spread(turn: Jacobians, attitude: FloatArray, covariance: FloatArray) -> FloatArray:

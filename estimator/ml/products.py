@@ -1,0 +1,39 @@
+"""What products of errors do to the estimate of `ml`, see `adjustment.products`."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from baryscope.estimator.adjustment.products import independent, product_shifts
+from baryscope.estimator.ml.jacobians import Jacobians
+from baryscope.estimator.ml.likelihood import Model, equations
+from baryscope.estimator.ml.maximum import Likelihood, turned_by
+from baryscope.estimator.tracks import FloatArray
+
+
+def product_errors(
+    best: Likelihood, turn: Jacobians, y: FloatArray, offset: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Errors (q, k) of y and (3 m, k) of the points, in SI units, by k independent causes of variance 1.
+
+    There are none where they are negligible.
+
+    Args:
+        best: the maximum.
+        turn: the Jacobian of the attitude, as a rotation vector in C, by the rotation's unknowns.
+        y: covariance (q, q) of the unknowns.
+        offset: covariance (3, 3) in B of the centre of mass from the features, m².
+    """
+    size, R, path = best.rotation.size, best.motion.attitude, best.sampled
+    turns = np.swapaxes(R, 1, 2) @ turn.times(independent(y[:size, :size])[0])
+    shift = R @ product_shifts(turns, offset, path.covariance(y[size:, size:]))
+    if not shift.shape[2]:
+        return np.zeros((len(y), 0)), np.zeros((3 * len(best.found.points), 0))
+    # A pattern is one more unknown of the path, which the equations have beside the others.
+    still = None if path.turn is None else np.concatenate([path.turn, np.zeros_like(shift)], axis=2)
+    wider = replace(path, jacobian=np.concatenate([path.jacobian, shift], axis=2), turn=still)
+    origin, turned = path.position(best.x), turned_by(path, best.x)
+    model = Model(best.motion, wider, origin, best.found.points, best.noise, None, turned)
+    found, q = equations(best.observations, model), len(y)
+    of_y = y @ found.matrix[:q, q:] / max(best.variance, 1e-300)
+    return of_y, found.by_unknowns[:, q:] - found.by_unknowns[:, :q] @ of_y

@@ -1,0 +1,43 @@
+"""Products of errors: their patterns against the covariance of products of independent Gaussian errors."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.adjustment.products import MODES, independent, product_shifts
+from baryscope.estimator.geometry.so3 import cross_matrices
+
+
+def positive(rng, size):
+    root = rng.normal(size=(size, size))
+    return root @ root.T
+
+
+def test_independent_combinations_have_the_covariance():
+    """Of unknowns in units a million apart: L Lᵀ = C, and L⁻ᵀ turns C into L."""
+    scale = np.diag([1e-6, 1.0, 1e3])
+    covariance = scale @ positive(np.random.default_rng(0), 3) @ scale
+    root, inverse = independent(covariance)
+    size = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(root @ root.T / np.outer(size, size), covariance / np.outer(size, size), atol=1e-12)
+    np.testing.assert_allclose(covariance @ inverse / size[:, None], root / size[:, None], atol=1e-9)
+
+
+def test_patterns_have_the_covariance_of_products():
+    """E[(φ × δ)(φ × δ)ᵀ] = Σ Pᵢⱼ [eᵢ]× C [eⱼ]×ᵀ at each frame, C the covariance of φ less its mean over seen frames."""
+    rng = np.random.default_rng(1)
+    turns, offset = 1e-3 * rng.normal(size=(20, 3, MODES)), positive(rng, 3)
+    seen = np.arange(20) % 3 > 0
+    found = product_shifts(turns, offset, 1e-9 * np.broadcast_to(np.eye(3), (20, 3, 3)), seen)
+    own = turns - turns[seen].mean(axis=0)
+    axes = cross_matrices(np.eye(3))
+    expected = np.einsum("ij,iab,nbr,ncr,jdc->nad", offset, axes, own, own, axes)
+    np.testing.assert_allclose(found @ np.swapaxes(found, 1, 2), expected, rtol=1e-9, atol=1e-18)
+
+
+@pytest.mark.parametrize(("deviation", "patterns"), [(1e-6, 6), (1.0, 0)])
+def test_patterns_that_the_position_hides_are_left_out(deviation, patterns):
+    """Products of a milliradian and a metre: a millimetre."""
+    rng = np.random.default_rng(2)
+    turns = 1e-3 * rng.normal(size=(10, 3, 2))
+    position = np.broadcast_to(deviation**2 * np.eye(3), (10, 3, 3))
+    assert product_shifts(turns, np.eye(3), position).shape[2] == patterns

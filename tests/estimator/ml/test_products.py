@@ -1,0 +1,69 @@
+"""Products of errors in `ml` against the equations of observations that they move."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation as ScipyRotation
+
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.products import independent, product_shifts
+from baryscope.estimator.dynamics.blocks import Blocks
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.ml.jacobians import Jacobians
+from baryscope.estimator.ml.likelihood import FrameNoise, Model, equations
+from baryscope.estimator.ml.products import product_errors
+from synthetic import ENVISAT
+
+N, M = 12, 6
+TIME = np.arange(0.0, 5.0 * N, 5.0)
+NOISE = 0.1  # m
+OFFSET = np.diag([0.01, 0.01, 4.0])  # m²
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["still frames", "shifted frames"])
+def best(request):
+    """A maximum of `ml`: rotation, path and points with noisy observations, some missing."""
+    rng = np.random.default_rng(0)
+    start = Rotation(20.0, ScipyRotation.random(random_state=0).as_matrix(), np.array([0.03, 0.05, 0.04]), ENVISAT)
+    sampled, motion, points = Polynomial(1, 0.0, TIME[-1]).at(TIME), start.at(TIME), 2 * rng.normal(size=(M, 3))
+    x = np.array([4.0, -19.0, 3.0, 0.5, 0.2, -0.3])
+    position = sampled.position(x)[:, None] + points @ np.swapaxes(motion.attitude, 1, 2)
+    position = position + NOISE * rng.normal(size=position.shape)
+    observations = Observations(position, (rng.random((N, M)) < 0.8).astype(float), None)
+    shift, none = np.tile(np.diag([2.0, 1.0, 0.5]), (N, 1, 1)), np.zeros((N, 3, 3))
+    noise = FrameNoise(none, shift, np.zeros((N, 3))) if request.param else None
+    found = equations(observations, Model(motion, sampled, sampled.position(x), points, noise))
+    variance = NOISE**2
+    named = SimpleNamespace(rotation=start, motion=motion, sampled=sampled, x=x, found=found, noise=noise)
+    named.observations, named.variance = observations, variance
+    named.turn = Jacobians.of(motion.turn_in_C, TIME, Blocks.over(TIME, 10.0))
+    named.y = variance * np.linalg.inv(found.matrix + 1e-6 * np.diag(found.sizes))
+    return named
+
+
+def test_errors_are_those_of_observations_that_the_products_move(best):
+    """One Gauss–Newton step for each pattern, which moves all points of a frame."""
+    of_y, of_points = product_errors(best, best.turn, best.y, OFFSET)
+    size, R = best.rotation.size, best.motion.attitude
+    turns = np.swapaxes(R, 1, 2) @ best.turn.times(independent(best.y[:size, :size])[0])
+    shift = R @ product_shifts(turns, OFFSET, best.sampled.covariance(best.y[size:, size:]))
+    origin = best.sampled.position(best.x)
+    model = Model(best.motion, best.sampled, origin, best.found.points, best.noise)
+    rest = equations(best.observations, model)
+    assert of_y.shape[1] == shift.shape[2] > 0
+    for k in range(0, shift.shape[2], 5):
+        moved = replace(best.observations, position=best.observations.position + shift[:, None, :, k])
+        found = equations(moved, model)
+        step = best.y @ (found.rhs - rest.rhs) / best.variance
+        points = (found.points - rest.points).ravel() - rest.by_unknowns @ step
+        np.testing.assert_allclose(of_y[:, k], step, rtol=1e-6, atol=1e-9 * np.abs(of_y).max())
+        np.testing.assert_allclose(of_points[:, k], points, rtol=1e-6, atol=1e-9 * np.abs(of_points).max())
+
+
+def test_there_are_none_where_they_are_negligible(best):
+    of_y, of_points = product_errors(best, best.turn, best.y, 1e-12 * OFFSET)
+    assert of_y.shape == (len(best.y), 0)
+    assert of_points.shape == (3 * M, 0)
