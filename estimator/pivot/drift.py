@@ -32,38 +32,45 @@ class Drift:
     offsets: tuple[FloatArray, ...]
 
 
-def solve_drift(registered: Registered, weights: list[FloatArray], path: SampledPath, prior: Prior) -> Drift:
-    """The solution of c_k = g + R_k d; weights has an array (n,) for the frames of each body, prior is that of x.
+@dataclass(frozen=True, eq=False)
+class DriftEquations:
+    """The normal equations of c_k = g + R_k d: matrix (3 k + p, 3 k + p) and rhs for the k bodies' offsets and then x.
 
-    Least squares, or, with a prior, the posterior mean for hyperparameters and noise of maximum likelihood.
+    total: the weighted Σ c_k², m²; values: the number of coordinates of all c_k; offsets: 3 k; noise: standard
+    deviation of a coordinate from the registration, m.
     """
-    matrix, rhs, total = _normal_equations(registered, weights, path)
-    d = 3 * len(registered.bodies)
-    if prior.free.all():
-        found = symmetric_pseudo_inverse(matrix) @ rhs
-        return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
-    inverse = symmetric_pseudo_inverse(matrix[:d, :d])
-    information = matrix[d:, d:] - matrix[d:, :d] @ inverse @ matrix[:d, d:]
-    right = rhs[d:] - matrix[d:, :d] @ inverse @ rhs[:d]
-    least = ROUNDING * total
-    total -= float(rhs[:d] @ inverse @ rhs[:d])
-    variance, x, theta = max(registered.noise**2, least), np.zeros(len(right)), None
-    values = 3 * sum(len(weight) for weight in weights) - d
-    for _ in range(NOISE_ROUNDS):
-        linear = Linear(information / variance, right / variance, np.zeros_like(x))
-        theta = maximise(linear, prior, theta)
-        x, covariance = conditional(linear, prior, theta)
-        left = values - float(np.vdot(linear.information, covariance))
-        squares = total - 2 * float(right @ x) + float(x @ information @ x)
-        variance = max(squares / max(left, 1.0), least)
-    offsets = inverse @ (rhs[:d] - matrix[:d, d:] @ x)
-    return Drift(x, tuple(offsets.reshape(-1, 3)))
+
+    matrix: FloatArray
+    rhs: FloatArray
+    total: float
+    values: int
+    offsets: int
+    noise: float
+
+    def solved(self, prior: Prior) -> Drift:
+        """Least squares, or, with a prior of x, the posterior mean for likeliest hyperparameters and noise."""
+        matrix, rhs, d = self.matrix, self.rhs, self.offsets
+        if prior.free.all():
+            found = symmetric_pseudo_inverse(matrix) @ rhs
+            return Drift(found[d:], tuple(found[:d].reshape(-1, 3)))
+        inverse = symmetric_pseudo_inverse(matrix[:d, :d])
+        information = matrix[d:, d:] - matrix[d:, :d] @ inverse @ matrix[:d, d:]
+        right = rhs[d:] - matrix[d:, :d] @ inverse @ rhs[:d]
+        least, total = ROUNDING * self.total, self.total - float(rhs[:d] @ inverse @ rhs[:d])
+        variance, x, theta = max(self.noise**2, least), np.zeros(len(right)), None
+        for _ in range(NOISE_ROUNDS):
+            linear = Linear(information / variance, right / variance, np.zeros_like(x))
+            theta = maximise(linear, prior, theta)
+            x, covariance = conditional(linear, prior, theta)
+            left = self.values - d - float(np.vdot(linear.information, covariance))
+            squares = total - 2 * float(right @ x) + float(x @ information @ x)
+            variance = max(squares / max(left, 1.0), least)
+        offsets = inverse @ (rhs[:d] - matrix[:d, d:] @ x)
+        return Drift(x, tuple(offsets.reshape(-1, 3)))
 
 
-def _normal_equations(
-    registered: Registered, weights: list[FloatArray], path: SampledPath
-) -> tuple[FloatArray, FloatArray, float]:
-    """Matrix (3 k + p, 3 k + p) and right-hand side for the k bodies' offsets and then x, and the weighted Σ c_k²."""
+def drift_equations(registered: Registered, weights: list[FloatArray], path: SampledPath) -> DriftEquations:
+    """Those of registered bodies; weights has an array (n,) for the frames of each."""
     p, d = path.size, 3 * len(registered.bodies)
     matrix, rhs, total, known = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0, path.offset
     for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
@@ -79,7 +86,8 @@ def _normal_equations(
         rhs[own] = outer[:3, -1]
         rhs[d:] += outer[3:-1, -1]
         total += float(outer[-1, -1])
-    return matrix, rhs, total
+    values = 3 * sum(len(weight) for weight in weights)
+    return DriftEquations(matrix, rhs, total, values, d, registered.noise)
 
 
 def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]) -> list[FloatArray]:

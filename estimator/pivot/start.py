@@ -16,7 +16,7 @@ from baryscope.estimator.adjustment.reweighting import MEDIAN, reweighted
 from baryscope.estimator.dynamics.paths import DECAY, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.pivot.drift import frame_weights, solve_drift
+from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_weights
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.refinement import (
     Subsample,
@@ -63,9 +63,9 @@ def linear_start(
     smooth = prior.index(DECAY) is not None
     simple = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if smooth else [quiet]
     priors = [*simple, prior] if prior.hyperparameters else [prior]
-    trials = []
+    trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled)
     for one in priors:
-        bodies, x = _linear_solution(own, few.observations, sampled, one)
+        bodies, x = _linear_solution(own, few.observations, sampled, one, even)
         trials.append(_Trial(bodies, x, few.observations))
     index = 0
     if len(trials) > 1:
@@ -119,11 +119,10 @@ def _in_subsample(registered: Registered, few: Subsample) -> Registered:
 
 
 def _linear_solution(
-    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior
+    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior, even: DriftEquations
 ) -> tuple[tuple[Body, ...], FloatArray]:
-    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted, then weighted."""
-    first = solve_drift(registered, [np.ones(len(body.frames)) for body in registered.bodies], sampled, prior)
-    weights = frame_weights(registered.bodies, observations.weight, first.offsets)
-    drift = solve_drift(registered, weights, sampled, prior)
+    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted (even), weighted."""
+    weights = frame_weights(registered.bodies, observations.weight, even.solved(prior).offsets)
+    drift = drift_equations(registered, weights, sampled).solved(prior)
     moved = zip(registered.bodies, drift.offsets, strict=True)
     return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x

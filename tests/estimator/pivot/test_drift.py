@@ -8,7 +8,7 @@ from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
-from baryscope.estimator.pivot.drift import frame_weights, solve_drift
+from baryscope.estimator.pivot.drift import drift_equations, frame_weights
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from synthetic import Orbit
@@ -45,7 +45,7 @@ def test_exact_without_noise_for_any_weights(kind):
         strict=True,
     )
     weights = [np.random.default_rng(1).uniform(0.1, 10, len(body.frames)) for body in bodies]
-    found = solve_drift(Registered(bodies, origins, 0.0), weights, sampled, Prior.none(sampled.jacobian.shape[2]))
+    found = drift_equations(Registered(bodies, origins, 0.0), weights, sampled).solved(Prior.none(sampled.size))
     np.testing.assert_allclose(found.x, x, atol=1e-8)
     np.testing.assert_allclose(found.offsets, OFFSETS, atol=1e-8)
 
@@ -60,9 +60,8 @@ def test_agrees_with_numpys_least_squares():
     root = np.repeat(np.sqrt(weight), 3)
     rows = np.concatenate([body.attitude, sampled.jacobian], axis=2).reshape(120, -1) * root[:, None]
     expected = np.linalg.lstsq(rows, translation.ravel() * root, rcond=None)[0]
-    found = solve_drift(
-        Registered((body,), (translation,), 0.0), [weight], sampled, Prior.none(sampled.jacobian.shape[2])
-    )
+    equations = drift_equations(Registered((body,), (translation,), 0.0), [weight], sampled)
+    found = equations.solved(Prior.none(sampled.size))
     np.testing.assert_allclose(found.offsets[0], expected[:3], atol=1e-10)
     np.testing.assert_allclose(found.x, expected[3:], atol=1e-10)
 
