@@ -91,7 +91,10 @@ class Rotation:
     @property
     def longest_step(self) -> float:
         """The longest time in s from node to node."""
-        highest = _highest_rate(self) / NODE_ANGLE
+        return self._longest_step(NODE_ANGLE)
+
+    def _longest_step(self, node_angle: float) -> float:
+        highest = _highest_rate(self) / node_angle
         if self.torque is not None:
             highest = max(highest, self.torque.highest_frequency / NODE_PHASE)
         return 1 / highest if highest > 0 else np.inf
@@ -112,9 +115,9 @@ class Rotation:
             )
         return found
 
-    def try_at(self, time: FloatArray) -> "Attitudes | None":
-        """The same as `at`; None instead of an error."""
-        nodes = self._nodes_around(time) if self.reaches(time) else None
+    def try_at(self, time: FloatArray, node_angle: float = NODE_ANGLE) -> "Attitudes | None":
+        """The same as `at`; None instead of an error. node_angle: from node to node, rad."""
+        nodes = self._nodes_around(time, node_angle) if self.reaches(time) else None
         return nodes.between(time) if nodes is not None and nodes.finite else None
 
     def transition(self, start: "Attitudes", end: "Attitudes") -> FloatArray:
@@ -130,8 +133,9 @@ class Rotation:
         found[:, :3] = np.swapaxes(end.attitude, 1, 2) @ found[:, :3]
         return found
 
-    def _nodes_around(self, time: FloatArray) -> "_Nodes":
-        return _nodes(self, float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch)))
+    def _nodes_around(self, time: FloatArray, node_angle: float) -> "_Nodes":
+        span = float(min(time.min(initial=np.inf), self.epoch)), float(max(time.max(), self.epoch))
+        return _nodes(self, *span, self._longest_step(node_angle))
 
 
 def too_long(rate: float, span: float) -> ComputationError:
@@ -257,9 +261,12 @@ def _quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # sensitivities of a chaotic motion grow without bound: see `finite`
-def _nodes(start: Rotation, begin: float, end: float) -> _Nodes:
-    """The motion and its sensitivities at nodes that span begin … end in s, integrated from the epoch."""
-    h = start.longest_step
+def _nodes(start: Rotation, begin: float, end: float, longest: float) -> _Nodes:
+    """The motion and its sensitivities at nodes that span begin … end in s, integrated from the epoch.
+
+    longest: time in s from node to node.
+    """
+    h = longest
     before = max(int(np.ceil((start.epoch - begin) / h)), 0)
     after = max(int(np.ceil((end - start.epoch) / h)), 1)
     h = float(np.max([(start.epoch - begin) / max(before, 1), (end - start.epoch) / after, 1e-9]))
