@@ -162,7 +162,7 @@ class _Seen:
         return Pieces(
             turn=self.turn,
             turn_shift=_sums(w, self.arms),
-            shift=w.sum(axis=1)[:, None, None] * np.eye(3),
+            shift=(np.eye(3)[:, :, None] * w.sum(axis=1)).T,
             point=w.sum(axis=0)[:, None, None] * np.eye(3),
             turn_rhs=_cross_sums(self.moments, attitude),
             shift_rhs=np.einsum("kj,kji->ki", self.total, attitude) - w @ self.points,

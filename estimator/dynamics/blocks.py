@@ -51,7 +51,7 @@ class Blocks:
         index = np.minimum(((time - time[0]) / length).astype(np.intp), count - 1)
         first = np.flatnonzero(np.diff(index, prepend=-1))
         middle = time[0] + (index + 0.5) * length
-        weights = np.asfortranarray(lagrange_weights(NODES, (time - middle) / (length / 2)))
+        weights = lagrange_weights(NODES, (time - middle) / (length / 2))
         return cls(middle[first, None] + length / 2 * NODES, np.append(first, len(time)), weights)
 
     def around(self, frames: Frames) -> tuple[slice, IntArray]:

@@ -9,12 +9,15 @@ IntArray = NDArray[np.intp]
 
 def lagrange_weights(nodes: FloatArray, at: FloatArray) -> FloatArray:
     """The weights (n, k) of values at nodes (k,) in the polynomial through them, at (n,)."""
-    others = nodes + np.diag(np.full(len(nodes), np.nan))
-    apart = at[:, None] - nodes
-    before, after = np.ones_like(apart), np.ones_like(apart)
-    np.cumprod(apart[:, :-1], axis=1, out=before[:, 1:])
-    np.cumprod(apart[:, :0:-1], axis=1, out=after[:, -2::-1])
-    return np.asarray(before * after / np.nanprod(nodes[:, None] - others, axis=1))
+    apart = nodes[:, None] - nodes + np.eye(len(nodes))
+    weights, before, after = np.empty((len(nodes), len(at))), np.ones(len(at)), np.ones(len(at))
+    for weight, node in zip(weights, nodes, strict=True):
+        weight[:] = before
+        before *= at - node
+    for weight, node, scale in zip(weights[::-1], nodes[::-1], np.prod(apart, axis=1)[::-1], strict=True):
+        weight *= after / scale
+        after *= at - node
+    return weights.T
 
 
 def cubic(s: FloatArray, left: IntArray, f: FloatArray, df: FloatArray) -> FloatArray:
