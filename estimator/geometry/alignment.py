@@ -46,15 +46,18 @@ def align(points_A: FloatArray, points_B: FloatArray, weights: FloatArray) -> Al
     if three points are not collinear; then `spread` is positive.
     """
     shared = points_B.ndim == 2
-    a = np.where(weights[..., None] > 0, points_A, 0.0)
-    b = np.where((weights.max(axis=0) if shared else weights)[..., None] > 0, points_B, 0.0)
-    total = weights.sum(axis=1)
-    centroid_a = np.einsum("nm,nmi->ni", weights, a) / total[:, None]
-    centroid_b = (weights[:, None] @ b)[:, 0] / total[:, None]
-    a = weights[..., None] * (a - centroid_a[:, None])
+    w = np.asfortranarray(weights)  # with the sets last in memory, so that einsum runs along them
+    a = np.where(w[..., None] > 0, np.asfortranarray(points_A), 0.0)
+    b = np.where((w.max(axis=0) if shared else w)[..., None] > 0, np.asfortranarray(points_B), 0.0)
+    total = w.sum(axis=1)
+    centroid_a = np.einsum("nm,nmi->ni", w, a) / total[:, None]
+    centroid_b = (w @ b if shared else np.einsum("nm,nmi->ni", w, b)) / total[:, None]
+    a -= centroid_a[:, None]
+    a *= w[..., None]
     # Σ w (a − ā) is zero, so b may have any origin; one near the points keeps rounding small.
     b = b - (centroid_b.mean(axis=0) if shared else centroid_b[:, None])
-    quaternion, spread = rotation_from_moments(np.swapaxes(a, 1, 2) @ b)
+    moments = np.moveaxis(b.T @ a.T, -1, 0) if shared else np.einsum("nmi,nmj->nij", a, b)
+    quaternion, spread = rotation_from_moments(moments)
     rotation = matrix_from_quaternion(quaternion)
     return Alignment(rotation, quaternion, centroid_a, centroid_b, spread / total)
 
