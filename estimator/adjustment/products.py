@@ -3,7 +3,7 @@
 Where the centre of mass is off by δ in B, an attitude error φ moves all points of a frame by φ × δ. That is of second
 order, and no linearised problem knows it. The errors φ that the unknowns make are a few modes over time, so that each
 pair of a mode and an axis of δ moves the observations in a known pattern, by a random number of variance 1.
-See `spurious.product_gradient` for attitudes that are free.
+See `spurious.NoisyAttitudes` for attitudes that are free.
 """
 
 import numpy as np

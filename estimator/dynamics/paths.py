@@ -5,7 +5,7 @@ polynomials are linear in x. Relative motion stands in `relative_motion`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -129,11 +129,14 @@ class SampledPath:
         return SampledPath(
             np.concatenate([self.jacobian, columns], axis=2),
             lambda x: self.position(x[:size]) + columns @ x[size:],
+            None if self.seen_of is None else self.seen_of.extended(columns),
+            None if self.turn is None else np.concatenate([self.turn, np.zeros_like(columns)], axis=2),
         )
 
     def moved(self, by: FloatArray) -> "SampledPath":
         """The path moved by (n, 3) in m."""
-        return replace(self, position=lambda x: self.position(x) + by)
+        seen_of = None if self.seen_of is None else self.seen_of.moved(by)
+        return SampledPath(self.jacobian, lambda x: self.position(x) + by, seen_of, self.turn)
 
     def lengths(self, directions: FloatArray) -> FloatArray:
         """The rms displacement (k,) of the path, m, for changes (p, k) of x."""

@@ -1,7 +1,5 @@
 """What products of errors do to the estimate of `ml`, see `adjustment.products`."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from baryscope.estimator.adjustment.products import independent, product_shifts
@@ -29,11 +27,9 @@ def product_errors(
     shift = R @ product_shifts(turns, offset, path.covariance(y[size:, size:]))
     if not shift.shape[2]:
         return np.zeros((len(y), 0)), np.zeros((3 * len(best.found.points), 0))
-    # A pattern is one more unknown of the path, which the equations have beside the others.
-    still = None if path.turn is None else np.concatenate([path.turn, np.zeros_like(shift)], axis=2)
-    wider = replace(path, jacobian=np.concatenate([path.jacobian, shift], axis=2), turn=still)
     origin, turned = path.position(best.x), turned_by(path, best.x)
-    model = Model(best.motion, wider, origin, best.found.points, best.noise, None, turned)
+    # A pattern is one more unknown of the path, which the equations have beside the others.
+    model = Model(best.motion, path.extended(shift), origin, best.found.points, best.noise, None, turned)
     found, q = equations(best.observations, model), len(y)
     of_y = y @ found.matrix[:q, q:] / max(best.variance, 1e-300)
     return of_y, found.by_unknowns[:, q:] - found.by_unknowns[:, :q] @ of_y

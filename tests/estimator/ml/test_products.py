@@ -12,10 +12,13 @@ from baryscope.estimator.adjustment.products import independent, product_shifts
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.likelihood import FrameNoise, Model, equations
 from baryscope.estimator.ml.products import product_errors
-from synthetic import ENVISAT
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.result import Status
+from synthetic import ENVISAT, attitude, box_features, make_case
 
 N, M = 12, 6
 TIME = np.arange(0.0, 5.0 * N, 5.0)
@@ -61,6 +64,21 @@ def test_errors_are_those_of_observations_that_the_products_move(best):
         points = (found.points - rest.points).ravel() - rest.by_unknowns @ step
         np.testing.assert_allclose(of_y[:, k], step, rtol=1e-6, atol=1e-9 * np.abs(of_y).max())
         np.testing.assert_allclose(of_points[:, k], points, rtol=1e-6, atol=1e-9 * np.abs(of_points).max())
+
+
+def test_products_count_in_a_spin_of_so_many_frames_that_its_path_is_interpolated():
+    """About the greatest principal axis, along which the centre of mass is unknown."""
+    time = np.linspace(0.0, 300.0, 1001)
+    R = attitude(ENVISAT, np.deg2rad(3.5) * np.linalg.eigh(ENVISAT)[1][:, 2], time)
+    com = np.array([4.0, -19.0, 3.0]) + np.outer(time, [0.01, -0.02, 0.01])
+    case = make_case(time, R, com, box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0)), noise=0.02, seed=0)
+    found = estimate(case.tracks, method="ml", options=PathOptions(trajectory="polynomial:1"))
+    assert found.status is Status.NOT_OBSERVABLE
+    for k in (0, 500, 1000):
+        error = found.position[k] - com[k]
+        assert (
+            error @ np.linalg.solve(found.covariance[k], error) < 16.3
+        )  # of three degrees of freedom, in a thousandth
 
 
 def test_there_are_none_where_they_are_negligible(best):
