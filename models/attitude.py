@@ -6,8 +6,10 @@ from typing import Self
 
 import casadi as ca
 
-from baryscope.models.frames import Symbol
+from baryscope.models.frames import Symbol, quaternion_about, quaternion_product, rotation_about
 from baryscope.models.variables import AXES
+
+SWEEPS = 5  # of Jacobi's method
 
 
 def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
@@ -99,6 +101,24 @@ def symmetric_inverse(J: Symbol) -> Symbol:
     columns = ca.horzsplit(J)
     cofactors = ca.horzcat(*(ca.cross(columns[(i + 1) % 3], columns[(i + 2) % 3]) for i in range(3)))
     return cofactors / ca.dot(columns[0], cofactors[:, 0])
+
+
+def principal_axes(J: Symbol) -> Symbol:
+    """q_B_D of the principal axes D of a symmetric J in B, by Jacobi's cyclic method.
+
+    Each turn takes an element beside the diagonal to zero; three sweeps already leave nothing but rounding (Golub, Van
+    Loan, Matrix Computations, §8.5). It never turns by more than 45°, so that equal moments do no harm.
+    """
+    q_B_D = ca.SX([1, 0, 0, 0])
+    for axis in (0, 1, 2) * SWEEPS:
+        j, k = (axis + 1) % 3, (axis + 2) % 3
+        difference = J[j, j] - J[k, k]
+        beside = ca.if_else(difference < 0, -2, 2) * J[j, k]
+        angle = ca.atan2(beside, ca.fabs(difference)) / 2
+        R = rotation_about(axis, angle)
+        J = R.T @ J @ R
+        q_B_D = quaternion_product(q_B_D, quaternion_about(axis, angle))
+    return q_B_D
 
 
 def gravity_gradient_torque(inertia_B: Symbol, up_B: Symbol, stiffness: Symbol) -> Symbol:

@@ -28,6 +28,24 @@ def quaternion_rate(q: Symbol, angular_rate_B: Symbol) -> Symbol:
     return 0.5 * ca.vertcat(-ca.dot(v, angular_rate_B), w * angular_rate_B + ca.cross(v, angular_rate_B))
 
 
+def quaternion_product(p: Symbol, q: Symbol) -> Symbol:
+    """p ⊗ q of quaternions (w, x, y, z): q_A_C = q_A_B ⊗ q_B_C."""
+    w, v = p[0], p[1:]
+    return ca.vertcat(w * q[0] - ca.dot(v, q[1:]), w * q[1:] + q[0] * v + ca.cross(v, q[1:]))
+
+
+def conjugate(q: Symbol) -> Symbol:
+    """The quaternion (w, x, y, z) of the opposite turn: q_B_A of q_A_B."""
+    return ca.vertcat(q[0], -q[1:])
+
+
+def quaternion_about(axis: int, angle: Symbol) -> Symbol:
+    """The quaternion of `rotation_about`."""
+    q = ca.SX.zeros(4)
+    q[0], q[1 + axis] = ca.cos(angle / 2), ca.sin(angle / 2)
+    return q
+
+
 def rotation_about(axis: int, angle: Symbol) -> Symbol:
     """R that turns vectors by `angle` (rad) about coordinate axis 0, 1 or 2."""
     c, s = ca.cos(angle), ca.sin(angle)
@@ -40,6 +58,12 @@ def rotation_about(axis: int, angle: Symbol) -> Symbol:
 def rotation_I_P(raan: Symbol, inclination: Symbol, argument_of_periapsis: Symbol) -> Symbol:
     """R_I_P = R3(Ω) R1(i) R3(ω), P perifocal (x to the periapsis, z orbit normal); all angles in rad."""
     return rotation_about(2, raan) @ rotation_about(0, inclination) @ rotation_about(2, argument_of_periapsis)
+
+
+def quaternion_I_P(raan: Symbol, inclination: Symbol, argument_of_periapsis: Symbol) -> Symbol:
+    """The quaternion of `rotation_I_P`."""
+    tilted = quaternion_product(quaternion_about(2, raan), quaternion_about(0, inclination))
+    return quaternion_product(tilted, quaternion_about(2, argument_of_periapsis))
 
 
 def rotation_I_L(R_I_P: Symbol, true_anomaly: Symbol) -> Symbol:

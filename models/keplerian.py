@@ -6,7 +6,7 @@ from typing import Self
 
 import casadi as ca
 
-from baryscope.models.frames import Symbol, rotation_I_P
+from baryscope.models.frames import Symbol, quaternion_I_P, rotation_I_P
 
 KEPLER_ITERATIONS = 8
 
@@ -69,6 +69,11 @@ class Elements:
     def R_I_P(self) -> Symbol:
         """R_I_P, from the perifocal axes (x to the periapsis, z orbit normal) to I."""
         return rotation_I_P(self.raan, self.inclination, self.argument_of_periapsis)
+
+    @property
+    def q_I_P(self) -> Symbol:
+        """The quaternion of R_I_P."""
+        return quaternion_I_P(self.raan, self.inclination, self.argument_of_periapsis)
 
     @property
     def mean_motion(self) -> Symbol:

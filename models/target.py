@@ -11,6 +11,10 @@ place alone.
 
 What depends on p alone (the inverse of J, the orbit's plane) is computed once per run, as c = constants(p). Functions
 that are called often take c.
+
+The Taylor series of the attitude under torques is that of q_P_D and ω_D: from the perifocal axes P (with forces, I) to
+the target's principal axes D, in which J is diagonal and the direction of gravity stays in a plane: that takes less
+time. Its constants are s = series_constants(p).
 """
 
 from collections.abc import Mapping
@@ -25,11 +29,19 @@ from baryscope.models.attitude import (
     angular_acceleration,
     angular_momentum,
     inertia_tensor,
+    principal_axes,
     rotational_energy,
     symmetric_inverse,
 )
 from baryscope.models.checks import CheckSet, parameter_checks
-from baryscope.models.frames import Symbol, quaternion_rate, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import (
+    Symbol,
+    conjugate,
+    quaternion_product,
+    quaternion_rate,
+    rotation_from_quaternion,
+    rotation_I_L,
+)
 from baryscope.models.keplerian import Conic, Elements, Ellipse, conic
 from baryscope.models.quadratic import QuadraticForm, quadratic_form
 from baryscope.models.relative_motion import relative_acceleration, target_from_chaser
@@ -55,7 +67,11 @@ class TumblingTarget:
         free_attitude_rates: (q, ω, place), u, c → their rates without torques but the input, with the place at rest.
         free_attitude_form: the same as weighted products with ω, without the constant part of the torque.
         attitude_rates: the rates with gravity gradient (with eddy currents, where it is switched on) and of the place.
-        turned_attitude_series: (q, ω, place), u, c, ‖q‖⁻² → the same rates, for series over a step: ‖q‖ is constant.
+        series_constants: p → s.
+        to_series: (q_I_B, ω_B), u, s → (q_P_D, ω_D), torque in D.
+        from_series: (q_P_D, ω_D), s → (q_I_B, ω_B).
+        series_rates: (q_P_D, ω_D, place), torque in D, s, ‖q‖⁻² → their rates as in `attitude_rates`, for series over a
+            step: ‖q‖ is constant.
         orbit_rates: (place, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
         run_forward: x, u, p, c, seed of (u, x) → the seed's image in (y, ẋ).
@@ -76,7 +92,10 @@ class TumblingTarget:
     free_attitude_rates: ca.Function
     free_attitude_form: QuadraticForm
     attitude_rates: ca.Function
-    turned_attitude_series: ca.Function
+    series_constants: ca.Function
+    to_series: ca.Function
+    from_series: ca.Function
+    series_rates: ca.Function
     orbit_rates: ca.Function
     run_outputs: ca.Function
     run_forward: ca.Function
@@ -105,12 +124,10 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
     constants = _unpack(c, _constants(parameters, forces))
 
     gravity_gradient = parameters["gravityGradient"]
-    part, shrinking = x[attitude_part], ca.SX.sym("shrinking")
-    forms = {
-        "exact": Form.plain(rotation_from_quaternion(_unit(part[:4]))),
-        "series": Form.of_products(rotation_from_quaternion(part[:4]), shrinking),
-    }
-    attitude = {how: _attitude_rates(part, inputs, constants, forms.get(how), forces) for how in ("free", *forms)}
+    part = x[attitude_part]
+    exact = Form.plain(rotation_from_quaternion(_unit(part[:4])))
+    forms = {"free": None, "exact": exact}
+    attitude = {how: _attitude_rates(part, inputs, constants, form, forces) for how, form in forms.items()}
     orbit = _orbit_rates(x[orbit_part], inputs, constants, forces)
     free, turned = attitude["free"][RATE_PART], attitude["exact"][RATE_PART]
     turning = turned if Force.EDDY_CURRENTS in forces else free + gravity_gradient * (turned - free)
@@ -125,6 +142,7 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
     start = ca.vertcat(y, x, rates)
     start = ca.substitute(of_parameters(start), x, x0)
     run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, x), ca.vertcat(y, rates))
+    series = _series(part, u, inputs["target.torque"], _series_constants(parameters, forces), forces)
     beginning = _derivatives("target_initial", [u, p], ca.vertcat(u, p), start)
     return TumblingTarget(
         forces=forces,
@@ -138,7 +156,10 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
         free_attitude_rates=_part("target_free_attitude_rates", part, u, c, attitude["free"]),
         free_attitude_form=quadratic_form("target_free_attitude", attitude["free"], part, c, RATE_PART),
         attitude_rates=_part("target_attitude_rates", part, u, c, attitude["exact"]),
-        turned_attitude_series=ca.Function("target_series", [part, u, c, shrinking], [ca.cse(attitude["series"])]),
+        series_constants=ca.Function(
+            "target_series_constants", [p], [_pack(_series_constants(parameters, forces))], ["p"], ["s"]
+        ),
+        **series,
         orbit_rates=_part("target_orbit_rates", x[orbit_part], u, c, orbit),
         run_outputs=ca.Function("target_run_outputs", [x, p, c], [ca.cse(y)], ["x", "p", "c"], ["y"]),
         run_forward=run[0],
@@ -211,6 +232,42 @@ def _unpack(c: Symbol, like: Mapping[str, Symbol]) -> dict[str, Symbol]:
         values[name] = ca.reshape(c[start : start + size], *shape)
         start += size
     return values
+
+
+def _series_constants(parameters: Mapping[str, Symbol], forces: Forces) -> dict[str, Symbol]:
+    """The constants in the axes of the series, with diagonals of J and its inverse; q_I_B = turn q_P_D; and R_B_D."""
+    constants = _constants(parameters, forces)
+    q_B_D = principal_axes(constants["inertia"])
+    R_B_D = rotation_from_quaternion(q_B_D)
+    moments = ca.diag(R_B_D.T @ constants["inertia"] @ R_B_D)
+    turned = {"inertia": moments, "inverse_inertia": 1 / moments}
+    if "magnetic_tensor" in constants:
+        turned["magnetic_tensor"] = R_B_D.T @ constants["magnetic_tensor"] @ R_B_D
+    q_I_P = ca.SX([1, 0, 0, 0]) if forces else Elements.named(parameters).q_I_P
+    units = ca.horzsplit(ca.densify(ca.SX.eye(4)))
+    turn = ca.horzcat(*(quaternion_product(quaternion_product(q_I_P, q), conjugate(q_B_D)) for q in units))
+    constants.pop("R_I_P", None)
+    return constants | turned | {"turn": turn, "R_B_D": R_B_D}
+
+
+def _series(
+    part: Symbol, u: Symbol, torque_B: Symbol, like: Mapping[str, Symbol], forces: Forces
+) -> dict[str, ca.Function]:
+    """The functions of the attitude's series."""
+    s = ca.SX.sym("s", _pack(like).numel())
+    constants = _unpack(s, like)
+    turn, R_B_D = constants["turn"], constants["R_B_D"]
+    state, torque, shrinking = part[:PLACE_START], ca.SX.sym("torque", 3), ca.SX.sym("shrinking")
+    q, rate = state[:4], state[RATE_PART]
+    axes = {name: ca.diag(constants[name]) for name in ("inertia", "inverse_inertia")} | {"R_I_P": ca.SX.eye(3)}
+    form = Form.of_products(rotation_from_quaternion(q), shrinking)
+    rates = _attitude_rates(part, {"target.torque": torque}, constants | axes, form, forces)
+    to_D, to_B = (ca.vertcat(A @ q, R @ rate) for A, R in ((turn.T, R_B_D.T), (turn, R_B_D)))
+    return {
+        "to_series": ca.Function("target_to_series", [state, u, s], [to_D, R_B_D.T @ torque_B]),
+        "from_series": ca.Function("target_from_series", [state, s], [to_B]),
+        "series_rates": ca.Function("target_series_rates", [part, torque, s, shrinking], [ca.cse(rates)]),
+    }
 
 
 def _place(true_anomaly: Symbol, constants: Mapping[str, Symbol]) -> tuple[Conic, Symbol]:

@@ -111,8 +111,9 @@ static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
 static void take_parameters(Unit *unit)
 {
     const double *parameters[] = {unit->values + AT_PARAMETERS}, *constants[] = {unit->constants};
-    double *to_constants[] = {unit->constants}, *to_weights[] = {unit->weights};
+    double *to_constants[] = {unit->constants}, *to_weights[] = {unit->weights}, *to_series[] = {unit->series_constants};
     target_constants(parameters, to_constants, NULL, NULL, 0);
+    target_series_constants(parameters, to_series, NULL, NULL, 0);
     target_free_attitude_weights(constants, to_weights, NULL, NULL, 0);
     const double tolerance = unit->values[AT_TOLERANCE];
     unit->tolerance = unit->experiment_tolerance > 0.0 ? fmin(tolerance, unit->experiment_tolerance) : tolerance;
@@ -120,11 +121,21 @@ static void take_parameters(Unit *unit)
     unit->outputs_current = unit->rates_current = false;
 }
 
+/* Whether the attitude's integrator works in the axes of its series. */
+static bool attitude_is_series(const Unit *unit) { return TURNED_SERIES && !attitude_is_free(unit); }
+
 /* Start both integrators at the unit's state and time. */
 static void start_integrators(Unit *unit)
 {
     unit->started = unit->time;
-    integrator_start(&unit->attitude, unit->values + AT_STATES, ATTITUDE_SIZE);
+    double attitude[ATTITUDE_SIZE];
+    memcpy(attitude, unit->values + AT_STATES, sizeof attitude);
+    if (attitude_is_series(unit)) {
+        const double *arguments[] = {unit->values + AT_STATES, unit->values + AT_INPUTS, unit->series_constants};
+        double *results[] = {attitude, unit->series_torque};
+        target_to_series(arguments, results, NULL, NULL, 0);
+    }
+    integrator_start(&unit->attitude, attitude, ATTITUDE_SIZE);
     integrator_start(&unit->orbit, unit->values + AT_STATES + ORBIT_START, ORBIT_SIZE);
 }
 
@@ -169,14 +180,26 @@ static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, do
 }
 
 #if TURNED_SERIES
+/* One over the square of the quaternion's length. */
+static double shrinking_of(const double *q) { return 1.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]); }
+
+static void series_rates(const void *context, const double *state, double *rates)
+{
+    const Unit *unit = context;
+    const double shrinking = shrinking_of(state);
+    const double *arguments[] = {state, unit->series_torque, unit->series_constants, &shrinking};
+    double *results[] = {rates};
+    target_series_rates(arguments, results, NULL, NULL, 0);
+}
+
 /* The place's series are cut earlier than the attitude's, so that they may be what bounds the step. */
 static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *context, double tolerance)
 {
     const Unit *unit = context;
-    const double *q = integrator->state, shrinking = 1.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    const double *constants[] = {unit->values + AT_INPUTS, unit->constants, &shrinking};
+    const double shrinking = shrinking_of(integrator->state);
+    const double *constants[] = {unit->series_torque, unit->series_constants, &shrinking};
     double relative[WIDTH];
-    begin_terms(integrator, terms, attitude_rates, context, relative);
+    begin_terms(integrator, terms, series_rates, context, relative);
     turned_terms(terms, integrator->unit, constants);
     const double reach = reach_of(terms, TAYLOR_ORDER, relative, tolerance);
     for (int i = 0; i < ORBIT_START; i++) relative[i] = 0.0;
@@ -203,7 +226,14 @@ static const char *run_attitude(Unit *unit, double elapsed)
     if (unit->attitude.time < elapsed)
         failure = (is_free ? advance_free_attitude : advance_turned_attitude)(unit, elapsed);
     if (failure) return failure;
-    (is_free || TURNED_SERIES ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, unit->values + AT_STATES, ATTITUDE_SIZE);
+    double *state = unit->values + AT_STATES;
+    (is_free || TURNED_SERIES ? taylor_interpolate : dop853_interpolate)(&unit->attitude, elapsed, state, ATTITUDE_SIZE);
+    if (attitude_is_series(unit)) {
+        const double *arguments[] = {state, unit->series_constants};
+        double found[ORBIT_START], *results[] = {found};
+        target_from_series(arguments, results, NULL, NULL, 0);
+        memcpy(state, found, sizeof found);
+    }
     return NULL;
 }
 

@@ -38,10 +38,13 @@ typedef struct {
 
    The attitude (q, w, place) and the orbit (place, position, velocity) are integrated separately, each with steps of its own
    length. The place is where the target is on its orbit: the true anomaly, and with forces that change the orbit also the
-   position and velocity. The attitude carries it only for torques that depend on it. */
+   position and velocity. The attitude carries it only for torques that depend on it; then its integrator's state is in the
+   axes of its series (models/target.py). */
 typedef struct {
     double values[N_VALUES];
     double constants[N_CONSTANTS];
+    double series_constants[N_SERIES_CONSTANTS];
+    double series_torque[3];     /* the torque input in the axes of the attitude's series, N m */
     double weights[N_WEIGHTS];   /* of the products in the rates of the free attitude */
     double scale[N_STATES];      /* nominal sizes of the states */
     Integrator attitude, orbit;

@@ -74,7 +74,7 @@ def describe_unit(
     system = scenario.system
     parameters = scenario.flat_parameters()
     equations, integrator = model_source(system), integrator_header(system)
-    turned = series_source(system.turned_attitude_series, PLACE_START)
+    turned = series_source(system.series_rates, PLACE_START)
 
     def sources(token: str) -> dict[str, bytes]:
         tables = tables_header(system, parameters, token, fmi, scalar)

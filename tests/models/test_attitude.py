@@ -16,6 +16,7 @@ from baryscope.models.attitude import (
     angular_momentum,
     gravity_gradient_torque,
     inertia_tensor,
+    principal_axes,
     rotational_energy,
     symmetric_inverse,
 )
@@ -115,6 +116,24 @@ def test_inverse_and_eulers_equation(J, rate, torque):
     found = np.array(ca.evalf(angular_acceleration(ca.DM(J), ca.inv(ca.DM(J)), ca.DM(rate), ca.DM(torque)))).ravel()
     expected = np.linalg.solve(J, np.array(torque) - np.cross(rate, J @ rate))
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("moments", [(1.0, 2.1, 2.6), (1.0, 1.0, 1.5), (2.0, 2.0, 2.0), (1.0, 1.0 + 1e-12, 1.9)])
+@pytest.mark.parametrize("seed", range(10))
+def test_principal_axes(moments, seed):
+    R = Rotation.random(rng=seed).as_matrix()
+    J = R @ np.diag(moments) @ R.T
+    q = np.array(ca.evalf(principal_axes(ca.SX(ca.DM((J + J.T) / 2))))).ravel()
+    R_B_D = Rotation.from_quat(q, scalar_first=True).as_matrix()
+    found = R_B_D.T @ J @ R_B_D
+    np.testing.assert_allclose(found, np.diag(np.diag(found)), atol=5e-15)
+    np.testing.assert_allclose(np.sort(np.diag(found)), moments, rtol=5e-15)
+
+
+def test_a_diagonal_inertia_is_in_principal_axes():
+    np.testing.assert_array_equal(
+        np.array(ca.evalf(principal_axes(ca.diag(ca.SX([3.0, 2.0, 4.0]))))).ravel(), [1, 0, 0, 0]
+    )
 
 
 def test_inertia_tensor_puts_each_element_in_its_place():

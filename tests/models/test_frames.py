@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.frames import (
+    conjugate,
     cross_matrix,
+    quaternion_about,
+    quaternion_I_P,
+    quaternion_product,
     quaternion_rate,
     rotation_about,
     rotation_from_quaternion,
@@ -38,6 +42,22 @@ def test_rotation_of_a_quaternion(q):
     R = numeric(rotation_from_quaternion(ca.DM(q)))
     np.testing.assert_allclose(R, Rotation.from_quat(q, scalar_first=True).as_matrix(), atol=ROUNDING)
     np.testing.assert_allclose(R, pr.matrix_from_quaternion(q), atol=ROUNDING)
+
+
+@given(p=unit_quaternions(), q=unit_quaternions())
+def test_products_and_conjugates_of_quaternions(p, q):
+    found = numeric(quaternion_product(ca.DM(p), ca.DM(q))).ravel()
+    np.testing.assert_allclose(found, pr.concatenate_quaternions(p, q), atol=ROUNDING)
+    np.testing.assert_allclose(numeric(conjugate(ca.DM(q))).ravel(), pr.q_conj(q), atol=ROUNDING)
+
+
+@given(angles=st.tuples(ANGLES, ANGLES, ANGLES))
+def test_quaternions_of_rotations_by_angles(angles):
+    for axis in range(3):
+        R = numeric(rotation_from_quaternion(quaternion_about(axis, ca.DM(angles[axis]))))
+        np.testing.assert_allclose(R, numeric(rotation_about(axis, ca.DM(angles[axis]))), atol=ROUNDING)
+    R = numeric(rotation_from_quaternion(quaternion_I_P(*map(ca.DM, angles))))
+    np.testing.assert_allclose(R, numeric(rotation_I_P(*map(ca.DM, angles))), atol=ROUNDING)
 
 
 @given(v=VECTORS, w=VECTORS)

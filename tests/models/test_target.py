@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import forces
 from baryscope.models.scenario import load_scenario, preset_names
-from baryscope.models.target import tumbling_target
+from baryscope.models.target import PLACE_START, tumbling_target
 from baryscope.models.variables import Kind
 
 
@@ -67,3 +68,33 @@ def test_nominals_are_the_sizes_of_the_states():
 def test_one_system_per_number_of_features():
     assert tumbling_target(5) is tumbling_target(5)
     assert tumbling_target(5).outputs.size1_out(0) == 6 * 5 + 24
+
+
+@pytest.mark.parametrize("preset", ["envisat", "upper-stage"])
+@pytest.mark.parametrize("with_forces", [False, True])
+def test_the_rates_of_the_series_are_those_of_the_attitude_in_other_axes(preset, with_forces):
+    """They are held against the printed equations; J must be diagonal in the axes."""
+    scenario = load_scenario(preset)
+    target = scenario.target.model_copy(update={"gravity_gradient": True})
+    scenario = scenario.model_copy(update={"target": target} | ({"eddy_currents": forces.EDDY} if with_forces else {}))
+    system, p, rng = scenario.system, scenario.flat_parameters(), np.random.default_rng(3)
+    x, c, s = (np.array(f(p)).ravel() for f in (system.initial, system.constants, system.series_constants))
+    x, u = x[: PLACE_START + system.place_size], rng.normal(size=6)
+    x[:7] = np.concatenate([Rotation.random(rng=rng).as_quat(scalar_first=True), rng.normal(scale=0.05, size=3)])
+    found, torque = (np.array(value).ravel() for value in system.to_series(x[:7], u, s))
+    np.testing.assert_allclose(np.array(system.from_series(found, s)).ravel(), x[:7], atol=1e-14)
+
+    moments, R_B_D = s[:3], s[-9:].reshape(3, 3).T
+    J = R_B_D @ np.diag(moments) @ R_B_D.T
+    np.testing.assert_allclose(J, scenario.target.inertia, atol=1e-14 * moments.max())
+    R_P_D = Rotation.from_quat(x[:4], scalar_first=True) * Rotation.from_matrix(R_B_D)
+    if not with_forces:
+        orbit = scenario.orbit
+        R_P_D = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, orbit.argument_of_periapsis]).inv() * R_P_D
+    R = Rotation.from_quat(found[:4], scalar_first=True).as_matrix()
+    np.testing.assert_allclose(R, R_P_D.as_matrix(), atol=1e-14)
+
+    expected = np.array(system.attitude_rates(x, u, c)).ravel()
+    rates = np.array(system.series_rates(np.concatenate([found, x[7:]]), torque, s, 1.0)).ravel()
+    np.testing.assert_allclose(np.array(system.from_series(rates[:7], s)).ravel(), expected[:7], rtol=1e-11, atol=1e-15)
+    np.testing.assert_allclose(rates[7:], expected[7:], rtol=1e-13, atol=1e-15)

@@ -202,7 +202,7 @@ def test_a_unit_has_the_parameters_of_its_forces_only(oblate, small, world):
 def test_without_light_the_attitude_goes_by_its_series(world, tmp_path):
     """J2, drag, eddy currents and gravity gradient: Taylor's method, against the same independent integration."""
     scenario = world.model_copy(update={"light": None})
-    assert "#define TURNED_SERIES 1" in series_source(scenario.system.turned_attitude_series, PLACE_START)
+    assert "#define TURNED_SERIES 1" in series_source(scenario.system.series_rates, PLACE_START)
     time = np.linspace(0, 1500.0, 6)
     _, _, com, attitude = forces.fly(scenario, time)
     recording = simulate(build_fmu(scenario, tmp_path / "unit.fmu"), time)
