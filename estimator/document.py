@@ -139,7 +139,9 @@ class FindingPart(Part):
     model: str | None = Field(None, description="excess-residuals: the path's model, or free tumble")
     ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
     frames: int | None = Field(None, description="frames-left-out, few-frames: their number")
-    unknowns: float | None = Field(None, description="few-frames: of path and offsets that the tracks determine")
+    unknowns: float | None = Field(
+        None, description="few-frames: of path, offsets and tumble that the tracks determine"
+    )
     labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")

@@ -63,7 +63,7 @@ def sentence(finding: Finding) -> str:
         case FewFrames():
             return (
                 f"{counted(finding.frames, 'frame shows', 'frames show')} an attitude, for {finding.unknowns:.0f} "
-                "unknowns of path and offset: no outlier or misfit would be seen"
+                "unknowns of the motion: no outlier or misfit would be seen"
             )
         case Departure():
             return (

@@ -151,7 +151,7 @@ class FramesLeftOut:
 
 @dataclass(frozen=True)
 class FewFrames:
-    """Frames with an attitude, for more unknowns of path and offsets: an outlier or a misfit would not be seen."""
+    """Frames with an attitude, too few for so many unknowns: an outlier or a misfit would not be seen."""
 
     frames: int
     unknowns: float

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.result import Cluster
+from baryscope.estimator.result import Cluster, FewFrames
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
@@ -61,6 +61,17 @@ def observability_of(clusters: Sequence[Cluster], position_covariance: FloatArra
 def rejected_by(weight: FloatArray) -> BoolArray:
     """The rejected observations (n, m), from the weights (n, m), which are 0 where no observation is used."""
     return np.asarray((weight > 0) & (weight < REJECTED))
+
+
+def few_frames(weight: FloatArray, unknowns: float) -> tuple[FewFrames, ...]:
+    """A finding if frames with an attitude, by weights (n, m), are too few for the unknowns of path and tumble.
+
+    The attitude of a frame tells of a tumble as much as its position of the path: half as many frames check as many
+    unknowns as with free attitudes, where as many frames are needed as path and offsets have unknowns.
+    """
+    unknowns += 3  # of the offset
+    frames = int(np.count_nonzero((weight >= REJECTED).sum(axis=1) >= 3))
+    return (FewFrames(frames, unknowns),) if 2 * frames < unknowns else ()
 
 
 def covered_by(clusters: Sequence[Cluster], frames: int) -> BoolArray:

@@ -16,7 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from baryscope.estimator.adjustment.diagnostics import REJECTED, cluster_of, covered_by, observability_of, rejected_by
+from baryscope.estimator.adjustment.diagnostics import (
+    REJECTED,
+    cluster_of,
+    covered_by,
+    few_frames,
+    observability_of,
+    rejected_by,
+)
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
@@ -211,7 +218,7 @@ def _result(found: Passes, begin: float) -> Estimate:
         covered=covered_by([cluster], len(tracks.time)),
         converged=found.converged,
         rounds=found.count,
-        findings=_burns(found) + _few_frames(found, len(cluster.frames)),
+        findings=_burns(found) + _few_frames(found),
         method="ekf",
         path=problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -239,12 +246,12 @@ def _burns(found: Passes) -> tuple[UnknownBurn, ...]:
     return unknown_burns(found.problem.path, found.shift + found.reference.x, found.solution.of_theta[own, own])
 
 
-def _few_frames(found: Passes, frames: int) -> tuple[FewFrames, ...]:
-    """A finding if there are fewer frames with an attitude than unknowns of path and offset that the tracks tell."""
-    own, last = slice(INERTIA, INERTIA + found.problem.path.size), found.last
+def _few_frames(found: Passes) -> tuple[FewFrames, ...]:
+    """A finding if there are too few frames for what the tracks tell of path, rate and inertia."""
+    last = found.last
+    own = slice(last.system.points.start)
     held = np.vdot(last.prior.information[own, own], last.parameters.covariance[own, own])
-    unknowns = found.problem.path.size - float(held) + 3
-    return (FewFrames(frames, unknowns),) if frames < unknowns else ()
+    return few_frames(last.weight, own.stop - float(held))
 
 
 def _process_noise(found: Passes) -> ProcessNoise:

@@ -13,7 +13,7 @@ from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
 from baryscope.estimator.ekf.motion import gravity_gradient_axis
-from baryscope.estimator.ekf.problem import ROUNDING, Problem
+from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
 from baryscope.estimator.ekf.smoothness import uncertain_smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.tracks import FloatArray
@@ -151,7 +151,18 @@ def passes(problem: Problem) -> Passes:
             reference = replace(reference, path=problem.process(shift), x=np.zeros_like(shift), deviation=still)
         last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
         count += 1
+    refuse_lost(last.after.origin, observations.position)
     return Passes(problem, reference, shift, last, count)
+
+
+def refuse_lost(origin: FloatArray, seen: FloatArray) -> None:
+    """Check that a path (n, 3) is not further away than its weak prior says, for features seen at (n, m, 3), in m.
+
+    Raises:
+        ComputationError: it is, as passes that do not come to rest may lead anywhere.
+    """
+    if not np.abs(origin).max() <= FAR * np.abs(seen).max():
+        raise diverged()
 
 
 def _pass(

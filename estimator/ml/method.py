@@ -17,6 +17,7 @@ from scipy.stats import f
 from baryscope.estimator.adjustment.diagnostics import (
     cluster_of,
     covered_by,
+    few_frames,
     main_cluster,
     observability_of,
     rejected_by,
@@ -44,7 +45,16 @@ from baryscope.estimator.pivot.refinement import Pivot, least_variance, values_f
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import FREE_TUMBLE, Estimate, ExcessResiduals, Finding, FreeAttitudes, Motion, Noise
+from baryscope.estimator.result import (
+    FREE_TUMBLE,
+    Estimate,
+    ExcessResiduals,
+    FewFrames,
+    Finding,
+    FreeAttitudes,
+    Motion,
+    Noise,
+)
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
@@ -135,7 +145,7 @@ def _tumbling(
         covered=covered_by(clusters, len(tracks.time)),
         converged=best.converged,
         rounds=best.rounds,
-        findings=pivot.findings + _excess_residuals(residuals, best, pivot, errors),
+        findings=_findings(best, pivot) + _excess_residuals(residuals, best, pivot, errors),
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -172,6 +182,12 @@ def _followed(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     if not finite:
         raise ComputationError("no rotation with a torque follows the attitudes over the whole time", Reason.DIVERGED)
     return best
+
+
+def _findings(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
+    """Those of `pivot`, but for too few frames, of which a tumble needs fewer."""
+    others = tuple(one for one in pivot.findings if not isinstance(one, FewFrames))
+    return others + few_frames(best.observations.weight, best.unknowns)
 
 
 def _excess_residuals(

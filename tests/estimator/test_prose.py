@@ -61,7 +61,7 @@ def test_verdict_names_a_skew_axis():
         ),
         (
             FewFrames(7, 9.2),
-            "7 frames show an attitude, for 9 unknowns of path and offset: no outlier or misfit would be seen",
+            "7 frames show an attitude, for 9 unknowns of the motion: no outlier or misfit would be seen",
         ),
         (
             FramesLeftOut(3.0, 15.5, 13, 0.456),
