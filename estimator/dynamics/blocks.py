@@ -21,6 +21,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 KNOTS = 12
+FEWEST = 1000  # frames, from which it is worth while to look at knots instead
 NODES = -np.cos(np.pi * (np.arange(KNOTS) + 0.5) / KNOTS)  # Chebyshev's points of −1 … 1
 ROW, COLUMN = np.triu_indices(KNOTS)  # of the pairs of knots
 PAIRS = len(ROW)

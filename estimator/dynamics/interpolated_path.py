@@ -6,14 +6,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
+from baryscope.estimator.dynamics.blocks import FEWEST, KNOTS, Blocks
 from baryscope.estimator.dynamics.paths import Frames, SampledPath, product
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
 
 PHASE = 1.8  # rad of the highest frequency in a block: an error of 3e-13, and of 1e-9 of a wave of twice that frequency
-FEWEST = 1000  # frames, and
 WORTHWHILE = 2  # frames of a knot, on average, from which interpolation is faster
 
 

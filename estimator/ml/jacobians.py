@@ -7,14 +7,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.blocks import KNOTS, Blocks
+from baryscope.estimator.dynamics.blocks import FEWEST, KNOTS, Blocks
 from baryscope.estimator.dynamics.rotation import Attitudes
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
 
 PHASE = 3.6  # rad of the highest frequency in a block: an error of 1e-9, and of 6e-4 of a wave of thrice that frequency
-FEWEST = 1000  # frames, and
 WORTHWHILE = 1.5  # frames of a knot, on average, from which sums over knots are faster
 PART = 256  # frames whose Jacobians are evaluated together
 
