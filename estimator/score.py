@@ -23,12 +23,12 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
-from baryscope.estimator.adjustment.normal_equations import turn_information
+from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.details import ScoreDetails
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -195,7 +195,7 @@ def _lack_of_fit(
 def _turn_covariances(body: Body, inliers: BoolArray, noise: float) -> FloatArray:
     """The covariances (n, 3, 3) of the body's attitudes in its axes, rad², for a standard deviation of a coordinate."""
     weight = inliers[np.ix_(body.frames, body.features)].astype(np.float64)
-    return noise**2 * symmetric_inverses(turn_information(weight, cross_matrices(body.points)))
+    return attitude_covariances(turn_information(weight, cross_matrices(body.points)), noise**2)
 
 
 def _excess_residuals(

@@ -9,10 +9,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from baryscope.estimator.adjustment.normal_equations import attitude_information
+from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -61,7 +60,7 @@ def _departures(body: Body, observations: Observations, variance: float) -> tupl
     if n < size:
         return np.zeros(n), np.zeros(n, dtype=bool)
     own = observations.features(body.features).frames(body.frames)
-    covariance = variance * symmetric_inverses(attitude_information(own, body.attitude, body.points))
+    covariance = attitude_covariances(attitude_information(own, body.attitude, body.points), variance)
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     # Neighbours of each attitude; those beyond the ends are the attitude itself, which is not used.
     index = np.pad(np.arange(n), REACH, constant_values=-1)
@@ -77,11 +76,12 @@ def _departures(body: Body, observations: Observations, variance: float) -> tupl
     step = apart / REACH
     terms = np.stack([np.ones_like(step), step, step * step], axis=2)
     precision = np.where(used, deviation[near] ** -2.0, 0.0)
+    total = precision.sum(axis=1)[:, None, None]
+    ridge = np.where(total > 0, 1e-9 * total, 1.0) * np.eye(terms.shape[2])
     weight = precision
     for _ in range(ROUNDS):
         weighted = terms * weight[:, :, None]
-        matrix = np.swapaxes(weighted, 1, 2) @ terms + 1e-9 * precision.sum(axis=1)[:, None, None] * np.eye(3)
-        inverse = symmetric_inverses(matrix)
+        inverse = np.linalg.inv(np.swapaxes(weighted, 1, 2) @ terms + ridge)
         coefficients = inverse @ (np.swapaxes(weighted, 1, 2) @ turned)
         squares = np.sum((turned - terms @ coefficients) ** 2, axis=2) * precision
         scale = np.nanmedian(np.where(used | ~used.any(axis=1)[:, None], squares, np.nan), axis=1)

@@ -99,12 +99,30 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
 def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray) -> FloatArray:
     """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below."""
     for index, one in enumerate(prior.hyperparameters):
-        if one.optional:
-            without = theta.copy()
-            without[index] = bounds[index, 0]
-            gain = cost(linear, prior, without) - cost(linear, prior, theta)
-            theta = theta if gain > 2 * np.log(BELOW / TYPICAL) else without
+        if one.optional and theta[index] > bounds[index, 0]:
+            without, least = _without(linear, prior, theta, index, bounds)
+            theta = theta if least - cost(linear, prior, theta) > 2 * np.log(BELOW / TYPICAL) else without
     return theta
+
+
+def _without(
+    linear: Linear, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray
+) -> tuple[FloatArray, float]:
+    """The likeliest θ (h,) where one hyperparameter is at its lower bound, and its −2 ln p.
+
+    The others may be quite different there: what one explains, others may explain as well.
+    """
+    without = theta.copy()
+    without[index] = bounds[index, 0]
+    least = cost(linear, prior, without)
+    others = np.delete(np.arange(len(theta)), index)
+    if len(others):
+        rest = prior.fixed(prior.hyperparameters[index].name, float(bounds[index, 0]))
+        found = without.copy()
+        found[others] = maximise(linear, rest)
+        if (value := cost(linear, prior, found)) < least:
+            return found, value
+    return without, least
 
 
 def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatArray:
@@ -165,9 +183,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     for index in np.flatnonzero(~joint):
         points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        lowest = theta.copy()
-        lowest[index] = bounds[index, 0]
-        none = cost(linear, prior, lowest)
+        lowest, none = _without(linear, prior, theta, index, bounds)
         significance[index] = none - costs[0]  # the first is that of θ
         if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
             points.append(lowest)

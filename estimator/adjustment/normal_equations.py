@@ -198,6 +198,20 @@ def attitude_information(observations: Observations, attitude: FloatArray, point
     return np.asarray(np.einsum("mij,kmjl,mnl->kin", arms, P, arms, optimize=True))
 
 
+def attitude_covariances(information: FloatArray, variance: float) -> FloatArray:
+    """The covariances (n, 3, 3) in rad² of attitudes of this information (n, 3, 3), for a variance of weight 1.
+
+    An attitude that is not known at all is off by a radian or two, so that C is bounded by (1 + C⁻¹)⁻¹.
+    """
+    bounded = information + variance * np.eye(3)
+    found = symmetric_inverses(bounded)
+    singular = ~found.any(axis=(1, 2))
+    if singular.any():  # for cofactors
+        values, vectors = np.linalg.eigh(bounded[singular])
+        found[singular] = (vectors / np.maximum(values, 1e-300)[:, None]) @ np.swapaxes(vectors, 1, 2)
+    return variance * found
+
+
 def turn_information(weight: FloatArray, arms: FloatArray) -> FloatArray:
     """Σ w [b]× [b]×ᵀ for each frame, (n, 3, 3), from weights (n, m) and arms [b]× (m, 3, 3)."""
     return _sums(weight, arms @ np.swapaxes(arms, 1, 2))

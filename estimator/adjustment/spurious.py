@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.normal_equations import pieces
+from baryscope.estimator.adjustment.normal_equations import attitude_covariances, pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -66,8 +65,7 @@ class NoisyAttitudes:
 
     count: the number of all frames; frames (n,): those taken, and attitude (n, 3, 3) there; known (n, 3, 3): the
     information Q on the frame's position in S, with the attitude unknown; covariance (n, 3, 3): C of the attitude,
-    rad², and variances (n, 3) along its principal axes, ascending. An attitude that is not known at all is off by a
-    radian or two, so that C is bounded by (1 + C⁻¹)⁻¹.
+    rad², and greatest (n,): its greatest variance.
     """
 
     every: int
@@ -76,7 +74,7 @@ class NoisyAttitudes:
     attitude: FloatArray
     known: FloatArray
     covariance: FloatArray
-    variances: FloatArray
+    greatest: FloatArray
 
     @classmethod
     def of(
@@ -99,10 +97,9 @@ class NoisyAttitudes:
         if shift is not None:
             noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
             known = known @ np.linalg.inv(np.eye(3) + noise @ known)
-        values, vectors = np.linalg.eigh(variance * symmetric_inverses(found.turn))
-        values /= 1 + values
-        covariance = (vectors * values[:, None]) @ np.swapaxes(vectors, 1, 2)
-        return cls(every, len(body.frames), frames, attitude, known, covariance, values)
+        covariance = attitude_covariances(found.turn, variance)
+        greatest = np.linalg.eigvalsh(covariance)[:, -1]
+        return cls(every, len(body.frames), frames, attitude, known, covariance, greatest)
 
     def spurious_information(self) -> FloatArray:
         """The spurious information (3, 3) in S on the body's offset, in the weights' units.
@@ -110,7 +107,7 @@ class NoisyAttitudes:
         An attitude error φ changes the offset d in C by φ × d, so that the expected information is
         Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds a share of about the greatest variance of φ, in rad².
         """
-        turned = (1 + self.variances[:, -1:, None]) * self.covariance
+        turned = (1 + self.greatest[:, None, None]) * self.covariance
         return self.every * turned_information(self.known, turned)
 
     def likely_spurious_information(self) -> FloatArray:

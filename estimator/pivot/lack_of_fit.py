@@ -8,7 +8,7 @@ from scipy.stats import chi2
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.refinement import Pivot, subsampled
 from baryscope.estimator.result import LackOfFit
@@ -84,7 +84,9 @@ def without_spurious_information(found: Pivot) -> tuple[FloatArray, FloatArray]:
     covariance = variance * (joint + columns @ columns.T) + unseen @ unseen.T
     k = len(solution.offset_covariance)
     if found.spurious_share >= SPURIOUS:
-        covariance += joint @ _products(found, _diagonal_blocks(covariance[:k, :k])) @ joint
+        # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
+        root = joint @ factor_of(_products(found, _diagonal_blocks(covariance[:k, :k])))
+        covariance += root @ root.T
     return covariance[k:, k:], _diagonal_blocks(covariance[:k, :k])
 
 

@@ -18,7 +18,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
-from baryscope.estimator.adjustment.normal_equations import attitude_information
+from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
@@ -30,7 +30,6 @@ from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
@@ -145,9 +144,8 @@ def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErro
     body = max(found.bodies, key=lambda one: len(one.frames))
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
     own = found.observations.features(body.features).frames(body.frames)
-    attitude_covariance[body.frames] = found.variance * symmetric_inverses(
-        attitude_information(own, body.attitude, body.points)
-    )
+    information = attitude_information(own, body.attitude, body.points)
+    attitude_covariance[body.frames] = attitude_covariances(information, found.variance)
     if errors is not None:
         attitude, index = attitude_series(body, len(time)), errors_in(found.path)
         turned = errors.attitude_covariance(of_x[index, index])

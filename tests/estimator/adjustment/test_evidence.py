@@ -101,3 +101,23 @@ def test_a_hyperparameter_that_rounding_has_put_below_its_bound_leaves_the_other
     at, below = (posterior(linear, prior, lowest - [0.0, apart]) for apart in (0.0, 1e-9))
     assert np.ptp(at.interval[0]) > 0.1
     np.testing.assert_allclose(below.interval[0], at.interval[0], rtol=1e-6)
+
+
+def test_what_others_explain_is_not_due_to_an_optional_one():
+    """Two groups of unknowns have the same columns: either explains the observations, and the optional one has none."""
+    rng = np.random.default_rng(5)
+    H = rng.normal(size=(80, 8))
+    y = H @ rng.normal(size=8) + rng.normal(size=80)
+    both = np.hstack([H, H])
+    scales = tuple(Prior(np.zeros(8), np.ones((8, 1)), (Hyperparameter(n, optional=n == "b"),)) for n in "ab")
+    prior, linear = scales[0].joined(scales[1]), Linear(both.T @ both, both.T @ y, np.zeros(16))
+    bounds = ranges(linear, prior)
+    start = np.array([bounds[0, 0], 0.0])  # all is due to the optional one
+    theta = maximise(linear, prior, start)
+    assert theta[1] == bounds[1, 0]
+    assert theta[0] == pytest.approx(maximise(linear, prior)[0], abs=0.05)
+    # Two explanations that are alike: the mixture holds those in which one of the two has no effect.
+    other = np.array([bounds[0, 0], theta[0]])
+    found = posterior(linear, prior, other)
+    assert found.significance[1] == pytest.approx(0, abs=0.1)
+    assert np.trace(found.covariance[:8, :8]) > 1  # at `other` it is as small as its prior
