@@ -225,10 +225,20 @@ class Smooth(Polynomial):
     def prior(self) -> Prior:
         """That of the coefficients; the constant has none."""
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
-        slopes = np.column_stack([np.ones(len(order)), order - 1, np.log(order)])
+        slopes = _law(order)
         parameters = (
             Hyperparameter("first coefficient"),
             Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
             Hyperparameter("power", *POWERS),
         )
         return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters))
+
+    def omitted_variance(self, theta: FloatArray) -> float:
+        """The mean variance of a coordinate, m², due to degrees beyond the highest, for the prior's parameters (3,)."""
+        order = np.arange(self.degree + 1.0, 2 * self.degree + 1)
+        return float(np.exp(_law(order) @ theta).sum()) / 2
+
+
+def _law(order: FloatArray) -> FloatArray:
+    """The derivatives (k, 3) of the logarithms of the coefficients' variances by the parameters of a smooth path."""
+    return np.column_stack([np.ones(len(order)), order - 1, np.log(order)])

@@ -9,6 +9,8 @@ from scipy.linalg import block_diag
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+MOST = 600.0  # logarithm of a precision, which does not overflow in products with lengths
+
 
 @dataclass(frozen=True)
 class Hyperparameter:
@@ -54,7 +56,7 @@ class Prior:
 
     def precision(self, theta: FloatArray) -> FloatArray:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
-        return np.asarray(np.exp(-(self.offset + self.slopes @ theta)))
+        return np.asarray(np.exp(np.minimum(-(self.offset + self.slopes @ theta), MOST)))
 
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""

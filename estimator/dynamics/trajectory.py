@@ -1,6 +1,6 @@
 """The choice of a path's model: by its name and what is known of orbit and forces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, firings_of, thrust_of
@@ -13,16 +13,21 @@ from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 
-SMOOTH_DEGREE = 20  # of a smooth path: enough for half a turn of a circle to 1e-14 of its radius, for three to 1e-3
+# Of a smooth path: the first is enough for half a turn of a circle to 1e-14 of its radius, for three to 1e-3.
+SMOOTH_DEGREES = (20, 40, 80)
 TRAJECTORIES = "fixed, polynomial, polynomial:N or relative-orbit"
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The chosen model of the path: its kind, and the degree of a polynomial, None if the data choose it."""
+    """The chosen model of the path: its kind, and the degree of a polynomial, None if the data choose it.
+
+    highest: the degree up to which a smooth path has coefficients.
+    """
 
     kind: str
     degree: int | None = None
+    highest: int = SMOOTH_DEGREES[0]
 
     def path(
         self, orbit: Orbit | None, begin: float, end: float, acceleration: KnownAcceleration | None = None
@@ -32,19 +37,26 @@ class Trajectory:
             if orbit.j2 is None and orbit.ephemeris is None and acceleration is None:
                 return RelativeOrbit(orbit, (begin + end) / 2)
             return PerturbedOrbit(orbit, (begin + end) / 2, acceleration)
-        path = Smooth(SMOOTH_DEGREE, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
+        path = Smooth(self.highest, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
         return path if acceleration is None else Thrusted(path, acceleration, orbit, begin, end)
 
 
 def chosen_path(
-    options: PathOptions, orbit: Orbit | None, begin: float, end: float, errors: SharedErrors | None = None
+    options: PathOptions,
+    orbit: Orbit | None,
+    begin: float,
+    end: float,
+    errors: SharedErrors | None = None,
+    highest: int = SMOOTH_DEGREES[0],
 ) -> Path:
     """The path over begin … end in s, with the forces and the process noise of the options, and a camera's errors.
+
+    highest: the degree up to which a smooth path has coefficients.
 
     Raises:
         InputError: an unknown trajectory, a degree out of range, or what is asked for needs an orbit or its epoch.
     """
-    trajectory, known = trajectory_of(options.trajectory, orbit), options.acceleration
+    trajectory, known = replace(trajectory_of(options.trajectory, orbit), highest=highest), options.acceleration
     path = trajectory.path(orbit, begin, end, known)
     if errors is not None and len(errors.deviations):
         path = SeenPath(path, errors)

@@ -29,7 +29,7 @@ from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
-from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
+from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, trajectory_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
@@ -38,6 +38,7 @@ from baryscope.estimator.pivot.refinement import (
     SUBSAMPLE_FRAMES,
     Pivot,
     Start,
+    is_cut_short,
     least_variance,
     refined,
     subsampled,
@@ -180,25 +181,28 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
     errors = errors_of(tracks)
-    path = chosen_path(options, orbit, *span, errors)
     few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
-    sampled = interpolated(path.at, path.frequency, tracks.time[few.rows])
-    bodies, x, simple = linear_start(registered, few, sampled, path.prior, least_variance(measured, ROUNDING))
-    slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
-    start = Start(
-        path,
-        interpolated(path.at, path.frequency, tracks.time),
-        tracks.time,
-        bodies,
-        x,
-        measured,
-        observations,
-        inliers,
-        errors,
-        simple,
-        slips,
-    )
-    found, fewer = without_strays(refined(start, options), start, options)
+    for highest in SMOOTH_DEGREES:
+        path = chosen_path(options, orbit, *span, errors, highest)
+        sampled = interpolated(path.at, path.frequency, tracks.time[few.rows])
+        bodies, x, simple = linear_start(registered, few, sampled, path.prior, least_variance(measured, ROUNDING))
+        start = Start(
+            path,
+            interpolated(path.at, path.frequency, tracks.time),
+            tracks.time,
+            bodies,
+            x,
+            measured,
+            observations,
+            inliers,
+            errors,
+            simple,
+            slips=options.process_noise == "auto" and trajectory.kind == "polynomial",
+        )
+        found = refined(start, options)
+        if not is_cut_short(found):
+            break
+    found, fewer = without_strays(found, start, options)
     # Where burns are left to noise, attitudes stray by it: all are looked at once more.
     burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
     found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)

@@ -14,8 +14,9 @@ from baryscope.estimator.adjustment.reweighting import GATE, reweighted
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.extended import parts_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path, SampledPath, Smooth
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
@@ -254,9 +255,21 @@ def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, 
     if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    covariance = sampled.covariance(variance * solution.covariance)
-    typical = float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3
-    return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
+    least = OMITTED * _typical(sampled.covariance(variance * solution.covariance))
+    return path.with_modes(2 * path.count) if path.omitted_variance(density) > least else None
+
+
+def is_cut_short(found: Pivot) -> bool:
+    """Whether a smooth path has degrees beyond its highest that matter."""
+    theta = found.posterior.theta[:3]
+    smooth = [part for part in parts_of(found.path) if isinstance(part, Smooth)]
+    typical = _typical(found.sampled.covariance(found.posterior.covariance))
+    return any(part.omitted_variance(theta) > OMITTED * typical for part in smooth)
+
+
+def _typical(covariance: FloatArray) -> float:
+    """The median variance of a coordinate over n times, for covariances (n, 3, 3)."""
+    return float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3
 
 
 def values_for_path(bodies: tuple[Body, ...], observations: Observations) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
@@ -48,6 +49,19 @@ def test_a_smooth_path_needs_no_degree(tumbling, degree):
     # The mean of 30 values of χ²₃ has a standard deviation of √(6/30): four of them.
     assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 30))
     assert np.median(smooth) < 1.5 * np.median(known)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_smooth_path_of_several_turns_needs_no_degree_either(tumbling, seed):
+    """Four turns of a circle of 20 m, as relative motion makes in two orbits: coefficient 20 is 2 cm, 40 is 1e-15 m."""
+    angle = 8 * np.pi * TIME / 300
+    path = START + 20 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    case = make_case(TIME, tumbling, path, FEATURES, noise=0.02, seed=seed)
+    found = estimate(case.tracks, method="pivot")
+    error = found.position[150] - case.com[150]
+    assert found.status is Status.GOOD
+    assert error @ np.linalg.solve(found.covariance[150], error) < chi2.ppf(0.9999, 3)
+    assert found.process_noise.density < 1e-12  # nothing is left to noise; with twenty coefficients it is 3e-7 m²/s³
 
 
 @pytest.mark.parametrize("trajectory, degree", [("fixed", 1), ("fixed", 2), ("polynomial:1", 2)])
