@@ -100,7 +100,7 @@ def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray)
     """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below."""
     for index, one in enumerate(prior.hyperparameters):
         if one.optional and theta[index] > bounds[index, 0]:
-            without, least = _without(linear, prior, theta, index, bounds)
+            without, least = _without(linear, prior, theta, int(index), bounds)
             theta = theta if least - cost(linear, prior, theta) > 2 * np.log(BELOW / TYPICAL) else without
     return theta
 
@@ -183,7 +183,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     for index in np.flatnonzero(~joint):
         points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        lowest, none = _without(linear, prior, theta, index, bounds)
+        lowest, none = _without(linear, prior, theta, int(index), bounds)
         significance[index] = none - costs[0]  # the first is that of θ
         if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
             points.append(lowest)

@@ -98,7 +98,7 @@ class NoisyAttitudes:
             noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
             known = known @ np.linalg.inv(np.eye(3) + noise @ known)
         covariance = attitude_covariances(found.turn, variance)
-        greatest = np.linalg.eigvalsh(covariance)[:, -1]
+        greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)
         return cls(every, len(body.frames), frames, attitude, known, covariance, greatest)
 
     def spurious_information(self) -> FloatArray:
