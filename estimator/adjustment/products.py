@@ -9,6 +9,8 @@ See `spurious.NoisyAttitudes` for attitudes that are free.
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.geometry.symmetric import symmetric_inverses
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -27,6 +29,19 @@ def independent(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     kept = values > DISTINCT * values[-1]
     axes, deviation = axes[:, kept], np.sqrt(values[kept])
     return scale[:, None] * axes * deviation, axes / deviation / scale[:, None]
+
+
+def are_negligible(turns: FloatArray, offset: FloatArray, position: FloatArray) -> bool:
+    """Whether the products of errors are so small that there are no patterns; False where this is not certain.
+
+    Args:
+        turns: covariances (n, 3, 3) in B of the attitude errors less their mean, rad².
+        offset, position: as in `product_shifts`.
+    """
+    # E |φ × δ|² = tr Φ tr Δ − tr Φ Δ, and the least eigenvalue is at least 1 / tr P⁻¹.
+    moved = np.trace(turns, axis1=1, axis2=2) * np.trace(offset) - np.einsum("kij,ji->k", turns, offset)
+    inverse = np.trace(symmetric_inverses(position), axis1=1, axis2=2)
+    return bool(inverse.min() > 0 and moved.mean() * inverse.max() <= NEGLIGIBLE**2)
 
 
 def product_shifts(

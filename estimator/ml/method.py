@@ -257,7 +257,7 @@ def _covariances(
         of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, least)
         offsets.append(variance * (offset + of_offset @ of_offset.T))
         of_y = of_y + of_unknowns @ of_unknowns.T
-    moved, points = product_errors(best, turn, variance * y, min(offsets, key=np.trace))
+    moved, points = product_errors(best, turn, variance * y, spread, min(offsets, key=np.trace))
     for index, features in enumerate(clusters):
         attached = offset_by_points(best.found.points[features])
         own = attached @ points[(3 * features[:, None] + np.arange(3)).ravel()]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from baryscope.estimator.adjustment.products import independent, product_shifts
+from baryscope.estimator.adjustment.products import are_negligible, independent, product_shifts
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.likelihood import Model, equations
 from baryscope.estimator.ml.maximum import Likelihood, turned_by
@@ -10,7 +10,7 @@ from baryscope.estimator.tracks import FloatArray
 
 
 def product_errors(
-    best: Likelihood, turn: Jacobians, y: FloatArray, offset: FloatArray
+    best: Likelihood, turn: Jacobians, y: FloatArray, spread: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Errors (q, k) of y and (3 m, k) of the points, in SI units, by k independent causes of variance 1.
 
@@ -20,13 +20,17 @@ def product_errors(
         best: the maximum.
         turn: the Jacobian of the attitude, as a rotation vector in C, by the rotation's unknowns.
         y: covariance (q, q) of the unknowns.
+        spread: covariances (n, 3, 3) in B of the attitude errors that it makes, less their mean, rad².
         offset: covariance (3, 3) in B of the centre of mass from the features, m².
     """
     size, R, path = best.rotation.size, best.motion.attitude, best.sampled
+    position, none = path.covariance(y[size:, size:]), (np.zeros((len(y), 0)), np.zeros((best.found.points.size, 0)))
+    if are_negligible(spread, offset, position):
+        return none
     turns = np.swapaxes(R, 1, 2) @ turn.times(independent(y[:size, :size])[0])
-    shift = R @ product_shifts(turns, offset, path.covariance(y[size:, size:]))
+    shift = R @ product_shifts(turns, offset, position)
     if not shift.shape[2]:
-        return np.zeros((len(y), 0)), np.zeros((3 * len(best.found.points), 0))
+        return none
     origin, turned = path.position(best.x), turned_by(path, best.x)
     # A pattern is one more unknown of the path, which the equations have beside the others.
     model = Model(best.motion, path.extended(shift), origin, best.found.points, best.noise, None, turned)

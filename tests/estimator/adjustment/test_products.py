@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.products import MODES, independent, product_shifts
+from baryscope.estimator.adjustment.products import MODES, are_negligible, independent, product_shifts
 from baryscope.estimator.geometry.so3 import cross_matrices
 
 
@@ -41,3 +41,19 @@ def test_patterns_that_the_position_hides_are_left_out(deviation, patterns):
     turns = 1e-3 * rng.normal(size=(10, 3, 2))
     position = np.broadcast_to(deviation**2 * np.eye(3), (10, 3, 3))
     assert product_shifts(turns, np.eye(3), position).shape[2] == patterns
+
+
+def test_negligible_products_have_no_patterns():
+    """Whatever the deviation of the position and its ellipsoids."""
+    rng = np.random.default_rng(3)
+    turns, offset = 1e-3 * rng.normal(size=(10, 3, 2)), positive(rng, 3)
+    own = turns - turns.mean(axis=0)
+    shape = np.array([positive(rng, 3) + 0.1 * np.eye(3) for _ in range(10)])
+    shape /= np.linalg.eigvalsh(shape)[:, 0].min()
+    deviations = np.geomspace(1e-5, 1.0, 40)
+    patterns = [product_shifts(turns, offset, size**2 * shape).shape[2] > 0 for size in deviations]
+    known = [are_negligible(own @ np.swapaxes(own, 1, 2), offset, size**2 * shape) for size in deviations]
+    assert not any(negligible and some for negligible, some in zip(known, patterns, strict=True))
+    assert known[-1]
+    assert not known[0]
+    assert not are_negligible(own @ np.swapaxes(own, 1, 2), offset, np.zeros((10, 3, 3)))

@@ -44,12 +44,14 @@ def best(request):
     named.observations, named.variance = observations, variance
     named.turn = Jacobians.of(motion.turn_in_C, TIME, Blocks.over(TIME, 10.0))
     named.y = variance * np.linalg.inv(found.matrix + 1e-6 * np.diag(found.sizes))
+    turns = motion.turn - motion.turn.mean(axis=0)
+    named.spread = turns @ named.y[: start.size, : start.size] @ np.swapaxes(turns, 1, 2)
     return named
 
 
 def test_errors_are_those_of_observations_that_the_products_move(best):
     """One Gauss–Newton step for each pattern, which moves all points of a frame."""
-    of_y, of_points = product_errors(best, best.turn, best.y, OFFSET)
+    of_y, of_points = product_errors(best, best.turn, best.y, best.spread, OFFSET)
     size, R = best.rotation.size, best.motion.attitude
     turns = np.swapaxes(R, 1, 2) @ best.turn.times(independent(best.y[:size, :size])[0])
     shift = R @ product_shifts(turns, OFFSET, best.sampled.covariance(best.y[size:, size:]))
@@ -82,6 +84,6 @@ def test_products_count_in_a_spin_of_so_many_frames_that_its_path_is_interpolate
 
 
 def test_there_are_none_where_they_are_negligible(best):
-    of_y, of_points = product_errors(best, best.turn, best.y, 1e-12 * OFFSET)
+    of_y, of_points = product_errors(best, best.turn, best.y, best.spread, 1e-12 * OFFSET)
     assert of_y.shape == (len(best.y), 0)
     assert of_points.shape == (3 * M, 0)
