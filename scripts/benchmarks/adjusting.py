@@ -27,7 +27,6 @@ FloatArray = NDArray[np.float64]
 Size = tuple[int, int, float]  # frames, features, and the step in s
 SIZES: tuple[Size, ...] = ((SHORT, SHORT_FEATURES, 1.0), (LONGER, SHORT_FEATURES, 1.0), (60_000, FEATURES, STEP))
 DENSITY = 1e-12  # m²/s³, of process noise: 7 mm in ten minutes, 0.3 m in an orbit
-GTSAM_FRAMES = 10_000  # GTSAM took more than nine minutes for 60,000, and found a chain of states indeterminate
 SAME = 0.2  # of the predicted error: the rms distance between two solutions of the same problem
 SAME_RATIO = 0.05  # of two predicted errors: its difference from 1
 TITLE = "the same least squares: free attitudes, features, {} (from the approximate solution of `pivot`)"
@@ -48,7 +47,7 @@ def adjusting(setting: Setting, sizes: Sequence[Size] = SIZES, density: float = 
         peers: list[tuple[str, Callable[[Problem], tuple[FloatArray, FloatArray]]]] = [
             ("scipy least_squares", by_scipy)
         ]
-        if "gtsam" in setting.peers and frames <= GTSAM_FRAMES:
+        if "gtsam" in setting.peers:
             peers.append(("GTSAM", by_gtsam))
         seen, what = tracks_of(setting, step * np.arange(float(frames)), features), f"{frames} × {features}"
         if density:
