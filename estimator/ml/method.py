@@ -257,6 +257,8 @@ def _covariances(
         of_offset, of_unknowns = spurious_information_columns(offset, crossed, spurious, least)
         offsets.append(variance * (offset + of_offset @ of_offset.T))
         of_y = of_y + of_unknowns @ of_unknowns.T
+    if variance <= least_variance(best.observations, ROUNDING):  # errors of rounding have no products
+        return variance * of_y, offsets
     moved, points = product_errors(best, turn, variance * y, spread, min(offsets, key=np.trace))
     for index, features in enumerate(clusters):
         attached = offset_by_points(best.found.points[features])
