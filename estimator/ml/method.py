@@ -259,7 +259,9 @@ def _covariances(
         of_y = of_y + of_unknowns @ of_unknowns.T
     if variance <= least_variance(best.observations, ROUNDING):  # errors of rounding have no products
         return variance * of_y, offsets
-    moved, points = product_errors(best, turn, variance * y, spread, min(offsets, key=np.trace))
+    # Directions that are not observed answer to no gradient; the deviation that they are given is none of theirs.
+    observed = variance * _covariance_of_unknowns(best, 0.0, variance)
+    moved, points = product_errors(best, turn, observed, spread, min(offsets, key=np.trace))
     for index, features in enumerate(clusters):
         attached = offset_by_points(best.found.points[features])
         own = attached @ points[(3 * features[:, None] + np.arange(3)).ravel()]

@@ -83,6 +83,17 @@ def test_products_count_in_a_spin_of_so_many_frames_that_its_path_is_interpolate
         )  # of three degrees of freedom, in a thousandth
 
 
+def test_products_are_not_those_of_deviations_that_unobserved_directions_are_given():
+    """In the spin of a body at rest the inertia is unobserved, too: claims were of 20,000 km."""
+    time = np.linspace(0.0, 400.0, 1300)
+    R = attitude(ENVISAT, np.deg2rad(3.5) * np.linalg.eigh(ENVISAT)[1][:, 2], time)
+    gaps = [(0.0, 100.0, range(8)), (150.0, 250.0, range(8)), (300.0, 400.0, range(8))]
+    com, points = np.tile([4.0, -19.0, 3.0], (len(time), 1)), box_features(8, (10, 4, 4), 1)
+    tracks = make_case(time, R, com, points, noise=0.02, seed=5, clusters=gaps).tracks
+    ml, pivot = (estimate(tracks, method=name, options=PathOptions(trajectory="fixed")) for name in ("ml", "pivot"))
+    assert ml.predicted_rmse < 5 * pivot.predicted_rmse
+
+
 def test_there_are_none_where_they_are_negligible(best):
     of_y, of_points = product_errors(best, best.turn, best.y, best.spread, 1e-12 * OFFSET)
     assert of_y.shape == (len(best.y), 0)
