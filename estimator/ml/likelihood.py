@@ -122,16 +122,19 @@ class Equations:
         """The covariance (q, q) of y.
 
         distance: the rms displacement of the path, m, for one standard deviation along an unobserved direction;
-        prior: information on y to add.
+        prior: information on y to add. Where it tells of all unobserved directions, they have its covariance.
         """
-        matrix, own = self.matrix + prior, self.rotation_size
-        sizes = self.sizes + np.diag(matrix - self.matrix)
-        null_space = null_space_of(matrix, sizes)
+        added, own = np.zeros_like(self.matrix) + prior, self.rotation_size
+        matrix, sizes = self.matrix + added, self.sizes + np.diag(added)
+        null_space, known = null_space_of(matrix, sizes), symmetric_pseudo_inverse(matrix, sizes)
+        of_prior = null_space.T @ added @ null_space
+        if not null_space_of(of_prior).shape[1]:
+            return np.asarray(known + null_space @ symmetric_pseudo_inverse(of_prior) @ null_space.T)
         lengths = path.lengths(null_space[own:])
         typical = path.lengths(np.diag(1 / np.sqrt(sizes[own:]))).max()
         moving = lengths > 1e-6 * typical  # the others change the rotation only
         spread = np.where(moving, distance / np.where(moving, lengths, 1.0), 0.0)
-        return np.asarray(symmetric_pseudo_inverse(matrix, sizes) + (null_space * spread**2) @ null_space.T)
+        return np.asarray(known + (null_space * spread**2) @ null_space.T)
 
     def offset_covariance(self, covariance: FloatArray, features: IntArray) -> tuple[FloatArray, FloatArray]:
         """Covariance (3, 3) of the offset of some features, and its cross-covariance (3, q) with y.

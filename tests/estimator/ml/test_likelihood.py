@@ -113,6 +113,19 @@ def test_covariances_agree_with_the_dense_inverse(problem):
     np.testing.assert_allclose(crossed / size, held @ covariance[np.ix_(places, np.arange(Q))] / size, atol=1e-3)
 
 
+def test_a_direction_lost_in_rounding_has_the_variance_of_its_prior(problem):
+    """One of inertia and path together: information 1e16 on all others hides 4 on each, which bounds both to 1/2.
+
+    By the path alone, of which it has a hundredth, it would be a hundred times as wide as the path may be.
+    """
+    direction = np.zeros(Q)
+    direction[[5, 8]] = 1.0, 0.01
+    direction /= np.linalg.norm(direction)
+    found = replace(problem[0], matrix=1e16 * (np.eye(Q) - np.outer(direction, direction)), sizes=np.full(Q, 1e16))
+    y = found.covariance(PATH.at(TIME), distance=100.0, prior=4 * np.eye(Q))
+    np.testing.assert_allclose(y, np.outer(direction, direction) / 4, atol=1e-6)
+
+
 def test_many_frames_agree_with_one_of_their_total_weight():
     """More frames than a chunk holds, all at one time, against one frame with their weight together."""
     start, *_ = scene(full=False)
