@@ -14,7 +14,7 @@ from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
 from baryscope.estimator.ekf.motion import gravity_gradient_axis
 from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
-from baryscope.estimator.ekf.smoothness import uncertain_smoothness
+from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
@@ -25,6 +25,8 @@ MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
 STEP_TOLERANCE = 0.1  # squared length of the last step of the inertia, in units of its covariance
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
+MAX_SOUGHT = 3  # how often a path's hyperparameters are sought anew
+THETA_TOLERANCE = 0.1  # of these logarithms
 VARIANCE_TOLERANCE = 0.05  # change of the logarithm of an observation's variance
 
 
@@ -125,16 +127,15 @@ class Passes:
     @cached_property
     def added(self) -> FloatArray | float:
         """What the uncertainty of the path's hyperparameters adds to the covariance of the parameters."""
-        problem, last = self.problem, self.last
-        if not len(problem.theta):
-            return 0.0
-        x = self.about.x + last.parameters.theta[INERTIA : INERTIA + len(self.about.x)]
-        of_path, variance = problem.path.prior, last.noise_variance
-        return uncertain_smoothness(last.parameters, last.prior, of_path, problem.theta, x, variance)
+        theta = self.problem.theta
+        return _smoothness(self.problem, self.about, self.last).added(theta) if len(theta) else 0.0
 
 
 def passes(problem: Problem) -> Passes:
-    """Passes until the linearisation holds, the first with generous process noise, and the mean over the bank."""
+    """Passes until the linearisation holds, the first with generous process noise, and the mean over the bank.
+
+    The hyperparameters of a smooth path are then sought anew, as a tumble tells more of the path than free attitudes.
+    """
     start, time = problem.start, problem.start.nodes.time
     axis = gravity_gradient_axis(start.rotation.orbit, time)
     shift, still = np.zeros(problem.path.size), np.zeros((len(time), 6))
@@ -143,8 +144,13 @@ def passes(problem: Problem) -> Passes:
     observations = problem.measured.weighted(start.weight)
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
-    count = 1
-    while count < MAX_PASSES and not last.final:
+    count, sought = 1, 0
+    while count < MAX_PASSES:
+        if last.final:
+            theta = problem.theta if sought == MAX_SOUGHT else _likeliest(problem, reference, last)
+            if np.allclose(theta, problem.theta, rtol=0.0, atol=THETA_TOLERANCE):
+                break
+            problem, sought = replace(problem, theta=theta), sought + 1
         reference = last.after
         if problem.on_orbit:
             shift = shift + reference.x
@@ -153,6 +159,18 @@ def passes(problem: Problem) -> Passes:
         count += 1
     refuse_lost(last.after.origin, observations.position)
     return Passes(problem, reference, shift, last, count)
+
+
+def _smoothness(problem: Problem, about: Reference, last: Pass) -> Smoothness:
+    """What the last pass, linearised about a reference, tells of a smooth path."""
+    x = about.x + last.parameters.theta[INERTIA : INERTIA + len(about.x)]
+    return Smoothness.of(last.parameters, last.prior, problem.path.prior, x, last.noise_variance)
+
+
+def _likeliest(problem: Problem, about: Reference, last: Pass) -> FloatArray:
+    """The likeliest hyperparameters (h,) of the path after a pass."""
+    theta = problem.theta
+    return _smoothness(problem, about, last).likeliest(theta) if len(theta) else theta
 
 
 def refuse_lost(origin: FloatArray, seen: FloatArray) -> None:

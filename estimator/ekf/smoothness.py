@@ -1,8 +1,10 @@
-"""What the uncertainty of a smooth path's hyperparameters adds to the covariance of the parameters of `ekf`."""
+"""The hyperparameters of a smooth path in `ekf`: those of greatest likelihood, and what their uncertainty adds."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, posterior
+from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise, posterior
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.linearised import INERTIA
 from baryscope.estimator.ekf.solution import Parameters, Prior
@@ -10,41 +12,50 @@ from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.tracks import FloatArray
 
 
-def uncertain_smoothness(
-    parameters: Parameters,
-    prior: Prior,
-    of_path: PathPrior,
-    hyperparameters: FloatArray,
-    x: FloatArray,
-    variance: float,
-) -> FloatArray:
-    """The covariance (q, q) to add to that of the parameters, in the units of the weights.
+@dataclass(frozen=True, eq=False)
+class Smoothness:
+    """What the tracks tell of a smooth path, with the other parameters eliminated.
 
-    The other parameters are eliminated, so that the posterior of the path's unknowns follows for any hyperparameters.
-    What these change of the others follows by regression.
-
-    Args:
-        parameters: with the prior's mean for given hyperparameters (h,).
-        prior: of all parameters, in the units of the weights.
-        of_path: that of the path's unknowns, in m².
-        hyperparameters: (h,), logarithms.
-        x: (s,), the path's unknowns, m.
-        variance: of an observation of weight 1.
+    linear: the problem in the path's unknowns x (s,), in SI units; prior: of them, with hyperparameters; by_path
+    (q, s): what a change of x changes of all parameters; variance: of an observation of weight 1.
     """
-    path = np.zeros(len(prior.mean), dtype=bool)
-    path[INERTIA : INERTIA + len(x)] = True
-    kept = ~path
-    kept[path] = of_path.free
-    weak = np.where(np.outer(kept, kept), prior.information, 0.0)
-    whole = parameters.information + weak
-    pull = weak @ (prior.mean - parameters.theta) - parameters.gradient
-    regression = -symmetric_pseudo_inverse(whole[np.ix_(~path, ~path)]) @ whole[np.ix_(~path, path)]
-    information = whole[np.ix_(path, path)] + whole[np.ix_(path, ~path)] @ regression
-    values, axes = np.linalg.eigh((information + information.T) / 2)
-    information = (axes * np.maximum(values, 0.0)) @ axes.T  # without the rounding of the elimination
-    linear = Linear(information / variance, (pull[path] + regression.T @ pull[~path]) / variance, x)
-    own = conditional(linear, of_path, hyperparameters)[1]
-    added = (posterior(linear, of_path, hyperparameters).covariance - own) / variance
-    by_path = np.zeros((len(path), len(x)))
-    by_path[path], by_path[~path] = np.eye(len(x)), regression
-    return np.asarray(by_path @ added @ by_path.T)
+
+    linear: Linear
+    prior: PathPrior
+    by_path: FloatArray
+    variance: float
+
+    @classmethod
+    def of(
+        cls, parameters: Parameters, prior: Prior, of_path: PathPrior, x: FloatArray, variance: float
+    ) -> "Smoothness":
+        """That of parameters which are the mean for some hyperparameters.
+
+        prior: of all parameters, in the units of the weights; of_path: that of the path's unknowns, in m²; x (s,) in m.
+        """
+        path = np.zeros(len(prior.mean), dtype=bool)
+        path[INERTIA : INERTIA + len(x)] = True
+        kept = ~path
+        kept[path] = of_path.free
+        weak = np.where(np.outer(kept, kept), prior.information, 0.0)
+        whole = parameters.information + weak
+        pull = weak @ (prior.mean - parameters.theta) - parameters.gradient
+        regression = -symmetric_pseudo_inverse(whole[np.ix_(~path, ~path)]) @ whole[np.ix_(~path, path)]
+        information = whole[np.ix_(path, path)] + whole[np.ix_(path, ~path)] @ regression
+        values, axes = np.linalg.eigh((information + information.T) / 2)
+        information = (axes * np.maximum(values, 0.0)) @ axes.T  # without the rounding of the elimination
+        by_path = np.zeros((len(path), len(x)))
+        by_path[path], by_path[~path] = np.eye(len(x)), regression
+        rhs = (pull[path] + regression.T @ pull[~path]) / variance
+        return cls(Linear(information / variance, rhs, x), of_path, by_path, variance)
+
+    def likeliest(self, hyperparameters: FloatArray) -> FloatArray:
+        """The hyperparameters (h,), logarithms, of greatest likelihood: from given ones, or from scans."""
+        found = [maximise(self.linear, self.prior, start) for start in (hyperparameters, None)]
+        return min(found, key=lambda theta: cost(self.linear, self.prior, theta))
+
+    def added(self, hyperparameters: FloatArray) -> FloatArray:
+        """The covariance (q, q) that the uncertainty about hyperparameters (h,) adds, in the units of the weights."""
+        own = conditional(self.linear, self.prior, hyperparameters)[1]
+        grown = posterior(self.linear, self.prior, hyperparameters).covariance - own
+        return np.asarray(self.by_path @ (grown / self.variance) @ self.by_path.T)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, maximise, posterior
+from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise, posterior
 from baryscope.estimator.dynamics.paths import Smooth
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
-from baryscope.estimator.ekf.smoothness import uncertain_smoothness
+from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior
 
 BEFORE, AFTER = 5, 9  # parameters before and after the path's
@@ -39,6 +39,9 @@ def test_elimination_changes_nothing(path, variance):
     gradient = information @ (mean - at) - linear.rhs
     parameters = Parameters(mean, covariance / variance, variance * information, variance * gradient, 0.0, 0.0)
     prior = Prior(np.zeros(q), variance * np.diag(others))
-    found = variance * uncertain_smoothness(parameters, prior, path, theta, mean[BEFORE : BEFORE + s], variance)
+    smoothness = Smoothness.of(parameters, prior, path, mean[BEFORE : BEFORE + s], variance)
+    found = variance * smoothness.added(theta)
+    reached = smoothness.likeliest(theta + 1.0)
+    assert cost(linear, everything, reached) <= cost(linear, everything, theta) + 1e-3
     # The positive part is taken of other matrices.
     np.testing.assert_allclose(found, expected, rtol=2e-2, atol=2e-2 * np.abs(expected).max())
