@@ -9,7 +9,7 @@ Its derivative by the logarithm of an unknown's variance is 1 − Pᵢ (Mᵢᵢ 
 mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bounds, that is, log-uniform in the density.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +169,7 @@ def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
 
 
 def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
-    """The posterior of x, integrated over the uncertainty of the hyperparameters about θ (h,).
+    """The posterior of x, over the uncertainty of the hyperparameters about θ (h,), with the prior's scatter.
 
     One that has its unknowns for itself is integrated alone, others along the principal axes of −2 ln p, on a grid
     (Rue, Martino and Chopin 2009, J. R. Statist. Soc. B 71, § 4).
@@ -200,6 +200,10 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
         total += _positive(grown, np.diag(covariance))
+    if np.any(prior.scatter):
+        untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
+        wider = replace(prior, offset=prior.offset + prior.scatter * untold)
+        total += _positive(conditional(linear, wider, theta)[1] - covariance, np.diag(covariance))
     return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
 
 

@@ -16,6 +16,7 @@ IntArray = NDArray[np.intp]
 
 FARTHEST_RADII = 3.0  # standard deviation of an unobserved centre of mass from the features' centroid, in their radii
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
+IMPLAUSIBLE_RADII = 30.0  # of the features from their centroid: a centre of mass beyond is where errors have led it
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
@@ -32,6 +33,22 @@ def farthest(points: FloatArray) -> float:
     centroid = points.mean(axis=0)
     radius = np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=1)))
     return float(max(FARTHEST_RADII * radius, np.linalg.norm(centroid), 1e-150))
+
+
+def implausible_columns(
+    bodies: list[FloatArray], offset: FloatArray, crossed: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Columns as of `spurious_information_columns` that make an implausible offset as uncertain as it is long.
+
+    In all directions, as a small error of its own turns it by metres.
+    bodies: the points (m, 3) of each, m from the centre of mass; offset (3 k, 3 k) and crossed (3 k, p): covariances.
+    """
+    centroids = [points.mean(axis=0) for points in bodies]
+    radii = [np.sqrt(np.mean(np.sum((own - at) ** 2, axis=1))) for own, at in zip(bodies, centroids, strict=True)]
+    lengths = np.linalg.norm(centroids, axis=1)
+    far = lengths > IMPLAUSIBLE_RADII * np.array(radii)
+    columns = np.diag(np.repeat(lengths, 3))[:, np.repeat(far, 3)]
+    return columns, crossed.T @ np.linalg.pinv(offset, hermitian=True) @ columns
 
 
 def spurious_information_columns(

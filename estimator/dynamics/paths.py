@@ -22,6 +22,7 @@ FIXED = "fixed"
 DECAY = "decay"
 LEAST_DECAY = 1e-8
 POWERS = (-6.0, 2.0)  # of a coefficient's number, in its variance
+SCATTER = 2.0  # of the logarithm of a coefficient's variance that the tracks do not tell: the law is but a trend
 
 
 class Path(Protocol):
@@ -231,7 +232,7 @@ class Smooth(Polynomial):
             Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
             Hyperparameter("power", *POWERS),
         )
-        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters))
+        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters, SCATTER))
 
     def omitted_variance(self, theta: FloatArray) -> float:
         """The mean variance of a coordinate, m², due to degrees beyond the highest, for the prior's parameters (3,)."""

@@ -1,6 +1,6 @@
 """Gaussian priors of a path's unknowns, whose variances are log-linear in a few hyperparameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,14 @@ class Hyperparameter:
 class Prior:
     """Independent unknowns x (p,) with mean zero and variances exp(offset + slopes θ), θ (h,) the hyperparameters.
 
-    offset (p,): infinite for an unknown without a prior; slopes (p, h).
+    offset (p,): infinite for an unknown without a prior; slopes (p, h); scatter: how far the logarithms of the
+    variances may lie above that law, where the observations do not tell.
     """
 
     offset: FloatArray
     slopes: FloatArray
     hyperparameters: tuple[Hyperparameter, ...] = ()
+    scatter: FloatArray | float = 0.0
 
     @classmethod
     def none(cls, size: int) -> "Prior":
@@ -66,10 +68,12 @@ class Prior:
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""
+        scatters = [np.broadcast_to(one.scatter, one.offset.shape) for one in (self, other)]
         return Prior(
             np.concatenate([self.offset, other.offset]),
             block_diag(self.slopes, other.slopes),
             self.hyperparameters + other.hyperparameters,
+            np.concatenate(scatters),
         )
 
     def index(self, name: str) -> int | None:
@@ -85,4 +89,4 @@ class Prior:
         with np.errstate(invalid="ignore"):
             offset = np.where(self.free, np.inf, self.offset + self.slopes[:, index] * value)
         rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]
-        return Prior(offset, np.delete(self.slopes, index, axis=1), rest)
+        return replace(self, offset=offset, slopes=np.delete(self.slopes, index, axis=1), hyperparameters=rest)

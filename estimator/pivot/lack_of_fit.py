@@ -6,7 +6,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
-from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns
+from baryscope.estimator.adjustment.spurious import farthest, implausible_columns, spurious_information_columns
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
@@ -82,6 +82,9 @@ def without_spurious_information(found: Pivot) -> tuple[FloatArray, FloatArray]:
     unseen = np.concatenate([solution.offset_null_space, solution.null_space])
     unseen = unseen * (distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300))
     covariance = variance * (joint + columns @ columns.T) + unseen @ unseen.T
+    far = implausible_columns([body.points for body in found.bodies], solution.offset_covariance, crossed)
+    lengths = np.concatenate(far, axis=0)
+    covariance += lengths @ lengths.T
     k = len(solution.offset_covariance)
     if found.spurious_share >= SPURIOUS:
         # By a factor, as rounding of large products would leave the difference of two such terms indefinite.

@@ -1,5 +1,7 @@
 """Hyperparameters of maximum marginal likelihood: against the density of the observations, and in repeated draws."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -121,3 +123,16 @@ def test_what_others_explain_is_not_due_to_an_optional_one():
     found = posterior(linear, prior, other)
     assert found.significance[1] == pytest.approx(0, abs=0.1)
     assert np.trace(found.covariance[:8, :8]) > 1  # at `other` it is as small as its prior
+
+
+def test_scatter_widens_what_the_observations_do_not_tell():
+    """Two of twelve unknowns have hardly any effect: theirs is the law's variance, widened; others hardly change."""
+    rng = np.random.default_rng(6)
+    H = np.hstack([rng.normal(size=(60, 10)), 1e-3 * rng.normal(size=(60, 2))])
+    law = Prior.none(1).joined(Prior(np.zeros(11), np.ones((11, 1)), (Hyperparameter("scale"),)))
+    linear = Linear(H.T @ H, H.T @ (H @ rng.normal(size=12) + rng.normal(size=60)), np.zeros(12))
+    theta = maximise(linear, law)
+    plain = np.diag(posterior(linear, law, theta).covariance)
+    wider = np.diag(posterior(linear, replace(law, scatter=1.5), theta).covariance)
+    assert wider[:10] == pytest.approx(plain[:10], rel=0.1)
+    assert wider[10:] - plain[10:] == pytest.approx(np.exp(theta[0]) * np.expm1(1.5) * np.ones(2), rel=0.01)

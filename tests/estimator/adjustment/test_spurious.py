@@ -8,6 +8,7 @@ from scipy.stats import chi2
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
     NoisyAttitudes,
+    implausible_columns,
     spurious_information_columns,
     three_sigma_factor,
 )
@@ -125,3 +126,16 @@ def test_near_spins_have_errors_as_claimed(kind):
     assert 0.25 < np.median(shares) < 0.9
     # The margin of three standard deviations is on the safe side, so there is no lower bound.
     assert np.mean(squares) < chi2.ppf(0.999, 3 * 24) / 24
+
+
+def test_a_centre_of_mass_far_from_its_features_is_as_uncertain_as_it_is_far():
+    """Of two bodies of one metre, the second is 100 m away: its offset and the path that follows it get 100 m."""
+    near = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0]])
+    offset = np.diag(np.full(6, 1e-4))
+    crossed = -np.vstack([np.zeros((3, 3)), 1e-4 * np.eye(3)])  # the path moves against the second offset
+    far = near + np.array([0, 0, 100.0])
+    columns, of_path = implausible_columns([near, far], offset, crossed)
+    assert columns[:3] == pytest.approx(np.zeros((3, 3)))
+    assert columns[3:] @ columns[3:].T == pytest.approx(1e4 * np.eye(3), rel=1e-3)
+    assert of_path == pytest.approx(-columns[3:])
+    assert implausible_columns([near], offset[:3, :3], crossed[:3])[0].size == 0
