@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.extended import parts_of
 from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, firings_of, thrust_of
 from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, Smooth
 from baryscope.estimator.dynamics.process_noise import disturbed
@@ -67,6 +68,11 @@ def chosen_path(
     if options.constant_acceleration != "none":
         path = Forced(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
     return disturbed(path, options.process_noise, begin, end, 0.0 if known is None else known.noise)
+
+
+def highest_degree(path: Path) -> int:
+    """The degree up to which the smooth part of a path has coefficients; the first of all if it has none."""
+    return next((part.degree for part in parts_of(path) if isinstance(part, Smooth)), SMOOTH_DEGREES[0])
 
 
 def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:

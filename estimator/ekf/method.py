@@ -29,7 +29,7 @@ from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.dynamics.burns import burned_in
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.trajectory import trajectory_of
+from baryscope.estimator.dynamics.trajectory import highest_degree, trajectory_of
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, TURN
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
@@ -74,7 +74,9 @@ def estimate_by_filter(
     path, on_orbit = trajectory.path(orbit, *span, options.acceleration), trajectory.kind == "relative-orbit"
     measured, rounds = observations_of(tracks, tracks.seen), Rounds(progress)
     solved = _least_squares(tracks, orbit, options, path)
-    path = path if solved is None else _with_burns_of(solved, path)
+    if solved is not None:
+        trajectory = replace(trajectory, highest=highest_degree(solved.path))
+        path = _with_burns_of(solved, trajectory.path(orbit, *span, options.acceleration))
     theta = np.array([_found(solved, one.name) for one in path.prior.hyperparameters])
 
     def followed(start: Start) -> Passes:
