@@ -30,6 +30,7 @@ def test_elimination_changes_nothing(path, variance):
         np.concatenate([np.full(BEFORE, np.log(2.0)), path.offset, np.full(AFTER, np.log(2.0))]),
         np.concatenate([np.zeros((BEFORE, 3)), path.slopes, np.zeros((AFTER, 3))]),
         path.hyperparameters,
+        np.pad(path.scatter, (BEFORE, AFTER)),
     )
     at = np.concatenate([rng.normal(size=BEFORE), x, rng.normal(size=AFTER)])
     linear = Linear(information, information @ rng.normal(size=q), at)
