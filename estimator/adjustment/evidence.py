@@ -100,7 +100,7 @@ def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray)
     """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below."""
     for index, one in enumerate(prior.hyperparameters):
         if one.optional and theta[index] > bounds[index, 0]:
-            without, least = _without(linear, prior, theta, int(index), bounds)
+            without, least = _without(linear, prior, theta, index, bounds)
             theta = theta if least - cost(linear, prior, theta) > 2 * np.log(BELOW / TYPICAL) else without
     return theta
 
@@ -116,7 +116,7 @@ def _without(
     without[index] = bounds[index, 0]
     least = cost(linear, prior, without)
     others = np.delete(np.arange(len(theta)), index)
-    if len(others):
+    if len(others) and theta[index] > bounds[index, 0]:
         rest = prior.fixed(prior.hyperparameters[index].name, float(bounds[index, 0]))
         found = without.copy()
         found[others] = maximise(linear, rest)

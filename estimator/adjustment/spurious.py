@@ -30,9 +30,14 @@ def farthest(points: FloatArray) -> float:
 
     That is FARTHEST_RADII of the points about their centroid, or the distance to which spurious information has led.
     """
+    distance, radius = _distance_and_radius(points)
+    return max(FARTHEST_RADII * radius, distance, 1e-150)
+
+
+def _distance_and_radius(points: FloatArray) -> tuple[float, float]:
+    """The distance of the centroid of points (m, 3) from their origin, and their rms distance from it."""
     centroid = points.mean(axis=0)
-    radius = np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=1)))
-    return float(max(FARTHEST_RADII * radius, np.linalg.norm(centroid), 1e-150))
+    return float(np.linalg.norm(centroid)), float(np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=1))))
 
 
 def implausible_columns(
@@ -43,10 +48,8 @@ def implausible_columns(
     In all directions, as a small error of its own turns it by metres.
     bodies: the points (m, 3) of each, m from the centre of mass; offset (3 k, 3 k) and crossed (3 k, p): covariances.
     """
-    centroids = [points.mean(axis=0) for points in bodies]
-    radii = [np.sqrt(np.mean(np.sum((own - at) ** 2, axis=1))) for own, at in zip(bodies, centroids, strict=True)]
-    lengths = np.linalg.norm(centroids, axis=1)
-    far = lengths > IMPLAUSIBLE_RADII * np.array(radii)
+    lengths, radii = np.transpose([_distance_and_radius(points) for points in bodies])
+    far = lengths > IMPLAUSIBLE_RADII * radii
     columns = np.diag(np.repeat(lengths, 3))[:, np.repeat(far, 3)]
     return columns, crossed.T @ np.linalg.pinv(offset, hermitian=True) @ columns
 

@@ -72,7 +72,13 @@ def chosen_path(
 
 def highest_degree(path: Path) -> int:
     """The degree up to which the smooth part of a path has coefficients; the first of all if it has none."""
-    return next((part.degree for part in parts_of(path) if isinstance(part, Smooth)), SMOOTH_DEGREES[0])
+    smooth = smooth_in(path)
+    return SMOOTH_DEGREES[0] if smooth is None else smooth.degree
+
+
+def smooth_in(path: Path) -> Smooth | None:
+    """The part of a path that is smooth, if one is; its hyperparameters are the first."""
+    return next((part for part in parts_of(path) if isinstance(part, Smooth)), None)
 
 
 def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:

@@ -14,12 +14,12 @@ from baryscope.estimator.adjustment.reweighting import GATE, reweighted
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended import parts_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.paths import Path, SampledPath, Smooth
+from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
+from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
@@ -261,10 +261,11 @@ def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, 
 
 def is_cut_short(found: Pivot) -> bool:
     """Whether a smooth path has degrees beyond its highest that matter."""
-    theta = found.posterior.theta[:3]
-    smooth = [part for part in parts_of(found.path) if isinstance(part, Smooth)]
-    typical = _typical(found.sampled.covariance(found.posterior.covariance))
-    return any(part.omitted_variance(theta) > OMITTED * typical for part in smooth)
+    smooth = smooth_in(found.path)
+    if smooth is None:
+        return False
+    own = found.posterior.theta[: len(smooth.prior.hyperparameters)]
+    return smooth.omitted_variance(own) > OMITTED * _typical(found.sampled.covariance(found.posterior.covariance))
 
 
 def _typical(covariance: FloatArray) -> float:
