@@ -24,6 +24,8 @@ DESCRIPTION = (
     "and the target's features as the chaser sees them"
 )
 
+EXPERIMENT_TOLERANCE = 1e-6  # for the importer's own solver in Model Exchange; the unit keeps solver.tolerance
+
 LOG_CATEGORIES = {
     "logStatusError": "Why a call was refused or failed; on by default",
     "logEvents": "Initialisation, reset and termination",
@@ -71,7 +73,7 @@ def model_description(
         "DefaultExperiment",
         startTime="0.0",
         stopTime=repr(float(scenario.duration)),
-        tolerance=repr(scenario.run.tolerance),
+        tolerance=repr(max(EXPERIMENT_TOLERANCE, scenario.run.tolerance)),
         stepSize=repr(scenario.run.sample_time),
     )
     writer.add_variables(root, references, _starts(references, parameters))

@@ -57,6 +57,37 @@ def test_casadi_evaluates_and_differentiates_the_unit(envisat, envisat_fmu, tmp_
         np.testing.assert_allclose(np.array(ca.densify(found)), dense, rtol=1e-12, atol=1e-12 * np.abs(dense).max())
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmpy_integrates_the_unit_under_a_changing_input(envisat, envisat_fmu, envisat_fmu3_scalar, fmi):
+    """By Model Exchange at the default experiment's tolerance, against Co-Simulation.
+
+    fmpy's solver is not restarted where an input changes: it goes ahead with the former one for some steps.
+    """
+    unit, output = (envisat_fmu if fmi == 2 else envisat_fmu3_scalar), "target.angularRate[1]"
+    time = np.linspace(0.0, 20.0, 201)
+    torque = 10.0 * np.sin(time)
+    signal = np.array(list(zip(time, torque, strict=True)), dtype=[("time", float), ("target.torque[1]", float)])
+    found = fmpy.simulate_fmu(
+        str(unit), fmi_type="ModelExchange", stop_time=20.0, output_interval=0.1, input=signal, output=[output]
+    )[output]
+    wanted = [found[0]]
+    with Session(envisat_fmu) as session:
+        for value in torque[:-1]:
+            session.step(0.1, torque=[value, 0.0, 0.0])
+            wanted.append(session["target.angularRate"][0])
+    assert len(found) == len(wanted)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=0.2 * np.ptp(wanted))
+
+
+def test_the_tolerance_of_an_importer_does_not_loosen_that_of_the_unit(any_fmu):
+    """fmpy hands the default experiment's to the unit; the unit keeps its own."""
+    name = "target.attitude" if any_fmu.stem == "envisat3" else "target.attitude[4]"
+    found = fmpy.simulate_fmu(str(any_fmu), stop_time=100.0, output_interval=100.0, output=[name])
+    with Session(any_fmu) as session:
+        session.step(100.0)
+        assert np.ravel(found[name][-1])[-1] == session.attitude[3]
+
+
 @pytest.mark.filterwarnings("ignore:'ctypes.POINTER with string':DeprecationWarning")  # its, on 3.14
 def test_libcosim_steps_the_unit(envisat_fmu, expected):
     package = "libcosimpy"
