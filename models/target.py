@@ -74,8 +74,9 @@ class TumblingTarget:
             step: ‖q‖ is constant.
         orbit_rates: (place, ρ, ρ̇), u, c → their rates.
         run_outputs: x, p, c → y.
-        run_forward: x, u, p, c, seed of (u, x) → the seed's image in (y, ẋ).
-        run_reverse: x, u, p, c, seed of (y, ẋ) → its image in (u, x).
+        run_forward: x, u, p, c, seed of (u, p, x) → the seed's image in (y, ẋ), with c held: exact for tunable Reals,
+            on which c does not depend.
+        run_reverse: x, u, p, c, seed of (y, ẋ) → its image in (u, p, x), with c held.
         initial_forward: u, p, seed of (u, p) → its image in (y, x, ẋ) at the start.
         initial_reverse: u, p, seed of (y, x, ẋ) → its image in (u, p).
         checks: the conditions on p.
@@ -141,7 +142,7 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
     x0 = _initial_state(parameters, forces)
     start = ca.vertcat(y, x, rates)
     start = ca.substitute(of_parameters(start), x, x0)
-    run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, x), ca.vertcat(y, rates))
+    run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, p, x), ca.vertcat(y, rates))
     series = _series(part, u, inputs["target.torque"], _series_constants(parameters, forces), forces)
     beginning = _derivatives("target_initial", [u, p], ca.vertcat(u, p), start)
     return TumblingTarget(

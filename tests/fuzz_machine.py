@@ -272,8 +272,9 @@ class Machine(RuleBasedStateMachine):
         (knowns, fit), (unknowns, fits) = self.chosen(knowns, "Real"), self.chosen(unknowns, "Real")
 
         def known(v):
-            early = v.causality in ("input", "parameter")
-            return early if self.mode == INIT else v.causality == "input" or v.name.startswith("state.")
+            if self.mode == INIT:
+                return v.causality in ("input", "parameter")
+            return v.causality == "input" or v.variability == "tunable" or v.name.startswith("state.")
 
         def unknown(v):
             return (

@@ -246,12 +246,14 @@ def wrong_unit3(root):
     variable3(root, "features").set("unit", "m/s")
 
 
-def dropped_dependency3(root):
-    entry, position = unknown3(root, "Output", "features"), variable3(root, "state.position").get("valueReference")
-    left = [reference for reference in entry.get("dependencies").split() if reference != position]
-    assert len(left) < len(entry.get("dependencies").split())
-    entry.set("dependencies", " ".join(left))
-    entry.attrib.pop("dependenciesKind", None)
+def dropped3(element, of, on):
+    def mutate(root):
+        entry, reference = unknown3(root, element, of), variable3(root, on).get("valueReference")
+        declared = entry.get("dependencies").split()
+        assert reference in declared
+        entry.set("dependencies", " ".join(known for known in declared if known != reference))
+
+    return mutate
 
 
 def removed3(element, name):
@@ -284,7 +286,14 @@ MUTATIONS_3 = [
     (changed_element, "target.features: found start", False),
     (wrong_dimension, "target.angularRate: found 4 elements, expected 3", False),
     (wrong_unit3, 'features: found unit "m/s", expected "m"', False),
-    (dropped_dependency3, "features: depends on state.position", False),
+    (dropped3("Output", "features", "state.position"), "features: depends on state.position", False),
+    (dropped3("Output", "features", "target.features"), "features: depends on target.features", False),
+    (dropped3("Output", "normals", "target.normals"), "normals: depends on target.normals", False),
+    (
+        dropped3("ContinuousStateDerivative", "der(state.angularRate)", "gravityGradient"),
+        r"der\(state.angularRate\): depends on gravityGradient",
+        False,
+    ),
     (removed3("InitialUnknown", "features"), "InitialUnknowns does not contain", True),
     (removed3("Output", "target.position"), "Outputs must have exactly one entry", True),
     (wrong_derivative3, "is one of 2 derivatives of state.velocity", True),

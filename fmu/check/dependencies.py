@@ -5,9 +5,8 @@ by differences elsewhere. An influence that is not declared is an error; one tha
 derivatives, a warning.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,17 @@ import numpy as np
 from baryscope.fmu.check.description import continuous_inputs, interfaces, is_float, size_of, states
 from baryscope.fmu.check.finding import Finding, error, listed, warning
 from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
+from baryscope.fmu.check.moving import (
+    PERTURBED,
+    Setter,
+    change,
+    movable,
+    perturb,
+    scatter,
+    setter_in_a_run,
+    slices,
+    total,
+)
 
 POINTS = 3
 DIFFERENCE = 1e-6  # of a variable's size
@@ -32,7 +42,7 @@ class Influences:
     largest: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.largest = np.zeros((_total(self.unknowns), _total(self.knowns)))
+        self.largest = np.zeros((total(self.unknowns), total(self.knowns)))
 
     def add(self, columns: FloatArray) -> None:
         """Add the influences at one more point."""
@@ -43,7 +53,7 @@ class Influences:
         strongest = self.largest.max(axis=1, initial=0.0)
         threshold = strongest * (NOISE if exact else 1e-6)
         seen = self.largest > np.maximum(threshold, 1e-300)[:, None]
-        rows, columns = _slices(self.unknowns), _slices(self.knowns)
+        rows, columns = slices(self.unknowns), slices(self.knowns)
         for unknown, row in zip(self.unknowns, rows, strict=True):
             names = declared.get(unknown.name)
             if names is None:
@@ -69,11 +79,12 @@ def start_dependency_findings(folder: Path, description: Any, name: str) -> Iter
     """InitialUnknowns, and directional derivatives in Initialization Mode."""
     unknowns = [u.variable for u in description.initialUnknowns if is_float(u.variable)]
     exactly = [v for v in description.modelVariables if v.initial == "exact" and v.variability != "constant"]
-    knowns = [v for v in exactly if v.type in _PERTURBED and v.causality != "structuralParameter"]
+    knowns = [v for v in exactly if v.type in PERTURBED and v.causality != "structuralParameter"]
     if not unknowns or not knowns:
         return
     exact = _offers_derivatives(description, name)
     influences = Influences("InitialUnknowns", unknowns, knowns)
+    floats = [known for known in knowns if is_float(known)]
     rng = np.random.default_rng(0)
     with Instance(folder, description, name) as instance:
         instance.initialise()
@@ -82,8 +93,7 @@ def start_dependency_findings(folder: Path, description: Any, name: str) -> Iter
                 instance.restart()
                 perturb(instance, knowns, unknowns, rng, point)
             if _checks_structure(description, name):
-                influences.add(_influences(instance, unknowns, knowns, instance.set, exact))
-            floats = [known for known in knowns if is_float(known)]
+                influences.add(_influences(instance, unknowns, knowns, instance.set, floats if exact else []))
             if exact and floats:
                 found = list(
                     _derivative_findings(instance, unknowns, floats, instance.set, rng, f"{name} at the start")
@@ -103,25 +113,31 @@ def run_dependency_findings(folder: Path, description: Any, name: str) -> Iterat
     unknowns = [unknown.variable for _, group in groups for unknown in group]
     inputs = [v for v in continuous_inputs(description) if is_float(v)]
     state = [] if name == "CoSimulation" and not _offers_derivatives(description, name) else states(description)
-    knowns = [*inputs, *state]
+    tunable = [] if description.fmiVersion == "2.0" else _tunable(description)  # FMI 2 does not count them
+    knowns = [*inputs, *tunable, *state]
     if not unknowns or not knowns:
         return
     exact = _offers_derivatives(description, name)
+    floats = [known for known in knowns if is_float(known)]
     influences = [Influences(element, [u.variable for u in group], knowns) for element, group in groups]
-    parameters = [v for v in description.modelVariables if v.causality == "parameter" and v.type in _PERTURBED]
+    parameters = [v for v in description.modelVariables if v.causality == "parameter" and v.type in PERTURBED]
     rng = np.random.default_rng(1)
     with Instance(folder, description, name) as instance:
         for point in range(POINTS):
             instance.initialise() if point == 0 else instance.restart()
             perturb(instance, parameters, unknowns, rng, point)
             instance.run()
-            _scatter(instance, inputs, rng)
-            setter = _setter(instance, inputs, state)
+            scatter(instance, inputs, rng)
+            setter = setter_in_a_run(instance)
+            if exact and point == 0:
+                refused = dict(_refused(instance, unknowns, [known for known in tunable if is_float(known)]))
+                yield from refused.values()
+                floats = [known for known in floats if known.name not in refused]
             if _checks_structure(description, name):
-                columns = _influences(instance, unknowns, knowns, setter, exact)
+                columns = _influences(instance, unknowns, knowns, setter, floats if exact else [])
                 for influence, part in zip(influences, np.split(columns, [len(influences[0].largest)]), strict=True):
                     influence.add(part)
-            moved = knowns if name == "ModelExchange" else inputs
+            moved = [known for known in floats if name == "ModelExchange" or known not in state]
             if exact and moved:
                 found = list(_derivative_findings(instance, unknowns, moved, setter, rng, f"{name} in a run"))
                 yield from found
@@ -131,80 +147,37 @@ def run_dependency_findings(folder: Path, description: Any, name: str) -> Iterat
             yield from influence.findings(_declared(group), exact)
 
 
-# ---- points and influences ----
-
-Setter = Callable[[Sequence[Any], FloatArray], None]
-_PERTURBED = ("Real", "Float64", "Boolean")
+# ---- influences and derivatives ----
 
 
-def perturb(instance: Instance, knowns: list[Any], unknowns: list[Any], rng: np.random.Generator, point: int) -> None:
-    """Move every known away from its value, as far as the unit accepts it; Booleans are true at every other point."""
-    for known in knowns:
-        value = instance.get([known])
-        if not is_float(known):
-            instance.set([known], np.full(value.shape, point % 2))
-            continue
-        direction = rng.uniform(0.3, 1.0, value.shape) * np.where(value == 0.0, 1.0, value)
-        for share in (0.1, -0.1, 1e-2, 1e-3, 1e-4, -1e-4, 0.0):
-            try:
-                instance.set([known], value + share * direction)
-                instance.get(unknowns)
-                break
-            except RefusedError:
-                continue
-
-
-def _scatter(instance: Instance, inputs: list[Any], rng: np.random.Generator) -> None:
-    """Move inputs and, where they can be set, states away from rest."""
-    if inputs:
-        instance.set(inputs, instance.get(inputs) + rng.uniform(0.1, 1.0, _total(inputs)))
-    if not instance.co_simulation and states(instance.description):
-        vector = instance.get_states()
-        instance.set_states(vector + 0.05 * rng.uniform(0.2, 1.0, vector.size) * np.where(vector == 0.0, 1.0, vector))
-
-
-def _setter(instance: Instance, inputs: list[Any], state: list[Any]) -> Setter:
-    """A function that sets inputs and, in Model Exchange, the vector of states."""
-    count = _total(inputs)
-
-    def set_all(variables: Sequence[Any], values: FloatArray) -> None:
-        instance.set(inputs, values[:count])
-        if state and not instance.co_simulation:
-            instance.set_states(values[count:])
-
-    return set_all
-
-
-def _influences(instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, exact: bool) -> FloatArray:
-    """The change of all unknowns with every scalar of the knowns, per size of the known."""
-    values = instance.get(knowns)
-    columns = np.zeros((_total(unknowns), values.size))
-    size = np.maximum(np.abs(values), 1.0)
-    for known, place in zip(knowns, _slices(knowns), strict=True):
-        for index in range(place.start, place.stop):
-            if is_float(known) and exact:
-                seed = np.zeros(place.stop - place.start)
-                seed[index - place.start] = size[index]
-                columns[:, index] = instance.derivative(unknowns, [known], seed)
-            else:
-                moved = values.copy()
-                moved[index] = moved[index] + 1e-5 * size[index] if is_float(known) else 1.0 - moved[index]
-                columns[:, index] = _change(instance, unknowns, knowns, setter, values, moved)
-    return columns
-
-
-def _change(
-    instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, values: FloatArray, moved: FloatArray
+def _influences(
+    instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, exactly: list[Any]
 ) -> FloatArray:
-    """The change of the unknowns from `values` to `moved`; zero where the unit refuses the latter."""
-    here = instance.get(unknowns)
-    try:
-        setter(knowns, moved)
-        there = instance.get(unknowns)
-    except RefusedError:
-        there = here
-    setter(knowns, values)
-    return there - here
+    """The change of all unknowns with every scalar of the knowns, per size of the known.
+
+    By directional derivatives for the knowns in `exactly`, by differences for others.
+    """
+    columns = []
+    for known in knowns:
+        values = instance.get([known])
+        size = np.maximum(np.abs(values), 1.0)
+        for unit in np.eye(values.size):
+            if known in exactly:
+                columns.append(instance.derivative(unknowns, [known], unit * size))
+            else:
+                moved = values + unit * (1e-5 * size if is_float(known) else 1.0 - 2.0 * values)
+                columns.append(change(instance, unknowns, [known], setter, values, moved))
+    return np.array(columns).T
+
+
+def _refused(instance: Instance, unknowns: list[Any], tunable: list[Any]) -> Iterator[tuple[str, Finding]]:
+    """The tunable parameters by which the unit has no directional derivatives in a run, with the finding."""
+    for known in tunable:
+        try:
+            instance.derivative(unknowns, [known], np.ones(size_of(known)))
+        except RefusedError as refusal:
+            where = f"{instance.interface} in a run/providesDirectionalDerivative"
+            yield known.name, error(where, f"by the tunable parameter {known.name} {refusal}")
 
 
 def _derivative_findings(
@@ -212,6 +185,9 @@ def _derivative_findings(
 ) -> Iterator[Finding]:
     """A directional derivative against central differences, and where declared the adjoint derivative against it."""
     unknowns = [unknown for unknown in unknowns if unknown not in knowns]
+    knowns = movable(instance, unknowns, knowns, setter, DIFFERENCE)
+    if not knowns:
+        return
     values = instance.get(knowns)
     seed = rng.uniform(0.3, 1.0, values.size) * np.maximum(np.abs(values), 1.0)
     found = instance.derivative(unknowns, knowns, seed)
@@ -242,6 +218,15 @@ def _derivative_findings(
         )
 
 
+def _tunable(description: Any) -> list[Any]:
+    """The tunable parameters, which FMI 3.0 counts among the knowns of a run."""
+    return [
+        v
+        for v in description.modelVariables
+        if v.causality == "parameter" and v.variability == "tunable" and v.type in PERTURBED
+    ]
+
+
 def _offers_derivatives(description: Any, name: str) -> bool:
     return bool(interfaces(description)[name].providesDirectionalDerivative)
 
@@ -256,12 +241,3 @@ def _declared(unknowns: Sequence[Any]) -> dict[str, set[str] | None]:
         unknown.variable.name: None if unknown.dependencies is None else {known.name for known in unknown.dependencies}
         for unknown in unknowns
     }
-
-
-def _total(variables: Sequence[Any]) -> int:
-    return sum(size_of(variable) for variable in variables)
-
-
-def _slices(variables: Sequence[Any]) -> list[slice]:
-    ends = np.cumsum([0, *(size_of(variable) for variable in variables)]).tolist()
-    return [slice(start, stop) for start, stop in pairwise(ends)]

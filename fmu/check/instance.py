@@ -116,8 +116,10 @@ class Instance:
     def run(self) -> None:
         """Leave Initialization Mode for stepping or, in Model Exchange, for Continuous-Time Mode."""
         self.call("exitInitializationMode")
-        if self.co_simulation:
-            return
+        if not self.co_simulation:
+            self._enter_continuous_time()
+
+    def _enter_continuous_time(self) -> None:
         for _ in range(100):
             if not self._discrete_states_needed():
                 break
@@ -131,6 +133,16 @@ class Instance:
             "fmi2NewDiscreteStates", lambda: self.fmu.fmi2NewDiscreteStates(self.fmu.component, ctypes.byref(info))
         )
         return bool(info.newDiscreteStatesNeeded)
+
+    def tune(self, parameter: Any, values: ArrayLike) -> None:
+        """Set a tunable parameter in a run: between steps or, in Model Exchange, in Event Mode."""
+        if not self.co_simulation:
+            self.call("enterEventMode")
+        try:
+            self.set([parameter], values)
+        finally:
+            if not self.co_simulation:
+                self._enter_continuous_time()
 
     def restart(self) -> None:
         """Reset, and enter Initialization Mode again."""

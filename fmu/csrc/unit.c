@@ -292,7 +292,7 @@ typedef struct {
     int size;
 } Range;
 
-static const Range RUN_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_STATES, N_STATES}, {0, 0}};
+static const Range RUN_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_PARAMETERS, N_PARAMETERS}, {AT_STATES, N_STATES}, {0, 0}};
 static const Range RUN_UNKNOWNS[] = {{AT_OUTPUTS, N_OUTPUTS}, {AT_DERIVATIVES, N_STATES}, {0, 0}};
 static const Range START_KNOWNS[] = {{AT_INPUTS, N_INPUTS}, {AT_PARAMETERS, N_PARAMETERS}, {0, 0}};
 static const Range START_UNKNOWNS[] = {{AT_OUTPUTS, N_OUTPUTS}, {AT_STATES, N_STATES}, {AT_DERIVATIVES, N_STATES}, {0, 0}};

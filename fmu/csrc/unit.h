@@ -77,9 +77,9 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE]);
 /* Advance to `time` with the inputs held. On failure the unit is unchanged and `message` holds the reason. */
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
-/* Image of a seed under the Jacobian of (outputs, states, derivatives) by (inputs, parameters) at the start,
-   or of (outputs, derivatives) by (inputs, states) in a run; `reverse` takes its transpose. Both vectors are laid out as
-   the unit's values; what is not a known or an unknown is left alone. */
+/* Image of a seed under the Jacobian of (outputs, states, derivatives) by (inputs, parameters) at the start, or of
+   (outputs, derivatives) by (inputs, tunable parameters, states) in a run; `reverse` takes its transpose. Both vectors are laid
+   out as the unit's values; what is not a known or an unknown is left alone. */
 static void unit_derivative(Unit *unit, bool at_start, bool reverse, const double seed[N_VALUES], double image[N_VALUES]);
 
 #endif

@@ -189,8 +189,9 @@ static Status instance_derivative(void *component, const char *function, bool re
     unsigned kinds;
     if (!request_fits(instance, function, REAL, from, seed.values, seed.count, &kinds)) return ERROR;
     if (!request_fits(instance, function, REAL, to, image.values, image.count, &kinds)) return ERROR;
-    if (!of_kinds(instance, function, knowns, at_start ? INPUT | PARAMETER | TUNABLE : INPUT | STATE,
-                  at_start ? "an input or a parameter among the knowns" : "an input or a state among the knowns") ||
+    if (!of_kinds(instance, function, knowns, at_start ? INPUT | PARAMETER | TUNABLE : INPUT | TUNABLE | STATE,
+                  at_start ? "an input or a parameter among the knowns"
+                           : "an input, a tunable parameter or a state among the knowns") ||
         !of_kinds(instance, function, unknowns, at_start ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE,
                   at_start ? "an output, state or derivative among the unknowns" : "an output or a derivative among the unknowns"))
         return ERROR;

@@ -53,7 +53,7 @@ def model_description(
         scalar: in FMI 3, describe every scalar by itself, not arrays.
     """
     references = reference_table(system.variables, fmi, scalar)
-    structure = structure_of(system, references)
+    structure = structure_of(system, references, fmi)
     root = ET.Element(
         "fmiModelDescription",
         modelName=MODEL_NAME,

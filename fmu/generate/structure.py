@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference
 from baryscope.models.target import TumblingTarget
 from baryscope.models.variables import Kind
@@ -18,7 +19,7 @@ class Structure:
     """Dependencies in both phases.
 
     Attributes:
-        running: in a run, outputs and derivatives on inputs and states.
+        running: in a run, outputs and derivatives on inputs and states, and in FMI 3 on tunable parameters.
         initially: at the start, outputs, states and derivatives on inputs and parameters.
     """
 
@@ -26,10 +27,10 @@ class Structure:
     initially: Dependencies
 
 
-def structure_of(system: TumblingTarget, references: Sequence[Reference]) -> Structure:
+def structure_of(system: TumblingTarget, references: Sequence[Reference], fmi: FmiVersion) -> Structure:
     """The dependencies between value references; an array depends on what any of its scalars depends on."""
     owner = [place for place, reference in enumerate(references) for _ in range(reference.size)]
-    running, initially = dependencies(system)
+    running, initially = dependencies(system, fmi)
     return Structure(_gathered(running, owner), _gathered(initially, owner))
 
 
@@ -40,33 +41,37 @@ def _gathered(of_scalars: Dependencies, owner: Sequence[int]) -> dict[int, list[
     return {unknown: sorted(knowns) for unknown, knowns in found.items()}
 
 
-def dependencies(system: TumblingTarget) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """Dependencies in a run and at the start, as places of scalars in the table of variables."""
+def dependencies(system: TumblingTarget, fmi: FmiVersion) -> tuple[Dependencies, Dependencies]:
+    """Dependencies in a run and at the start, as places of scalars in the table of variables.
+
+    FMI 3.0 counts tunable parameters among the knowns of a run (2.4.8, the equations of Output and
+    ContinuousStateDerivative); FMI 2.0 does not.
+    """
+    scalars = [variable for variable in system.variables for _ in range(variable.size)]
     x, u, p = (ca.SX.sym(name, system.rhs.numel_in(index)) for index, name in enumerate("xup"))
-    running = _places(
-        system,
-        {Kind.OUTPUT, Kind.DERIVATIVE},
-        {Kind.INPUT, Kind.STATE},
-        ca.vertcat(system.outputs(x, p), system.rhs(x, u, p)),
-        ca.vertcat(u, x),
-    )
+    parameters = [variable for variable in scalars if variable.kind == Kind.PARAMETER]
+    tuned = [place for place, variable in enumerate(parameters) if variable.tunable and fmi == 3]
+
+    def of_kinds(*kinds: Kind) -> list[int]:
+        return [place for place, variable in enumerate(scalars) if variable.kind in kinds]
+
+    in_run = [*of_kinds(Kind.INPUT), *(of_kinds(Kind.PARAMETER)[place] for place in tuned), *of_kinds(Kind.STATE)]
+    running = _depending(
+        ca.vertcat(system.outputs(x, p), system.rhs(x, u, p)), of_kinds(Kind.OUTPUT, Kind.DERIVATIVE),
+        ca.vertcat(u, p[tuned], x), in_run,
+    )  # fmt: skip
     x0 = system.initial(p)
-    initially = _places(
-        system, {Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE}, {Kind.INPUT, Kind.PARAMETER},
-        ca.vertcat(system.outputs(x0, p), x0, system.rhs(x0, u, p)), ca.vertcat(u, p),
+    initially = _depending(
+        ca.vertcat(system.outputs(x0, p), x0, system.rhs(x0, u, p)),
+        of_kinds(Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE),
+        ca.vertcat(u, p), of_kinds(Kind.INPUT, Kind.PARAMETER),
     )  # fmt: skip
     return running, initially
 
 
-def _places(
-    system: TumblingTarget, unknown_kinds: set[Kind], known_kinds: set[Kind], unknowns: ca.SX, knowns: ca.SX
-) -> dict[int, list[int]]:
-    """For each unknown, the knowns that it depends on; `unknowns` and `knowns` are in the order of the table."""
-    kinds = [variable.kind for variable in system.variables for _ in range(variable.size)]
-    rows = [index for index, kind in enumerate(kinds) if kind in unknown_kinds]
-    columns = [index for index, kind in enumerate(kinds) if kind in known_kinds]
+def _depending(unknowns: ca.SX, rows: list[int], knowns: ca.SX, columns: list[int]) -> Dependencies:
+    """For each unknown, the knowns that it depends on; `rows` and `columns` are their places."""
     found: dict[int, list[int]] = {row: [] for row in rows}
-    pattern = ca.jacobian_sparsity(unknowns, knowns)
-    for row, column in zip(*pattern.get_triplet(), strict=True):
+    for row, column in zip(*ca.jacobian_sparsity(unknowns, knowns).get_triplet(), strict=True):
         found[rows[row]].append(columns[column])
     return {row: sorted(places) for row, places in found.items()}

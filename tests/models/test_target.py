@@ -1,5 +1,6 @@
 """The flat functions of the target: order of states and outputs, and what they hold, against numpy and scipy."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -7,7 +8,7 @@ from scipy.spatial.transform import Rotation
 import forces
 from baryscope.models.scenario import load_scenario, preset_names
 from baryscope.models.target import PLACE_START, tumbling_target
-from baryscope.models.variables import Kind
+from baryscope.models.variables import Force, Kind
 
 
 def evaluated(scenario, state=None):
@@ -98,3 +99,13 @@ def test_the_rates_of_the_series_are_those_of_the_attitude_in_other_axes(preset,
     rates = np.array(system.series_rates(np.concatenate([found, x[7:]]), torque, s, 1.0)).ravel()
     np.testing.assert_allclose(np.array(system.from_series(rates[:7], s)).ravel(), expected[:7], rtol=1e-11, atol=1e-15)
     np.testing.assert_allclose(rates[7:], expected[7:], rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("forces", [frozenset(), frozenset(Force)], ids=["none", "all"])
+def test_no_constant_depends_on_a_tunable_real(forces):
+    """Derivatives in a run hold the constants, and are those by tunable Reals only for this reason."""
+    system = tumbling_target(3, forces)
+    scalars = [v for v in system.of_kind(Kind.PARAMETER) for _ in range(v.size)]
+    depends = np.array(ca.DM(system.constants.jac_sparsity(0, 0), 1)).any(axis=0)
+    assert not [v.name for v, found in zip(scalars, depends, strict=True) if found and v.tunable and not v.boolean]
+    assert depends.any()

@@ -309,7 +309,7 @@ static void derivatives(Slot *slot)
     size_t n_result, n_seed;
     bool fit, other, finite;
     const bool early = in(slot, INITIALIZATION);
-    const unsigned known_kinds = early ? SETTABLE_EARLY : INPUT | STATE;
+    const unsigned known_kinds = early ? SETTABLE_EARLY : INPUT | TUNABLE | STATE;
     const unsigned unknown_kinds = early ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE;
     const size_t count = references_of(unknowns, &n_result, &fit, unknown_kinds, REAL);
     const size_t n_knowns = references_of(knowns, &n_seed, &other, known_kinds, REAL);

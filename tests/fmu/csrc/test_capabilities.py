@@ -197,7 +197,7 @@ def test_derivatives_of_wrong_variables_are_refused(importer):
     importer.initialise()
     feature, rate = reference["features[1,1]"], reference["der(state.velocity[1])"]
     importer.refused(lambda: s.getDirectionalDerivative([feature], [reference["orbit.raan"]], [1.0]),
-                     "found orbit.raan, expected an input or a state among the knowns")  # fmt: skip
+                     "found orbit.raan, expected an input, a tunable parameter or a state")  # fmt: skip
     importer.refused(lambda: s.getDirectionalDerivative([reference["state.velocity[1]"]], [0], [1.0]),
                      "found state.velocity[1], expected an output or a derivative")  # fmt: skip
     importer.refused(lambda: s.getDirectionalDerivative([feature], [9999], [1.0]), "9999")

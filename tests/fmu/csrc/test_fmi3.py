@@ -68,7 +68,11 @@ def test_only_existing_capabilities_are_declared(any_fmu3):
 
 
 def test_dependencies_of_arrays_are_those_of_their_scalars_in_fmi_2(envisat_fmu, any_fmu3):
-    """An array depends on what any of its scalars depends on; FMI 2 counts variables from 1."""
+    """An array depends on what any of its scalars depends on; FMI 2 counts variables from 1.
+
+    FMI 3 also counts tunable parameters among the knowns of a run.
+    """
+    tunable = {n for v in variable_table(12) if v.tunable for n in (v.name, *v.scalar_names)}
     old = description_of(envisat_fmu)
     owner = [v.name for v in variable_table(12) for _ in range(v.size)]
     scalars = [name for v in variable_table(12) for name in v.scalar_names]
@@ -86,7 +90,31 @@ def test_dependencies_of_arrays_are_those_of_their_scalars_in_fmi_2(envisat_fmu,
             names[int(u.get("valueReference"))]: {names[int(k)] for k in u.get("dependencies").split()}
             for u in root.findall(f"ModelStructure/{element3}")
         }
+        if element != "InitialUnknowns":
+            found = {unknown: knowns - tunable for unknown, knowns in found.items()}
         assert found == expected
+
+
+def test_outputs_and_derivatives_depend_on_tunable_parameters(any_fmu3):
+    """As 2.4.8 of FMI 3.0 counts them: a feature on its place in the body, the rates on the gravity gradient."""
+    root = description_of(any_fmu3)
+    names = [e.get("name") for e in root.find("ModelVariables")]
+    tunable = {e.get("name") for e in root.find("ModelVariables") if e.get("variability") == "tunable"}
+    unknowns = [*root.findall("ModelStructure/Output"), *root.findall("ModelStructure/ContinuousStateDerivative")]
+    found = {
+        names[int(u.get("valueReference"))]: {names[int(k)] for k in u.get("dependencies").split()} for u in unknowns
+    }
+    found = {unknown: knowns & tunable for unknown, knowns in found.items() if knowns & tunable}
+    if "features" in names:
+        expected = {"features": {"target.features"}, "normals": {"target.normals"}}
+        expected["der(state.angularRate)"] = {"gravityGradient"}
+    else:
+        expected = {
+            f"{what}[{i},{axis}]": {f"target.{what}[{i},{k}]" for k in (1, 2, 3)}
+            for what in ("features", "normals") for i in range(1, 13) for axis in (1, 2, 3)
+        }  # fmt: skip
+        expected |= {f"der(state.angularRate[{axis}])": {"gravityGradient"} for axis in (1, 2, 3)}
+    assert found == expected
 
 
 @pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])

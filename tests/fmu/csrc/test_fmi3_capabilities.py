@@ -25,12 +25,17 @@ def pointer(values):
 # ---- derivatives ----
 
 
+TUNABLE = ["target.features", "target.normals", "solver.tolerance"]
+
+
 def jacobian_in_a_run(importer3, envisat):
-    """CasADi's Jacobian of (outputs, derivatives) by (inputs, states) where the importer is."""
+    """CasADi's Jacobian of (outputs, derivatives) by (inputs, tunable Reals, states) where the importer is."""
     x, u, p = (ca.SX.sym(name, n) for name, n in (("x", 14), ("u", 6), ("p", envisat.flat_parameters().size)))
     system = tumbling_target(12)
     run = ca.vertcat(system.outputs(x, p), system.rhs(x, u, p))
-    function = ca.Function("j", [x, u, p], [ca.jacobian(run, ca.vertcat(u, x))])
+    scalars = [v.name for v in system.of_kind(Kind.PARAMETER) for _ in range(v.size)]
+    tuned = p[[place for place, name in enumerate(scalars) if name in TUNABLE]]
+    function = ca.Function("j", [x, u, p], [ca.jacobian(run, ca.vertcat(u, tuned, x))])
     states = importer3.get(*importer3.of_kinds(Kind.STATE))
     return np.array(function(states, importer3.get(*importer3.of_kinds(Kind.INPUT)), envisat.flat_parameters()))
 
@@ -39,7 +44,8 @@ def test_derivatives_in_a_run_are_exact_both_ways(importer3, envisat):
     s = importer3.fmu
     importer3.initialise()
     importer3.step(0, 12.5)
-    knowns, unknowns = importer3.of_kinds(Kind.INPUT, Kind.STATE), importer3.of_kinds(Kind.OUTPUT, Kind.DERIVATIVE)
+    knowns = [*importer3.of_kinds(Kind.INPUT), *TUNABLE, *importer3.of_kinds(Kind.STATE)]
+    unknowns = importer3.of_kinds(Kind.OUTPUT, Kind.DERIVATIVE)
     columns, rows = importer3.size(*knowns), importer3.size(*unknowns)
     jacobian = jacobian_in_a_run(importer3, envisat)
     rng = np.random.default_rng(4)
@@ -78,7 +84,7 @@ def test_derivatives_of_wrong_variables_are_refused(importer3):
     s = importer3.fmu
     importer3.initialise()
     feature, torque = importer3.of("target.position"), importer3.of("target.torque")
-    raan, words = importer3.of("orbit.raan"), "found orbit.raan, expected an input or a state"
+    raan, words = importer3.of("orbit.raan"), "found orbit.raan, expected an input, a tunable parameter or a state"
     importer3.refused(lambda: s.getDirectionalDerivative(feature, raan, [1.0], 3), words)
     importer3.refused(lambda: s.getAdjointDerivative(feature, raan, [1.0] * 3, 1), words)
     importer3.refused(

@@ -1,0 +1,109 @@
+"""Moves an instance to other points: parameters, inputs and states, and what changes with them."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from baryscope.fmu.check.description import is_float, size_of, states
+from baryscope.fmu.check.instance import FloatArray, Instance, RefusedError
+
+Setter = Callable[[Sequence[Any], FloatArray], None]
+PERTURBED = ("Real", "Float64", "Boolean")
+
+
+def perturb(instance: Instance, knowns: list[Any], unknowns: list[Any], rng: np.random.Generator, point: int) -> None:
+    """Move every known away from its value, as far as the unit accepts it; Booleans are true at every other point."""
+    for known in knowns:
+        value = instance.get([known])
+        if not is_float(known):
+            instance.set([known], np.full(value.shape, point % 2))
+            continue
+        direction = rng.uniform(0.3, 1.0, value.shape) * np.where(value == 0.0, 1.0, value)
+        for share in (0.1, -0.1, 1e-2, 1e-3, 1e-4, -1e-4, 0.0):
+            try:
+                instance.set([known], value + share * direction)
+                instance.get(unknowns)
+                break
+            except RefusedError:
+                continue
+
+
+def scatter(instance: Instance, inputs: list[Any], rng: np.random.Generator) -> None:
+    """Move inputs and, where they can be set, states away from rest."""
+    if inputs:
+        instance.set(inputs, instance.get(inputs) + rng.uniform(0.1, 1.0, total(inputs)))
+    if not instance.co_simulation and states(instance.description):
+        vector = instance.get_states()
+        instance.set_states(vector + 0.05 * rng.uniform(0.2, 1.0, vector.size) * np.where(vector == 0.0, 1.0, vector))
+
+
+def setter_in_a_run(instance: Instance) -> Setter:
+    """A function that sets inputs, tunable parameters and, in Model Exchange, states, each as the standard asks."""
+    vector_of = states(instance.description)
+    places = {state.name: place for state, place in zip(vector_of, slices(vector_of), strict=True)}
+
+    def set_all(variables: Sequence[Any], values: FloatArray) -> None:
+        moved: list[tuple[slice, FloatArray]] = []
+        for variable, part in zip(variables, slices(variables), strict=True):
+            if variable.name in places:
+                moved.append((places[variable.name], values[part]))
+            elif variable.causality == "parameter":
+                instance.tune(variable, values[part])
+            else:
+                instance.set([variable], values[part])
+        if moved:
+            vector = instance.get_states()
+            for place, part_of in moved:
+                vector[place] = part_of
+            instance.set_states(vector)
+
+    return set_all
+
+
+def change(
+    instance: Instance,
+    unknowns: list[Any],
+    knowns: Sequence[Any],
+    setter: Setter,
+    values: FloatArray,
+    moved: FloatArray,
+) -> FloatArray:
+    """The change of the unknowns from `values` to `moved`; zero where the unit refuses the latter."""
+    here = instance.get(unknowns)
+    try:
+        setter(knowns, moved)
+        there = instance.get(unknowns)
+    except RefusedError:
+        there = here
+    setter(knowns, values)
+    return there - here
+
+
+def movable(instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, step: float) -> list[Any]:
+    """The knowns that the unit accepts a little away from their values, by `step` of their size to both sides."""
+    found = []
+    for known in knowns:
+        values = instance.get([known])
+        try:
+            for sign in (1.0, -1.0):
+                setter([known], values + sign * step * np.maximum(np.abs(values), 1.0))
+                instance.get(unknowns)
+            found.append(known)
+        except RefusedError:
+            continue
+        finally:
+            setter([known], values)
+    return found
+
+
+def total(variables: Sequence[Any]) -> int:
+    """The number of scalars of some variables."""
+    return sum(size_of(variable) for variable in variables)
+
+
+def slices(variables: Sequence[Any]) -> list[slice]:
+    """The places of each variable's scalars among those of all."""
+    ends = np.cumsum([0, *(size_of(variable) for variable in variables)]).tolist()
+    return [slice(start, stop) for start, stop in pairwise(ends)]
