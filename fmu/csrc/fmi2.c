@@ -20,7 +20,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 {
     (void)resources, (void)visible;
     void (*logger)(void) = functions ? (void (*)(void))functions->logger : NULL;
-    return instance_create(name, type == fmi2CoSimulation ? CO_SIMULATION : MODEL_EXCHANGE, guid, log2_message, logger,
+    return instance_create(name, type == fmi2CoSimulation ? FOR_CO_SIMULATION : FOR_MODEL_EXCHANGE, guid, log2_message, logger,
                            functions ? functions->componentEnvironment : NULL, logging);
 }
 

@@ -20,7 +20,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
                                           fmi3LogMessageCallback logger)
 {
     (void)resources, (void)visible;
-    return instance_create(name, MODEL_EXCHANGE, token, log3_message, (void (*)(void))logger, environment, logging);
+    return instance_create(name, FOR_MODEL_EXCHANGE, token, log3_message, (void (*)(void))logger, environment, logging);
 }
 
 /* The unit never returns early and never calls the intermediate update; the importer's abilities there are ignored. */
@@ -32,7 +32,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
 {
     (void)resources, (void)visible, (void)early_return, (void)intermediate, (void)n_intermediate, (void)update;
     Instance *instance =
-        instance_create(name, CO_SIMULATION, token, log3_message, (void (*)(void))logger, environment, logging);
+        instance_create(name, FOR_CO_SIMULATION, token, log3_message, (void (*)(void))logger, environment, logging);
     if (!instance || !event_mode) return instance;
     refuse(instance, "instantiation: eventModeUsed is true, expected false: the unit has no events (hasEventMode is false)");
     instance_free(instance);
@@ -219,7 +219,7 @@ static fmi3Status tell_number(fmi3Instance c, const char *function, size_t *plac
 {
     Instance *instance = enter(c, ASK, function);
     if (!instance) return fmi3Error;
-    if (instance->core.interface != MODEL_EXCHANGE)
+    if (instance->core.interface != FOR_MODEL_EXCHANGE)
         return (fmi3Status)refuse(instance, "%s: the instance is for Co-Simulation, expected one for Model Exchange", function);
     if (!place) return (fmi3Status)refuse(instance, "%s: found a null pointer, expected a place for the number", function);
     *place = number;

@@ -185,7 +185,7 @@ static Status instance_exit_initialization(void *component, const char *function
 {
     Instance *instance = enter(component, EXIT_INITIALIZATION, function);
     if (!instance || initialise(instance, function) != OK) return ERROR;
-    instance->core.state = instance->core.interface == CO_SIMULATION ? STEPPING : EVENT;
+    instance->core.state = instance->core.interface == FOR_CO_SIMULATION ? STEPPING : EVENT;
     report(instance, "initialised");
     return OK;
 }

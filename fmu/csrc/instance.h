@@ -14,7 +14,8 @@
 #define MARK 0x62617279u /* tells an instance from most other pointers */
 
 typedef enum { OK = 0, DISCARD = 2, ERROR = 3 } Status;
-typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Interface;
+/* Importers that compile the sources define the names without FOR_ as macros. */
+typedef enum { FOR_MODEL_EXCHANGE, FOR_CO_SIMULATION } Interface;
 
 enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, EVENT = 8, CONTINUOUS = 16, TERMINATED = 32 };
 

@@ -14,7 +14,7 @@ static void log_call(fmi3InstanceEnvironment e, fmi3Status s, fmi3String categor
 static void *call_instantiate(const char *name, Interface kind, const char *token, bool with_logger)
 {
     fmi3LogMessageCallback logger = with_logger ? log_call : NULL;
-    if (kind == MODEL_EXCHANGE) return fmi3InstantiateModelExchange(name, token, NULL, false, true, NULL, logger);
+    if (kind == FOR_MODEL_EXCHANGE) return fmi3InstantiateModelExchange(name, token, NULL, false, true, NULL, logger);
     return fmi3InstantiateCoSimulation(name, token, NULL, false, true, false, false, NULL, 0, NULL, logger, NULL);
 }
 
@@ -95,7 +95,7 @@ static void log_call(fmi2ComponentEnvironment e, fmi2String n, fmi2Status s, fmi
 static void *call_instantiate(const char *name, Interface kind, const char *token, bool with_logger)
 {
     const fmi2CallbackFunctions callbacks = {with_logger ? log_call : NULL, calloc, free, NULL, NULL};
-    return fmi2Instantiate(name, kind == CO_SIMULATION ? fmi2CoSimulation : fmi2ModelExchange, token, NULL, &callbacks, 0, 1);
+    return fmi2Instantiate(name, kind == FOR_CO_SIMULATION ? fmi2CoSimulation : fmi2ModelExchange, token, NULL, &callbacks, 0, 1);
 }
 
 #define CALL(name) fmi2##name

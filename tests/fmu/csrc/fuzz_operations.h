@@ -18,7 +18,7 @@ static void replace(Slot *slot)
     while (!slot->instance) {
         scarce = one_in(3);
         const bool bad_name = one_in(8), bad_token = one_in(8);
-        const Interface kind = one_in(2) ? CO_SIMULATION : MODEL_EXCHANGE;
+        const Interface kind = one_in(2) ? FOR_CO_SIMULATION : FOR_MODEL_EXCHANGE;
         slot->instance = call_instantiate(bad_name ? (one_in(2) ? NULL : "") : one_in(3) ? "%s%n a name" : "x", kind,
                                           bad_token ? (one_in(2) ? NULL : "{no}") : MODEL_TOKEN, !one_in(5));
         calls++;
@@ -37,7 +37,7 @@ static void outputs_of(Instance *instance, double *outputs)
 /* From Instantiated through one and a half seconds of a run; the outputs then. */
 static void ordinary_run(Instance *c, double *outputs)
 {
-    const bool stepping = c->core.interface == CO_SIMULATION;
+    const bool stepping = c->core.interface == FOR_CO_SIMULATION;
     int status = 0;
     if (!ARRAYS) status |= (int)call_setup(c, 0, 0.0, 0.0, 0, 0.0);
     status |= (int)call_enter(c, 0, 0.0, 0.0, 0, 0.0);
