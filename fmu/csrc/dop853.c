@@ -25,9 +25,9 @@ static double first_step(const Integrator *integrator)
 }
 
 /* to = from + h Σ weights[j] k[j] over the first `count` stages. Zero weights are constants to the compiler and cost nothing. */
-static inline __attribute__((always_inline)) void combine(
+static ALWAYS_INLINE void combine(
     double *restrict to, const double *restrict from, double h, const double *weights, int count,
-    const double k[ALL_STAGES][WIDTH])
+    double k[ALL_STAGES][WIDTH])
 {
     double sum[WIDTH] = {0.0};
     UNROLL for (int j = 0; j < ALL_STAGES; j++) {
@@ -38,7 +38,7 @@ static inline __attribute__((always_inline)) void combine(
 }
 
 /* The error of a step in units of the tolerance (Hairer's estimate from the embedded orders 5 and 3). */
-static double error_of(const Integrator *integrator, double tolerance, double h, const double k[ALL_STAGES][WIDTH],
+static double error_of(const Integrator *integrator, double tolerance, double h, double k[ALL_STAGES][WIDTH],
                        const double *next)
 {
     static const double zero[WIDTH];

@@ -2,6 +2,10 @@
 
 #include "instance.h"
 
+/* Statically linked units are told apart by a prefix of their functions. */
+#ifndef FMI2_FUNCTION_PREFIX
+#define FMI2_FUNCTION_PREFIX MODEL_PREFIX
+#endif
 #include "fmi2Functions.h"
 
 /* ---- inquiry, creation, destruction, logging ---- */

@@ -3,6 +3,10 @@
 
 #include "instance.h"
 
+/* Statically linked units are told apart by a prefix of their functions. */
+#ifndef FMI3_FUNCTION_PREFIX
+#define FMI3_FUNCTION_PREFIX MODEL_PREFIX
+#endif
 #include "fmi3Functions.h"
 
 /* ---- inquiry, creation, destruction, logging ---- */

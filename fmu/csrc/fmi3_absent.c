@@ -4,8 +4,6 @@
 
 #include "instance.h"
 
-#include "fmi3Functions.h"
-
 /* ---- variables of other types ---- */
 
 static fmi3Status none(fmi3Instance c, Call call, const char *function, const char *type, size_t count, size_t n_values)

@@ -11,6 +11,7 @@
 #ifndef BARYSCOPE_INTEGRATOR_H
 #define BARYSCOPE_INTEGRATOR_H
 
+#include "dialect.h"
 #include "dop853.h" /* and WIDTH, the states of the attitude; the orbit has fewer, the rest are zeros that stay zero */
 
 #include <stdbool.h>
@@ -18,7 +19,6 @@
 #define DOP853_DENSE_ORDER 7
 #define TAYLOR_ORDER 20
 #define EACH(i) (int i = 0; i < WIDTH; i++)
-#define UNROLL _Pragma("GCC unroll 16")
 
 #ifndef MOST_STEPS
 #define MOST_STEPS 20000000L
@@ -53,8 +53,6 @@ static const char *dop853_advance(Integrator *integrator, Rates *rates, const vo
 /* The first `size` states at a time within the last step. */
 static void dop853_interpolate(const Integrator *integrator, double time, double *state, int size);
 
-/* Two doubles in one register. With plain arrays gcc vectorises only some of them, at half the speed. */
-typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
 #define PAIRS (WIDTH / 2)
 typedef union {
     double of[WIDTH];
@@ -66,7 +64,7 @@ typedef union {
 typedef double Expansion(Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *context, double tolerance);
 
 /* The same two functions by Taylor's method. It is fast only where the compiler inlines the expansion. */
-static inline __attribute__((always_inline)) const char *taylor_advance(
+static ALWAYS_INLINE const char *taylor_advance(
     Integrator *integrator, Expansion *expansion, const void *context, double tolerance, double time, bool exactly);
 static void taylor_interpolate(const Integrator *integrator, double time, double *state, int size);
 
@@ -74,7 +72,7 @@ static void taylor_interpolate(const Integrator *integrator, double time, double
 typedef void Products(const void *context, const double *sums, double *rates);
 
 /* The expansion for rates that are a constant plus products of states. */
-static inline __attribute__((always_inline)) double expand_products(
+static ALWAYS_INLINE double expand_products(
     Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
     double tolerance);
 

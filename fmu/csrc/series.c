@@ -56,16 +56,16 @@ typedef struct {
     MixedRow fast[TAYLOR_ORDER], slow[SLOW_ORDER + 1], sums;
 } Mixed;
 
-static inline __attribute__((always_inline)) void sum_mixed(Mixed *mixed, int k)
+static ALWAYS_INLINE void sum_mixed(Mixed *mixed, int k)
 {
     MixedRow sums = {{0.0}};
     for (int j = 1; j <= k && j <= SLOW_ORDER; j++)
         UNROLL for (int i = 0; i < N_MIXED / 2; i++)
-            sums.pairs[i] += mixed->slow[j].pairs[i] * mixed->fast[k - j].pairs[i];
+            sums.pairs[i] = SUM(sums.pairs[i], PRODUCT(mixed->slow[j].pairs[i], mixed->fast[k - j].pairs[i]));
     mixed->sums = sums;
 }
 
-static inline __attribute__((always_inline)) double mixed_of(Mixed *mixed, int k, int p, double a)
+static ALWAYS_INLINE double mixed_of(Mixed *mixed, int k, int p, double a)
 {
     mixed->fast[k].of[p] = a;
     return mixed->sums.of[p] + mixed->slow[0].of[p] * a;

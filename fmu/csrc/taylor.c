@@ -17,15 +17,16 @@ enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, a factor of every product: RATE
 #define LONGEST_REACH 1e9                 /* for a body at rest, whose terms are zero */
 
 /* sums[j] += left × the j-th factor in `right`. */
-static inline __attribute__((always_inline)) void add_products(Row sums[N_FACTORS], const Row *left, const Row *right)
+static ALWAYS_INLINE void add_products(Row sums[N_FACTORS], const Row *left, const Row *right)
 {
     UNROLL for (int j = 0; j < N_FACTORS; j++)
-        UNROLL for (int i = 0; i < PAIRS; i++) sums[j].pairs[i] += left->pairs[i] * right->of[FIRST_FACTOR + j];
+        UNROLL for (int i = 0; i < PAIRS; i++) 
+            sums[j].pairs[i] = SUM(sums[j].pairs[i], SCALED(left->pairs[i], right->of[FIRST_FACTOR + j]));
 }
 
 /* The coefficients from the second on, with time in multiples of `unit`. The products of the newest coefficient are added
    last, so that the processor can add the others while it still computes that one. */
-static inline __attribute__((always_inline)) void expand(
+static ALWAYS_INLINE void expand(
     Row terms[TAYLOR_ORDER + 1], double unit, Products *products, const void *context)
 {
     for (int k = 1; k < TAYLOR_ORDER; k++) {
@@ -36,7 +37,8 @@ static inline __attribute__((always_inline)) void expand(
         double rates[WIDTH];
         products(context, sums[0].of, rates);
         const double factor = unit / (k + 1);
-        UNROLL for (int i = 0; i < PAIRS; i++) terms[k + 1].pairs[i] = (Pair){rates[2 * i], rates[2 * i + 1]} * factor;
+        UNROLL for (int i = 0; i < PAIRS; i++)
+            terms[k + 1].pairs[i] = SCALED(PAIR(rates[2 * i], rates[2 * i + 1]), factor);
     }
 }
 
@@ -83,7 +85,7 @@ static inline void evaluate(const double *start, const double terms[TAYLOR_ORDER
 }
 
 /* The first two terms at the current state, in a unit of time over which it changes by its own size. */
-static inline __attribute__((always_inline)) void begin_terms(
+static ALWAYS_INLINE void begin_terms(
     Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, const void *context, double relative[WIDTH])
 {
     relate(integrator, relative);
@@ -94,7 +96,7 @@ static inline __attribute__((always_inline)) void begin_terms(
     for EACH(i) terms[1].of[i] = integrator->rates[i] * integrator->unit;
 }
 
-static inline __attribute__((always_inline)) double expand_products(
+static ALWAYS_INLINE double expand_products(
     Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
     double tolerance)
 {
@@ -108,6 +110,7 @@ static inline const char *taylor_advance(Integrator *integrator, Expansion *expa
                                          double tolerance, double time, bool exactly)
 {
     Row terms[TAYLOR_ORDER + 1];
+    const double(*series)[WIDTH] = (const double(*)[WIDTH])&terms[1].of;
     for (long steps = 0; integrator->time < time; steps++) {
         if (steps == MOST_STEPS) return TOO_MANY_STEPS;
         const double remaining = time - integrator->time;
@@ -118,7 +121,7 @@ static inline const char *taylor_advance(Integrator *integrator, Expansion *expa
         integrator->length = cut ? remaining : planned;
         integrator->time = cut ? time : integrator->time + planned;
         memcpy(integrator->previous, integrator->state, sizeof integrator->state);
-        evaluate(integrator->previous, &terms[1].of, cut ? remaining / integrator->unit : reach, integrator->state, WIDTH);
+        evaluate(integrator->previous, series, cut ? remaining / integrator->unit : reach, integrator->state, WIDTH);
         if (integrator->time > time) memcpy(integrator->dense, &terms[1], sizeof integrator->dense);
     }
     return NULL;

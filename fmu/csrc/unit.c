@@ -168,13 +168,13 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
 /* ---- advancing ---- */
 
 /* Integrate the attitude until `elapsed` is reached or passed, free and under torques that depend on the place. */
-static inline __attribute__((always_inline)) double expand_free_attitude(
+static ALWAYS_INLINE double expand_free_attitude(
     Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *unit, double tolerance)
 {
     return expand_products(integrator, terms, free_attitude_rates, free_attitude_products, unit, tolerance);
 }
 
-static __attribute__((flatten)) const char *advance_free_attitude(Unit *unit, double elapsed)
+static FLATTEN const char *advance_free_attitude(Unit *unit, double elapsed)
 {
     return taylor_advance(&unit->attitude, expand_free_attitude, unit, unit->tolerance, elapsed, unit->inputs_changing);
 }
@@ -207,7 +207,7 @@ static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_OR
                                                                     : smaller(reach, reach_of(terms, SLOW_ORDER, relative, tolerance));
 }
 
-static __attribute__((flatten)) const char *advance_turned_attitude(Unit *unit, double elapsed)
+static FLATTEN const char *advance_turned_attitude(Unit *unit, double elapsed)
 {
     return taylor_advance(&unit->attitude, expand_turned_attitude, unit, unit->tolerance, elapsed, unit->inputs_changing);
 }

@@ -3,8 +3,6 @@
 
 #include "all.c"
 
-#define EXPORT __attribute__((visibility("default")))
-
 static char last_message[MESSAGE_SIZE];
 
 static void keep_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
@@ -15,11 +13,11 @@ static void keep_message(fmi2ComponentEnvironment environment, fmi2String name, 
 }
 
 /* The last message of the unit; empty if there is none. */
-EXPORT const char *unit_message(void);
+EXPORTED const char *unit_message(void);
 const char *unit_message(void) { return last_message; }
 
 /* fmi2Instantiate for this module; NULL if there is no memory. */
-EXPORT fmi2Component unit_instantiate(void);
+EXPORTED fmi2Component unit_instantiate(void);
 fmi2Component unit_instantiate(void)
 {
     static const fmi2CallbackFunctions callbacks = {keep_message, calloc, free, NULL, NULL};

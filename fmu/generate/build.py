@@ -10,7 +10,7 @@ from baryscope.fmu.generate.codegen import integrator_header, model_source, tabl
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
 from baryscope.fmu.generate.description import model_description
 from baryscope.fmu.generate.series import series_source
-from baryscope.fmu.generate.sources import MAIN, build_description, licences, unit_sources
+from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import PLATFORMS, X86_64_WINDOWS, FmiVersion, binary_members, host_platform
 from baryscope.models.files import AnyPath, replacing
@@ -55,14 +55,15 @@ def build_fmu(
     description, sources = describe_unit(scenario, fmi, scalar=scalar)
     with replacing(path) as temporary:
         cross = platforms == "all"
+        headers = interface_headers(fmi)
         compiler = tuple(find_cross_compiler() if cross else find_compiler())
         jobs = [
-            Job(sources, MAIN, f"{MODEL_NAME}{platform.suffix}", platform, compiler)
+            Job(sources | headers, MAIN, f"{MODEL_NAME}{platform.suffix}", platform, compiler)
             for platform in (PLATFORMS if cross else (host_platform(),))
         ]
         libraries = compile_all(jobs, progress)
         windows_by_zig = any(job.by_zig and job.platform == X86_64_WINDOWS for job in jobs)
-        documents = licences(sources, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
+        documents = licences(headers, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
         _pack(temporary, documents, sources, binary_members(libraries, MODEL_NAME, fmi), fmi)
     return path
 
@@ -70,7 +71,7 @@ def build_fmu(
 def describe_unit(
     scenario: Scenario, fmi: FmiVersion, *, scalar: bool = False, main: str = MAIN
 ) -> tuple[bytes, dict[str, bytes]]:
-    """A unit's modelDescription.xml, and its C sources by name: `main` and the files that it includes."""
+    """A unit's modelDescription.xml, and its C sources by name: `main` and the files that it includes, but FMI's."""
     system = scenario.system
     parameters = scenario.flat_parameters()
     equations, integrator = model_source(system), integrator_header(system)

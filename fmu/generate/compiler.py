@@ -23,6 +23,8 @@ from baryscope.models.files import temporary_folder
 CANDIDATES = ("cc", "gcc", "clang")
 # No -ffast-math: it breaks isfinite. No contraction: all compilers give the same numbers.
 FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fvisibility=hidden")
+# In a shared library FMI's functions have no prefix.
+DEFINITIONS = ("-DFMI2_OVERRIDE_FUNCTION_PREFIX=1", "-DFMI3_OVERRIDE_FUNCTION_PREFIX=1")
 WARNINGS = ("-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-parameter")
 # Variables that change a compiler's headers, libraries or target.
 _ENVIRONMENT = (
@@ -113,7 +115,7 @@ class Job:
         else:
             target = ("-mcpu=baseline", "-s")
         flags = (flag.format(library=self.output) for flag in self.platform.flags)
-        return [*target, *FLAGS, *WARNINGS, "-I.", self.main, "-o", self.output, *flags]
+        return [*target, *FLAGS, *DEFINITIONS, *WARNINGS, "-I.", self.main, "-o", self.output, *flags]
 
     def key(self) -> str | None:
         """The hash of everything the library is made from; None if the compiler's version is unknown."""

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
+from baryscope.fmu.generate.sources import interface_headers
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import Platform
 from baryscope.models.files import AnyPath, replacing
@@ -44,7 +45,7 @@ def build_wasm(scenario: Scenario, path: AnyPath, *, progress: Progress | None =
     path = Path(path)
     _, sources = describe_unit(scenario, 2, main="wasm.c")
     with replacing(path) as module, replacing(path.with_suffix(".json")) as table:
-        job = Job(sources, "wasm.c", f"{MODEL_NAME}.wasm", WASM, tuple(find_cross_compiler()))
+        job = Job(sources | interface_headers(2), "wasm.c", f"{MODEL_NAME}.wasm", WASM, tuple(find_cross_compiler()))
         module.write_bytes(compile_all([job], progress)[WASM])
         table.write_text(_variables(scenario), encoding="utf-8")
     return path

@@ -11,6 +11,7 @@ from hypothesis import settings
 from hypothesis.stateful import run_state_machine_as_test
 
 from baryscope.fmu.generate.build import describe_unit
+from baryscope.fmu.generate.sources import interface_headers
 from fuzz_machine import Machine
 from importer import Importer
 
@@ -38,7 +39,7 @@ def sanitizing_compiler(tmp_path_factory):
 def test_a_million_random_calls_in_c(sanitizing_compiler, small, tmp_path, fmi, scalar, request):
     """The harness has its own model of what is legal; see fuzz_harness.c."""
     _, sources = describe_unit(small, fmi, scalar=scalar)
-    for name, content in sources.items():
+    for name, content in (sources | interface_headers(fmi)).items():
         (tmp_path / name).write_bytes(content)
     here = request.path.parent
     # 2000 internal steps suffice for sensible inputs; others fail at once instead of after a minute.

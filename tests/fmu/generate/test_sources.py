@@ -1,9 +1,11 @@
 """The sources in a unit, compiled by others: with their definitions, headers, prefixes and compilers."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import fmpy
@@ -11,8 +13,10 @@ import numpy as np
 import pytest
 from fmpy.util import create_cmake_project
 
+from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.generate.compiler import WARNINGS, find_compiler
 
+DRIVER = Path(__file__).with_name("linked_unit.c")
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 
 
@@ -71,3 +75,99 @@ def test_definitions_of_an_importer_do_no_harm(unit, tmp_path):
     fmpy.extract(str(unit), str(tmp_path))
     options = ["-DMODEL_EXCHANGE", "-DCO_SIMULATION", f"-I{HEADERS}"]
     compiled(tmp_path / "sources", *options, "-c", "all.c", "-o", "all.o")
+
+
+def test_headers_of_fmi_are_the_importers(unit):
+    with zipfile.ZipFile(unit) as archive:
+        names = [Path(name).name for name in archive.namelist()]
+    assert "all.c" in names
+    assert not set(names) & {path.name for path in HEADERS.iterdir()}
+
+
+def standard_headers(folder):
+    """FMI's headers; fmpy's for FMI 2 have lost the prefix, says a comment in them."""
+    shutil.copytree(HEADERS, folder)
+    header = folder / "fmi2Functions.h"
+    lost, standard = "#define fmi2FullName(name) name", (
+        "#define fmi2Paste(a, b) a##b\n#define fmi2PasteB(a, b) fmi2Paste(a, b)\n"
+        "#ifdef FMI2_FUNCTION_PREFIX\n#define fmi2FullName(name) fmi2PasteB(FMI2_FUNCTION_PREFIX, name)\n"
+        "#else\n#define fmi2FullName(name) name\n#endif"
+    )  # fmt: skip
+    text = header.read_text(encoding="utf-8")
+    assert text.count(lost) == 1
+    header.write_text(text.replace(lost, standard), encoding="utf-8")
+    return f"-I{folder}"
+
+
+LINKED = [] if sys.platform == "win32" else ["-lm"]
+STEPS, STEP = 20, 0.5  # s
+MAIN = """
+#include <stdio.h>
+int run_one(const char *, unsigned, int, double, double *, size_t);
+int run_other(const char *, unsigned, int, double, double *, size_t);
+int main(int argc, char **argv)
+{
+    double values[8];
+    if (argc != 3 || run_one(argv[1], FIRST, STEPS, STEP, values, 4)) return 1;
+    if (run_other(argv[2], FIRST, STEPS, STEP, values + 4, 4)) return 1;
+    for (int i = 0; i < 8; i++) printf("%.17g\\n", values[i]);
+    return 0;
+}
+"""
+
+
+def linked_attitudes(folder, one, other, *options):
+    """The attitudes after STEPS steps of two units in one program.
+
+    The first has the prefix of its model's name, the other one of the importer's choice, and compiler options.
+    """
+    headers, tokens = standard_headers(folder / "headers"), []
+    for name, path, prefix in (("one", one, "TumblingTarget_"), ("other", other, "Other_")):
+        description = fmpy.read_model_description(str(path))
+        fmi = int(description.fmiVersion[0])
+        attitude = [v for v in description.modelVariables if v.name.startswith("target.attitude") and "0" not in v.name]
+        fmpy.extract(str(path), str(folder / name))
+        defined = [f"-DFMI{fmi}_FUNCTION_PREFIX={prefix}"]
+        own = [*defined, *options] if name == "other" else []
+        compiled(folder / name / "sources", "-ffp-contract=off", headers, *own, "-c", "all.c", "-o", "unit.o")
+        driver = [*defined, f"-DVERSION={fmi}", f"-DRUN=run_{name}", headers, "-c", str(DRIVER)]
+        compiled(folder, *driver, "-o", f"{name}.o")
+        tokens.append(description.guid if fmi == 2 else description.instantiationToken)
+    (folder / "main.c").write_text(MAIN)
+    numbers = [f"-DFIRST={attitude[0].valueReference}", f"-DSTEPS={STEPS}", f"-DSTEP={STEP}"]
+    objects = ["one.o", "other.o", "one/sources/unit.o", "other/sources/unit.o"]
+    compiled(folder, *numbers, "main.c", *objects, "-o", "program", *LINKED)
+    result = subprocess.run([folder / "program", *tokens], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return np.array(result.stdout.split(), dtype=float).reshape(2, 4)
+
+
+def test_two_units_in_one_program(unit, small, tmp_path):
+    target = small.target.model_copy(update={"angular_rate_deg": (1.0, 3.0, 2.0)})
+    fmi = int(fmpy.read_model_description(str(unit)).fmiVersion[0])
+    other = build_fmu(small.model_copy(update={"target": target}), tmp_path / "other.fmu", fmi=fmi)
+    found = linked_attitudes(tmp_path, unit, other)
+    assert not np.allclose(found[0], found[1])
+    for path, attitude in zip((unit, other), found, strict=True):
+        with Session(path) as session:
+            session.step(STEPS * STEP)
+            np.testing.assert_allclose(attitude, session["target.attitude"], rtol=1e-10, atol=1e-10)
+
+
+def test_compilers_without_gnu_extensions_make_the_same_numbers(small, tmp_path):
+    """Under gravity gradient, where most of the extensions are used."""
+    target = small.target.model_copy(update={"gravity_gradient": True})
+    path = build_fmu(small.model_copy(update={"target": target}), tmp_path / "turning.fmu")
+    one, other = linked_attitudes(tmp_path, path, path, "-DPLAIN_C", "-Wpedantic")
+    assert np.array_equal(one, other)
+
+
+def test_gnu_extensions_are_in_one_file(unit):
+    with zipfile.ZipFile(unit) as archive:
+        sources = {name: archive.read(name) for name in archive.namelist() if name.startswith("sources/")}
+    found = {
+        Path(name).name for name, text in sources.items() if re.search(rb"_Pragma|#\s*pragma|__builtin|\[\[", text)
+    }
+    generated = rb"#elif defined\(__GNUC__\).*\n.*__attribute__"  # CasADi's, guarded
+    found |= {Path(name).name for name, text in sources.items() if b"__attribute__" in re.sub(generated, b"", text)}
+    assert found == {"dialect.h"}
