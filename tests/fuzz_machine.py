@@ -143,7 +143,7 @@ class Machine(RuleBasedStateMachine):
         if variable.causality == "parameter":
             late = {STEP, EVENT} if variable.variability == "tunable" else set()
             return self.mode in {START, INIT} | late
-        return variable.name.startswith("state.") and self.mode in {EVENT, CONTINUOUS}
+        return variable.name.startswith("state.") and self.mode in {START, EVENT, CONTINUOUS}
 
     def chosen(self, picks, type_name):
         """References, some of them to nowhere or of another type, and whether all are of the type."""
@@ -165,7 +165,10 @@ class Machine(RuleBasedStateMachine):
         chosen, fits = self.chosen([place for place, _ in picks], "Real")
         values = [value for _, value in picks]
         legal = fits and self.mode != END and not (null == 0 and chosen) and all(map(math.isfinite, values))
-        legal = legal and all(self.settable(self.variables[r]) for r in chosen)
+        if legal and not all(self.settable(self.variables[r]) for r in chosen):
+            # Parameters may be set to what they are.
+            others = [self.variables[r] for r in chosen if not self.settable(self.variables[r])]
+            legal = None if all(v.causality == "parameter" for v in others) else False
         if legal and self.mode in RUN and any(self.variables[r].variability == "tunable" for r in chosen):
             legal = None  # the new parameters may be impossible
         target = None if null == 0 else reals(values)
@@ -180,7 +183,7 @@ class Machine(RuleBasedStateMachine):
         self.attempt(
             self.settable(first), "SetReal", references_array([first.valueReference]), one, reals([near / 1e3])
         )
-        legal = None if self.mode in RUN and self.settable(flag) else self.settable(flag)
+        legal = None if self.mode in RUN else self.settable(flag)
         self.attempt(legal, "SetBoolean", references_array([flag.valueReference]), one, (ctypes.c_int * 1)(value))
 
     @rule(count=st.integers(0, 2), name=st.sampled_from(["GetInteger", "SetInteger", "GetString", "SetString"]))

@@ -60,7 +60,7 @@ def _text(values: FloatArray) -> str:
 
 
 def setting_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """Parameters and inputs can be set to their present values wherever the standard allows it."""
+    """Parameters and inputs can be set to what they are wherever the standard allows it, tunable ones to others."""
     with Instance(folder, description, name) as instance:
         instance.initialise()
         settable = [v for v in description.modelVariables if v.causality in ("input", "parameter") and _numeric(v)]
@@ -70,14 +70,24 @@ def setting_findings(folder: Path, description: Any, name: str) -> Iterator[Find
         instance.run()
         for variable in settable:
             tuned = variable.variability == "tunable" and instance.co_simulation
+            present = values[variable.name]
+            if tuned and is_float(variable):  # some units accept what stays as it is whatever the variability
+                small = 1e-6 * np.where(present == 0.0, 1.0, present)
+                yield from _set(instance, variable, present + small, "a run", present - small)
             if tuned or variable in continuous_inputs(description):
-                yield from _set(instance, variable, values[variable.name], "a run")
+                yield from _set(instance, variable, present, "a run")
 
 
-def _set(instance: Instance, variable: Any, values: FloatArray, when: str) -> Iterator[Finding]:
+def _set(
+    instance: Instance, variable: Any, values: FloatArray, when: str, others: FloatArray | None = None
+) -> Iterator[Finding]:
+    """An error if the values are refused, and `others`, too."""
     try:
         instance.set([variable], values)
     except RefusedError as refusal:
+        if others is not None:
+            yield from _set(instance, variable, others, when)
+            return
         what = f"{variable.variability} {variable.causality}"
         yield error(variable.name, f"is declared as a {what}, but in {when} of {instance.interface} {refusal}")
 

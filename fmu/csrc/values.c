@@ -55,9 +55,10 @@ static Status instance_get(void *component, const char *function, Type type, Sel
     unsigned kinds;
     if (!instance) return ERROR;
     if (!request_fits(instance, function, type, selection, values, n_values, &kinds)) return ERROR;
-    if (instance->core.state == INSTANTIATED && kinds & ~(unsigned)(INPUT | PARAMETER | TUNABLE))
-        return refuse(instance, "%s: in state Instantiated only inputs and parameters can be read", function);
-    if (instance->core.state == INITIALIZATION && initialise(instance, function) != OK) return ERROR;
+    if (instance->core.state == INSTANTIATED && kinds & ~(unsigned)(INPUT | PARAMETER | TUNABLE | STATE))
+        return refuse(instance, "%s: in state Instantiated only inputs, parameters and states can be read", function);
+    const bool computed = instance->core.state == INITIALIZATION || (instance->core.state == INSTANTIATED && kinds & STATE);
+    if (computed && initialise(instance, function) != OK) return ERROR;
     Unit *unit = &instance->core.unit;
     unit_update(unit, kinds);
     double *real = values;
@@ -73,10 +74,21 @@ static Status instance_get(void *component, const char *function, Type type, Sel
 
 /* ---- setting ---- */
 
-/* Whether a variable of this kind may be set now; if not, says why. */
-static bool settable(const Instance *instance, const char *function, const Variable *one)
+/* Whether a variable has these values already. */
+static bool has_values(const Instance *instance, const Variable *one, const double *real, const bool *boolean)
+{
+    const double *present = instance->core.unit.values + one->offset;
+    for (int k = 0; k < one->size; k++)
+        if (present[k] != (one->type == REAL ? real[k] : (double)boolean[k])) return false;
+    return true;
+}
+
+/* Whether a variable of this kind may be set now; if not, says why. Some importers set parameters whenever they set inputs:
+   what stays as it is may be set in every state. */
+static bool settable(const Instance *instance, const char *function, const Variable *one, const double *real, const bool *boolean)
 {
     const unsigned state = instance->core.state;
+    if (one->kind & (PARAMETER | TUNABLE) && has_values(instance, one, real, boolean)) return true;
     const bool early = state & (INSTANTIATED | INITIALIZATION);
     if (one->kind & (OUTPUT | DERIVATIVE | TIME))
         refuse(instance, "%s: %s is calculated and cannot be set", function, one->name);
@@ -84,8 +96,9 @@ static bool settable(const Instance *instance, const char *function, const Varia
         refuse(instance, "%s: %s is fixed after initialization", function, one->name);
     else if (one->kind == TUNABLE && state == CONTINUOUS)
         refuse(instance, "%s: %s can be tuned in Event Mode only", function, one->name);
-    else if (one->kind == STATE && !(state & (EVENT | CONTINUOUS)))
-        refuse(instance, "%s: %s is a state, which can be set in Model Exchange after initialization only", function, one->name);
+    else if (one->kind == STATE && !(state & (INSTANTIATED | EVENT | CONTINUOUS)))
+        refuse(instance, "%s: %s is a state, which can be set before initialization, as a guess, and in Model Exchange after it",
+               function, one->name);
     else
         return true;
     return false;
@@ -132,18 +145,23 @@ static Status instance_set(void *component, const char *function, Type type, Sel
     const bool *boolean = values;
     for (size_t i = 0; i < selection.count; i++) {
         const Variable *one = &VARIABLES[selection.references[i]];
-        if (!settable(instance, function, one)) return ERROR;
+        if (!settable(instance, function, one, real, boolean)) return ERROR;
         if (type == REAL && !finite_values(instance, function, one, real)) return ERROR;
         if (type == REAL) real += one->size;
+        else boolean += one->size;
     }
     Unit *unit = &instance->core.unit;
     const bool tuning = kinds & TUNABLE && !(instance->core.state & (INSTANTIATED | INITIALIZATION));
     Unit former;
     if (tuning) memcpy(&former, unit, sizeof former);
-    real = values;
+    real = values, boolean = values;
     for (size_t i = 0; i < selection.count; i++) {
         const Variable *one = &VARIABLES[selection.references[i]];
-        for (int k = 0; k < one->size; k++) unit_set(unit, one->offset + k, type == REAL ? *real++ : (double)*boolean++);
+        const bool guess = one->kind == STATE && instance->core.state == INSTANTIATED; /* the parameters tell the states */
+        for (int k = 0; k < one->size; k++) {
+            const double value = type == REAL ? *real++ : (double)*boolean++;
+            if (!guess) unit_set(unit, one->offset + k, value);
+        }
     }
     return tuning ? tune(instance, function, &former) : OK;
 }

@@ -76,7 +76,7 @@ def model_description(
         tolerance=repr(max(EXPERIMENT_TOLERANCE, scenario.run.tolerance)),
         stepSize=repr(scenario.run.sample_time),
     )
-    writer.add_variables(root, references, _starts(references, parameters))
+    writer.add_variables(root, references, _starts(references, system, parameters))
     writer.add_structure(root, references, structure)
     ET.indent(root)
     document: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
@@ -92,13 +92,17 @@ def _add_units(root: ET.Element, system: TumblingTarget, fmi: FmiVersion) -> Non
             ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
 
 
-def _starts(references: list[Reference], parameters: NDArray[np.float64]) -> dict[int, str]:
-    """The start attributes of inputs and parameters, with all digits, by value reference."""
-    inputs = sum(r.size for r in references if r.variable.kind == Kind.INPUT)
-    values = np.concatenate([np.zeros(inputs), parameters]).tolist()
+def _starts(references: list[Reference], system: TumblingTarget, parameters: NDArray[np.float64]) -> dict[int, str]:
+    """The start attributes of inputs, parameters and states, with all digits, by value reference.
+
+    The parameters tell the states; their starts are for importers that evaluate the unit before it is initialised.
+    """
+    inputs, outputs = (sum(v.size for v in system.of_kind(kind)) for kind in (Kind.INPUT, Kind.OUTPUT))
+    states = np.array(system.initial(parameters)).ravel()
+    values = np.concatenate([np.zeros(inputs), parameters, np.zeros(outputs), states]).tolist()
     starts = {}
     for place, reference in enumerate(references):
-        if reference.variable.kind in (Kind.INPUT, Kind.PARAMETER):
+        if reference.variable.kind in (Kind.INPUT, Kind.PARAMETER, Kind.STATE):
             own = values[reference.offset : reference.offset + reference.size]
             starts[place] = " ".join(str(bool(v)).lower() if reference.variable.boolean else repr(v) for v in own)
     return starts

@@ -53,7 +53,7 @@ _ATTRIBUTES = {
     Kind.INPUT: {"causality": "input", "variability": "continuous"},
     Kind.PARAMETER: {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     Kind.OUTPUT: {"causality": "output", "variability": "continuous", "initial": "calculated"},
-    Kind.STATE: {"causality": "local", "variability": "continuous", "initial": "calculated"},
+    Kind.STATE: {"causality": "local", "variability": "continuous", "initial": "approx"},
     Kind.DERIVATIVE: {"causality": "local", "variability": "continuous", "initial": "calculated"},
 }
 

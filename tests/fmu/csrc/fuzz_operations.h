@@ -124,12 +124,13 @@ static void get_reals(Slot *slot)
     uint32_t references[MOST];
     size_t size;
     bool fit, finite;
-    const unsigned readable = ARRAYS && in(slot, INSTANTIATED) ? SETTABLE_EARLY : ~0u;
+    const unsigned readable = ARRAYS && in(slot, INSTANTIATED) ? SETTABLE_EARLY | STATE : ~0u;
     const size_t count = references_of(references, &size, &fit, readable, REAL), length = told(size, &fit);
     double *values = numbers(length, &finite, 1.0);
     const bool null = one_in(20) && length;
     const unsigned modes = INITIALIZATION | RUN_MODES | TERMINATED | (ARRAYS ? INSTANTIATED : 0);
-    TRY(slot, both(in(slot, INITIALIZATION) ? OPEN : in(slot, modes) ? LEGAL : ILLEGAL, fit && !null),
+    const bool computed = in(slot, INITIALIZATION) || (in(slot, INSTANTIATED) && has_kind(references, count, STATE));
+    TRY(slot, both(!in(slot, modes) ? ILLEGAL : computed ? OPEN : LEGAL, fit && !null),
         call_get_real(slot->instance, references, count, null ? NULL : values, length));
     free(values);
 }
@@ -137,20 +138,34 @@ static void get_reals(Slot *slot)
 /* The kinds that may be set now. */
 static unsigned settable_kinds(const Slot *slot)
 {
-    if (in(slot, INSTANTIATED | INITIALIZATION)) return SETTABLE_EARLY;
+    if (in(slot, INSTANTIATED)) return SETTABLE_EARLY | STATE;
+    if (in(slot, INITIALIZATION)) return SETTABLE_EARLY;
     if (in(slot, STEPPING)) return INPUT | TUNABLE;
     if (in(slot, EVENT)) return INPUT | TUNABLE | STATE;
     return in(slot, CONTINUOUS) ? INPUT | STATE : 0;
+}
+
+/* Whether all references may be set to these values: those of some kinds, and parameters to what they are. */
+static bool may_set(const Slot *slot, const uint32_t *references, size_t count, unsigned kinds, const double *values)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (references[i] >= N_REFERENCES || VARIABLES[references[i]].type != REAL) return false;
+        const Variable *one = &VARIABLES[references[i]];
+        bool same = one->kind & (PARAMETER | TUNABLE);
+        for (int e = 0; e < one->size; e++) same &= slot->instance->core.unit.values[one->offset + e] == *values++;
+        if (!same && !(one->kind & kinds)) return false;
+    }
+    return true;
 }
 
 static void set_reals(Slot *slot)
 {
     uint32_t references[MOST];
     size_t size;
-    bool fit, finite;
+    bool fit, finite, whole = true;
     const unsigned kinds = settable_kinds(slot);
     const size_t count = references_of(references, &size, &fit, kinds ? kinds : INPUT, REAL);
-    const size_t length = told(size, &fit);
+    const size_t length = told(size, &whole);
     double *values = numbers(length, &finite, 0.1);
     /* Near the values there are, so that parameters stay possible, mostly. */
     for (size_t i = 0, k = 0; i < count && fit && length == size; i++)
@@ -161,7 +176,8 @@ static void set_reals(Slot *slot)
     for (size_t k = 0; k < length; k++) finite &= isfinite(values[k]) != 0;
     const bool null = one_in(20) && length, modes = in(slot, INSTANTIATED | INITIALIZATION | RUN_MODES);
     const bool tuning = in(slot, RUN_MODES) && has_kind(references, count, TUNABLE);
-    TRY(slot, both(tuning ? OPEN : modes ? LEGAL : ILLEGAL, fit && finite && !null && (kinds || !count)),
+    fit = whole && length == size && may_set(slot, references, count, kinds, values);
+    TRY(slot, both(tuning ? OPEN : modes ? LEGAL : ILLEGAL, fit && finite && !null),
         call_set_real(slot->instance, references, count, null ? NULL : values, length));
     free(values);
 }
@@ -182,7 +198,12 @@ static void booleans(Slot *slot)
             call_get_bool(slot->instance, references, count, null ? NULL : values, length));
         return;
     }
-    const bool now = in(slot, INSTANTIATED | INITIALIZATION | STEPPING | EVENT) || (in(slot, CONTINUOUS) && !count);
+    bool now = in(slot, INSTANTIATED | INITIALIZATION | STEPPING | EVENT);
+    if (in(slot, CONTINUOUS) && fit) {
+        now = true;
+        for (size_t i = 0; i < count; i++)
+            now &= slot->instance->core.unit.values[VARIABLES[references[i]].offset] == (double)(values[i] != 0);
+    }
     const bool tuning = in(slot, RUN_MODES) && count;
     TRY(slot, both(tuning ? OPEN : now ? LEGAL : ILLEGAL, fit && !null && now),
         call_set_bool(slot->instance, references, count, null ? NULL : values, length));

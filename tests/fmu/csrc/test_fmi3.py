@@ -159,7 +159,7 @@ def test_starts_can_be_read_in_the_state_instantiated(importer3, envisat):
     ]
     importer3.set("chaser.position0", [7.0, 8.0, 9.0])
     assert importer3.get("chaser.position0").tolist() == [7.0, 8.0, 9.0]
-    importer3.refused(lambda: importer3.get("features"), "fmi3GetFloat64", "Instantiated", "only inputs and parameters")
+    importer3.refused(lambda: importer3.get("features"), "fmi3GetFloat64", "Instantiated", "only inputs, parameters")
     importer3.initialise()
     assert importer3.get("chaser.position").tolist() == [7.0, 8.0, 9.0]
 

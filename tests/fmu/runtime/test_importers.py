@@ -12,6 +12,7 @@ import pytest
 
 from baryscope.fmu import Session, build_fmu
 from baryscope.models.target import tumbling_target
+from baryscope.models.variables import Kind
 
 STEP, STEPS = 0.5, 20
 PARAMETERS = {"orbit.inclination": 0.5}
@@ -55,6 +56,34 @@ def test_casadi_evaluates_and_differentiates_the_unit(envisat, envisat_fmu, tmp_
     for found, wanted in zip(jacobian(*point), own_jacobian(*point), strict=True):
         dense = np.array(ca.densify(wanted))
         np.testing.assert_allclose(np.array(ca.densify(found)), dense, rtol=1e-12, atol=1e-12 * np.abs(dense).max())
+
+
+@pytest.mark.parametrize("unit", ["envisat_fmu", "envisat_fmu3_scalar"], ids=["fmi2", "fmi3"])
+def test_casadi_evaluates_the_unit_at_its_starts_with_parameters(envisat, unit, tmp_path, request):
+    """CasADi sets tunable parameters in Continuous-Time Mode, to what they are, and takes states' starts."""
+    fmpy.extract(str(request.getfixturevalue(unit)), str(tmp_path))
+    unit = ca.DaeBuilder("unit", str(tmp_path))
+    starts, tunable, u = np.array(unit.start(unit.x())), np.array(unit.start(unit.p())), np.array([0.1] * 6)
+    p, system = envisat.flat_parameters(), tumbling_target(12)
+    np.testing.assert_array_equal(starts, np.array(system.initial(p)).ravel())
+
+    imported = unit.create("imported", ["x", "u", "p"], ["ode", "y"])
+    for found, wanted in zip(
+        imported(starts, u, tunable), (system.rhs(starts, u, p), system.outputs(starts, p)), strict=True
+    ):
+        np.testing.assert_allclose(np.array(found), np.array(wanted), rtol=1e-12, atol=1e-13)
+
+    symbols = ca.SX.sym("p", len(p))
+    places = [index for v, index in _parameter_places(system) if v.tunable and not v.boolean]
+    own = ca.Function("J", [symbols], [ca.jacobian(system.outputs(starts, symbols), symbols)[:, places]])(p)
+    found = imported.factory("J", ["x", "u", "p"], ["jac:y:p"])(starts, u, tunable)
+    np.testing.assert_allclose(np.array(ca.densify(found)), np.array(ca.densify(own)), rtol=1e-12, atol=1e-13)
+
+
+def _parameter_places(system):
+    """Every scalar of the parameters: its variable and its place."""
+    scalars = [v for v in system.of_kind(Kind.PARAMETER) for _ in range(v.size)]
+    return [(variable, index) for index, variable in enumerate(scalars)]
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
