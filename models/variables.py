@@ -3,11 +3,11 @@
 The FMU's XML, its C tables and the Python session are all derived from it.
 """
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import product
-from math import prod
+from math import inf, nextafter, pi, prod
 
 
 class Kind(StrEnum):
@@ -33,6 +33,14 @@ Forces = frozenset[Force]
 NO_FORCES: Forces = frozenset()
 
 
+XYZ = ("x", "y", "z")
+LVLH = ("x, radial", "y, along-track", "z, along the orbit's normal")
+QUATERNION = ("w", "x", "y", "z")
+NO_LIMITS = (-inf, inf)
+NOT_NEGATIVE = (0.0, inf)
+BELOW_ONE = (0.0, nextafter(1.0, 0.0))
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable of the unit, a scalar or an array.
@@ -42,9 +50,12 @@ class Variable:
         kind: input, parameter, output, state or derivative of a state.
         unit: a key of UNITS; "1" for pure numbers.
         description: one line; states the frame and, for quaternions, the order.
-        shape: () for a scalar; arrays are flattened row by row.
+        shape: () for a scalar; arrays are flattened row by row. The rows of a matrix belong to the features.
         boolean: true for a Boolean, false for a Real.
         tunable: whether a parameter may be changed in mid-run.
+        axes: names of the elements of a vector, or of the columns of a matrix; by the shape unless given.
+        display: unit in which people read it, of DISPLAY_UNITS; "" for degrees for angles and rates, else for `unit`.
+        limits: smallest and largest value that makes sense physically.
     """
 
     name: str
@@ -54,6 +65,9 @@ class Variable:
     shape: tuple[int, ...] = ()
     boolean: bool = False
     tunable: bool = False
+    axes: tuple[str, ...] = ()
+    display: str = ""
+    limits: tuple[float, float] = NO_LIMITS
 
     @property
     def size(self) -> int:
@@ -68,6 +82,25 @@ class Variable:
         stem, close = (self.name.removesuffix(")"), ")") if self.name.endswith(")") else (self.name, "")
         indices = product(*(range(1, extent + 1) for extent in self.shape))
         return [f"{stem}[{','.join(map(str, index))}]{close}" for index in indices]
+
+    @property
+    def display_unit(self) -> str:
+        """The unit in which people read it; its own unit if that is no other one."""
+        return self.display or _DEGREES.get(self.unit, self.unit)
+
+    def scalar_descriptions(self, labels: Sequence[str]) -> list[str]:
+        """The descriptions of its scalars, row by row: with the feature, of these labels, and the axis."""
+        if not self.shape:
+            return [self.description]
+        axes = self.axes or (QUATERNION if self.shape[-1] == len(QUATERNION) else XYZ)
+        rows = [f"{label}, " for label in labels] if len(self.shape) > 1 else [""]
+        return [f"{self.description}: {row}{axis}" for row in rows for axis in axes]
+
+    def whole_description(self, labels: Sequence[str]) -> str:
+        """The description of the variable as a whole; of a matrix with the labels of its rows."""
+        if len(self.shape) > 1:
+            return f"{self.description}; rows: {', '.join(labels)}"
+        return f"{self.description}: {'; '.join(self.axes)}" if self.axes else self.description
 
 
 # Exponents of the SI base units that the unit's variables need; "rad" counts as one in FMI.
@@ -92,39 +125,63 @@ UNITS: dict[str, dict[str, int]] = {
     "S.m4": {"A": 2, "s": 3, "m": 2, "kg": -1},
     "T.m3": {"kg": 1, "m": 3, "s": -2, "A": -1},
 }
+# What a value is multiplied by for display, by unit and display unit.
+DISPLAY_UNITS: dict[str, dict[str, float]] = {
+    "rad": {"deg": 180 / pi},
+    "rad/s": {"deg/s": 180 / pi},
+    "rad/s2": {"deg/s2": 180 / pi},
+    "m": {"km": 1e-3},
+    "m/s": {"km/s": 1e-3},
+    "m3/s2": {"km3/s2": 1e-9},
+}
+_DEGREES = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
 AXES = ("xx", "yy", "zz", "xy", "xz", "yz")  # elements of a symmetric tensor
 
 
 def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Variable, ...]:
     """All variables of the unit for a target with `feature_count` features, in the order of their kinds."""
     n = feature_count
-    IN, PAR, OUT, STATE, RATE = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE
+    IN, PAR, OUT = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT
     moments = {axes: f"moment of inertia about {axes[0]}" for axes in AXES[:3]}
     products = {axes: f"{axes[0]},{axes[1]} element (minus the product of inertia)" for axes in AXES[3:]}
     inertia = [
-        Variable(f"target.inertia.{axes}", PAR, "kg.m2", f"Target inertia tensor about its CoM, body axes: {what}")
+        Variable(
+            f"target.inertia.{axes}",
+            PAR,
+            "kg.m2",
+            f"Target inertia tensor about its CoM, body axes: {what}",
+            limits=NOT_NEGATIVE if axes in moments else NO_LIMITS,
+        )
         for axes, what in (moments | products).items()
     ]
     states = _states(perturbed=bool(forces))
     return (
-        Variable("chaser.acceleration", IN, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,)),
+        Variable("chaser.acceleration", IN, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH),
         Variable("target.torque", IN, "N.m", "Torque on the target, body axes", (3,)),
         *inertia,
         Variable("target.features", PAR, "m", "The features from the CoM, body axes", (n, 3), tunable=True),
         Variable("target.normals", PAR, "1", "Outward unit normals at the features, body axes", (n, 3), tunable=True),
         Variable("target.attitude0", PAR, "1", "Attitude quaternion at the start (w, x, y, z), body to inertial", (4,)),
         Variable("target.angularRate0", PAR, "rad/s", "Angular rate at the start, body axes", (3,)),
-        Variable("orbit.semiMajorAxis", PAR, "m", "Semi-major axis of the target's orbit"),
-        Variable("orbit.eccentricity", PAR, "1", "Eccentricity of the target's orbit"),
+        Variable(
+            "orbit.semiMajorAxis", PAR, "m", "Semi-major axis of the target's orbit", display="km", limits=NOT_NEGATIVE
+        ),
+        Variable("orbit.eccentricity", PAR, "1", "Eccentricity of the target's orbit", limits=BELOW_ONE),
         Variable("orbit.inclination", PAR, "rad", "Inclination of the target's orbit"),
         Variable("orbit.raan", PAR, "rad", "Right ascension of the ascending node"),
         Variable("orbit.argumentOfPeriapsis", PAR, "rad", "Argument of periapsis"),
         Variable("orbit.trueAnomaly0", PAR, "rad", "True anomaly at the start"),
-        Variable("orbit.gravitationalParameter", PAR, "m3/s2", "Gravitational parameter of the central body"),
-        Variable("chaser.position0", PAR, "m", "Chaser from the target's CoM at the start, LVLH axes", (3,)),
-        Variable("chaser.velocity0", PAR, "m/s", "Chaser's velocity in LVLH at the start, LVLH axes", (3,)),
+        Variable(
+            "orbit.gravitationalParameter", PAR, "m3/s2", "Gravitational parameter of the central body",
+            display="km3/s2", limits=NOT_NEGATIVE,
+        ),
+        Variable("chaser.position0", PAR, "m", "Chaser from the target's CoM at the start, LVLH axes", (3,), axes=LVLH),
+        Variable("chaser.velocity0", PAR, "m/s", "Chaser's velocity in LVLH at the start, LVLH axes", (3,), axes=LVLH),
         Variable("gravityGradient", PAR, "1", "Whether the gravity gradient acts", boolean=True, tunable=True),
-        Variable("solver.tolerance", PAR, "1", "Relative tolerance of the integrator", tunable=True),
+        Variable(
+            "solver.tolerance", PAR, "1", "Relative tolerance of the unit's integrators",
+            tunable=True, limits=(1e-15, 1e-3),
+        ),
         *(variable for force in Force if force in forces for variable in FORCE_PARAMETERS[force]),
         Variable("features", OUT, "m", "Positions of the features, frame C (chaser, inertial axes)", (n, 3)),
         Variable("normals", OUT, "1", "Outward unit normals at the features, frame C", (n, 3)),
@@ -132,17 +189,14 @@ def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Vari
         Variable("target.velocity", OUT, "m/s", "Velocity of the target's CoM, frame C", (3,)),
         Variable("target.attitude", OUT, "1", "Attitude quaternion (w, x, y, z), body to inertial", (4,)),
         Variable("target.angularRate", OUT, "rad/s", "Angular rate of the target, body axes", (3,)),
-        Variable("chaser.position", OUT, "m", "Chaser from the target's CoM, LVLH axes", (3,)),
-        Variable("chaser.velocity", OUT, "m/s", "Chaser's velocity in LVLH, LVLH axes", (3,)),
+        Variable("chaser.position", OUT, "m", "Chaser from the target's CoM, LVLH axes", (3,), axes=LVLH),
+        Variable("chaser.velocity", OUT, "m/s", "Chaser's velocity in LVLH, LVLH axes", (3,), axes=LVLH),
         Variable("orbit.trueAnomaly", OUT, "rad", _ANGLE if forces else "True anomaly of the target, not wrapped"),
-        Variable("target.rotationalEnergy", OUT, "J", "Rotational energy of the target"),
+        Variable("target.rotationalEnergy", OUT, "J", "Rotational energy of the target", limits=NOT_NEGATIVE),
         Variable("target.angularMomentum", OUT, "kg.m2/s", "Angular momentum about the CoM, inertial axes", (3,)),
         *(_ORBIT_OUTPUTS if forces else ()),
-        *(Variable(f"state.{name}", STATE, unit, f"State: {what}", shape) for name, unit, _, what, shape in states),
-        *(
-            Variable(f"der(state.{name})", RATE, unit, f"Derivative of the state: {what}", shape)
-            for name, _, unit, what, shape in states
-        ),
+        *states,
+        *(_rate_of(state) for state in states),
     )  # fmt: skip
 
 
@@ -154,32 +208,67 @@ def forces_of(names: Iterable[str]) -> Forces:
 
 _ANGLE = "Angle that the target has gone around the centre since its periapsis, not wrapped"
 _ORBIT_OUTPUTS = (
-    Variable("orbit.position", Kind.OUTPUT, "m", "The target's CoM from the centre it circles, inertial axes", (3,)),
-    Variable("orbit.velocity", Kind.OUTPUT, "m/s", "Velocity of the target's CoM, inertial axes", (3,)),
+    Variable(
+        "orbit.position", Kind.OUTPUT, "m", "The target's CoM from the centre it circles, inertial axes", (3,),
+        display="km",
+    ),
+    Variable("orbit.velocity", Kind.OUTPUT, "m/s", "Velocity of the target's CoM, inertial axes", (3,), display="km/s"),
 )  # fmt: skip
 FORCE_PARAMETERS = {
     Force.J2: (
         Variable("orbit.j2", Kind.PARAMETER, "1", "Second zonal coefficient of the central body, pole along z"),
-        Variable("orbit.equatorialRadius", Kind.PARAMETER, "m", "Equatorial radius to which the coefficient refers"),
+        Variable(
+            "orbit.equatorialRadius", Kind.PARAMETER, "m", "Equatorial radius to which the coefficient refers",
+            display="km", limits=NOT_NEGATIVE,
+        ),
     ),
     Force.DRAG: (
-        Variable("atmosphere.density", Kind.PARAMETER, "kg/m3", "Density of the atmosphere at the reference radius"),
-        Variable("atmosphere.referenceRadius", Kind.PARAMETER, "m", "Distance from the centre where the density holds"),
-        Variable("atmosphere.scaleHeight", Kind.PARAMETER, "m", "Height over which the density falls to 1/e"),
+        Variable(
+            "atmosphere.density", Kind.PARAMETER, "kg/m3", "Density of the atmosphere at the reference radius",
+            limits=NOT_NEGATIVE,
+        ),
+        Variable(
+            "atmosphere.referenceRadius", Kind.PARAMETER, "m", "Distance from the centre where the density holds",
+            display="km", limits=NOT_NEGATIVE,
+        ),
+        Variable(
+            "atmosphere.scaleHeight", Kind.PARAMETER, "m", "Height over which the density falls to 1/e",
+            display="km", limits=NOT_NEGATIVE,
+        ),
         Variable("atmosphere.rotationRate", Kind.PARAMETER, "rad/s", "Rotation of the air about the inertial z axis"),
-        Variable("target.drag", Kind.PARAMETER, "m2/kg", "Target's drag coefficient times area over mass"),
-        Variable("chaser.drag", Kind.PARAMETER, "m2/kg", "Chaser's drag coefficient times area over mass"),
+        *(
+            Variable(
+                f"{name}.drag", Kind.PARAMETER, "m2/kg", f"{name.title()}'s drag coefficient times area over mass",
+                limits=NOT_NEGATIVE,
+            )
+            for name in ("target", "chaser")
+        ),
     ),
     Force.LIGHT: (
         Variable("sun.direction", Kind.PARAMETER, "1", "Unit vector towards the Sun, inertial axes", (3,)),
-        Variable("sun.pressure", Kind.PARAMETER, "N/m2", "Pressure of the sunlight on a surface that absorbs it"),
-        Variable("sun.shadowRadius", Kind.PARAMETER, "m", "Radius of the sphere that casts the shadow"),
-        Variable("target.light", Kind.PARAMETER, "m2/kg", "Target's radiation coefficient times area over mass"),
-        Variable("chaser.light", Kind.PARAMETER, "m2/kg", "Chaser's radiation coefficient times area over mass"),
+        Variable(
+            "sun.pressure", Kind.PARAMETER, "N/m2", "Pressure of the sunlight on a surface that absorbs it",
+            limits=NOT_NEGATIVE,
+        ),
+        Variable(
+            "sun.shadowRadius", Kind.PARAMETER, "m", "Radius of the sphere that casts the shadow",
+            display="km", limits=NOT_NEGATIVE,
+        ),
+        *(
+            Variable(
+                f"{name}.light", Kind.PARAMETER, "m2/kg",
+                f"{name.title()}'s radiation coefficient times area over mass",
+                limits=NOT_NEGATIVE,
+            )
+            for name in ("target", "chaser")
+        ),
     ),
     Force.EDDY_CURRENTS: (
         *(
-            Variable(f"target.magneticTensor.{axes}", Kind.PARAMETER, "S.m4", f"Magnetic tensor, body axes: {axes}")
+            Variable(
+                f"target.magneticTensor.{axes}", Kind.PARAMETER, "S.m4", f"Magnetic tensor, body axes: {axes}",
+                limits=NOT_NEGATIVE if axes[0] == axes[1] else NO_LIMITS,
+            )
             for axes in AXES
         ),
         Variable("magneticField.dipole", Kind.PARAMETER, "T.m3", "Dipole of the magnetic field, inertial axes", (3,)),
@@ -187,24 +276,44 @@ FORCE_PARAMETERS = {
 }  # fmt: skip
 
 
-def _states(*, perturbed: bool) -> tuple[tuple[str, str, str, str, tuple[int, ...]], ...]:
-    """Name, unit, unit of the derivative, description and shape of each state."""
+def _states(*, perturbed: bool) -> tuple[Variable, ...]:
+    """The states; `_rate_of` gives their derivatives."""
     turning = (
-        ("attitude", "1", "1/s", "attitude, quaternion (w, x, y, z), body to inertial, not normalised", (4,)),
-        ("angularRate", "rad/s", "rad/s2", "angular rate of the target, body axes", (3,)),
+        _state("attitude", "1", "attitude, quaternion (w, x, y, z), body to inertial, not normalised", (4,)),
+        _state("angularRate", "rad/s", "angular rate of the target, body axes", (3,)),
     )
     if perturbed:
         return (
             *turning,
-            ("trueAnomaly", "rad", "rad/s", "angle that the target has gone around the centre", ()),
-            ("orbitPosition", "m", "m/s", "target from the centre of the central body, inertial axes", (3,)),
-            ("orbitVelocity", "m/s", "m/s2", "velocity of the target, inertial axes", (3,)),
-            ("position", "m", "m/s", "chaser from the target's CoM, inertial axes", (3,)),
-            ("velocity", "m/s", "m/s2", "chaser's velocity from the target's, inertial axes", (3,)),
+            _state("trueAnomaly", "rad", "angle that the target has gone around the centre"),
+            _state(
+                "orbitPosition", "m", "target from the centre of the central body, inertial axes", (3,), display="km"
+            ),
+            _state("orbitVelocity", "m/s", "velocity of the target, inertial axes", (3,), display="km/s"),
+            _state("position", "m", "chaser from the target's CoM, inertial axes", (3,)),
+            _state("velocity", "m/s", "chaser's velocity from the target's, inertial axes", (3,)),
         )
     return (
         *turning,
-        ("trueAnomaly", "rad", "rad/s", "true anomaly of the target", ()),
-        ("position", "m", "m/s", "chaser from the target's CoM, LVLH axes", (3,)),
-        ("velocity", "m/s", "m/s2", "chaser's velocity in LVLH, LVLH axes", (3,)),
+        _state("trueAnomaly", "rad", "true anomaly of the target"),
+        _state("position", "m", "chaser from the target's CoM, LVLH axes", (3,), axes=LVLH),
+        _state("velocity", "m/s", "chaser's velocity in LVLH, LVLH axes", (3,), axes=LVLH),
     )
+
+
+def _state(
+    name: str, unit: str, what: str, shape: tuple[int, ...] = (), *, axes: tuple[str, ...] = (), display: str = ""
+) -> Variable:
+    return Variable(f"state.{name}", Kind.STATE, unit, f"State: {what}", shape, axes=axes, display=display)
+
+
+_BY_THE_SECOND = {"1": "1/s", "m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s": "rad/s2"}
+
+
+def _rate_of(state: Variable) -> Variable:
+    """The derivative of a state."""
+    text = f"Derivative of the state: {state.description.removeprefix('State: ')}"
+    rate = Variable(
+        f"der({state.name})", Kind.DERIVATIVE, _BY_THE_SECOND[state.unit], text, state.shape, axes=state.axes
+    )
+    return replace(rate, display="km/s") if state.display == "km" else rate

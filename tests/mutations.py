@@ -65,7 +65,9 @@ def wrong_unit_of_an_output(root):
 
 
 def wrong_unit_of_a_state(root):
-    variable(root, "state.trueAnomaly").find("Real").set("unit", "m")
+    real = variable(root, "state.trueAnomaly").find("Real")
+    real.set("unit", "m")
+    del real.attrib["displayUnit"]
 
 
 def wrong_base_units(root):
@@ -161,6 +163,26 @@ def derivative_of_nothing(root):
     variable(root, "der(state.position[1])").find("Real").set("derivative", "9999")
 
 
+def undefined_display_unit(root):
+    variable(root, "orbit.semiMajorAxis").find("Real").set("displayUnit", "Mm")
+
+
+def another_display_unit(root):
+    del variable(root, "orbit.inclination").find("Real").attrib["displayUnit"]
+
+
+def wrong_display_factor(root):
+    root.find("UnitDefinitions/Unit[@name='rad']/DisplayUnit").set("factor", "0.0174532925199433")
+
+
+def start_outside_its_limits(root):
+    variable(root, "orbit.eccentricity").find("Real").set("min", "0.5")
+
+
+def other_limits(root):
+    variable(root, "solver.tolerance").find("Real").set("max", "1.0")
+
+
 def unknown_log_category(root):
     ET.SubElement(root.find("LogCategories"), "Category", name="logDynamicStateSelection")
 
@@ -199,6 +221,11 @@ MUTATIONS_2 = [
     (local_for_output, "orbit.trueAnomaly: is a continuous local", True),
     (derivative_of_another_state, r"found derivative of state.position\[2\], expected of", True),
     (derivative_of_nothing, "cannot be understood", True),
+    (undefined_display_unit, 'display unit "Mm" .* is not defined', True),
+    (another_display_unit, 'orbit.inclination: found displayUnit "None", expected "deg"', False),
+    (wrong_display_factor, 'display unit "deg": found factor 0.017.*, expected 57.29', False),
+    (start_outside_its_limits, "orbit.eccentricity: found start 0.001, expected 0.5 to 1", False),
+    (other_limits, "solver.tolerance: found limits 1e-15 to 1, expected 1e-15 to 0.001", False),
     (unknown_log_category, "LogCategories/logDynamicStateSelection: is declared, but", False),
 ]
 

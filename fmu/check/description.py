@@ -4,7 +4,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Iterator
-from math import prod
+from math import inf, prod
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ def description_findings(folder: Path, description: Any) -> Iterator[Finding]:
     yield from unit_findings(description)
     yield from _reference_findings(description)
     yield from _start_findings(description)
+    yield from _limit_findings(description)
     yield from _derivative_findings(description)
     yield from _dependency_findings(description)
     yield from _flag_findings(description)
@@ -114,6 +115,25 @@ def _start_findings(description: Any) -> Iterator[Finding]:
             yield warning(
                 variable.name, f"found one start value for {size} elements, which some importers do not repeat"
             )
+
+
+def limits_of(variable: Any) -> tuple[float, float]:
+    """The smallest and the largest value of a variable; infinite where there is no limit."""
+    return (
+        float(variable.min) if variable.min is not None else -inf,
+        float(variable.max) if variable.max is not None else inf,
+    )
+
+
+def _limit_findings(description: Any) -> Iterator[Finding]:
+    """Start values lie within the limits of their variables."""
+    for variable in description.modelVariables:
+        if variable.start is None or variable.type in ("String", "Binary", "Boolean"):
+            continue
+        smallest, largest = limits_of(variable)
+        outside = [text for text in str(variable.start).split() if not smallest <= float(text) <= largest]
+        if outside:
+            yield error(variable.name, f"found start {listed(outside)}, expected {smallest:g} to {largest:g}")
 
 
 def _derivative_findings(description: Any) -> Iterator[Finding]:

@@ -8,13 +8,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from baryscope.fmu.check.description import is_float, size_of
+from baryscope.fmu.check.description import is_float, limits_of, size_of
 from baryscope.fmu.check.finding import Finding, error
 from baryscope.fmu.check.instance import FloatArray, Instance
-from baryscope.fmu.check.units import exponents_of_definition, unit_of
+from baryscope.fmu.check.units import display_unit_of, exponents_of_definition, unit_of
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.models.target import tumbling_target
-from baryscope.models.variables import UNITS, Forces, Kind, Variable, forces_of, variable_table
+from baryscope.models.variables import DISPLAY_UNITS, UNITS, Forces, Kind, Variable, forces_of, variable_table
 
 _CAUSALITY = {Kind.INPUT: "input", Kind.PARAMETER: "parameter", Kind.OUTPUT: "output"}
 AGREEMENT = 1e-9  # of an array's largest element: libraries round differently
@@ -29,6 +29,11 @@ def is_ours(description: Any) -> bool:
 def table_findings(description: Any) -> Iterator[Finding]:
     """Names, kinds, units and sizes are those of the table of variables, in its order."""
     units = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
+    for unit in description.unitDefinitions:
+        for display in unit.displayUnits:
+            factor = DISPLAY_UNITS.get(unit.name, {}).get(display.name)
+            if (float(display.factor or 1), float(display.offset or 0)) != (factor, 0.0):
+                yield error(f'display unit "{display.name}"', f"found factor {display.factor}, expected {factor}")
     for name, exponents in UNITS.items():
         if name in units and (units[name] is None or exponents_of_definition(units[name]) != exponents):
             yield error(f'unit "{name}"', f"expected the base units {exponents or 'none'}")
@@ -48,6 +53,12 @@ def table_findings(description: Any) -> Iterator[Finding]:
             yield error(name, f"is a {found.variability} {found.causality}, expected a {kind[1]} {kind[0]}")
         if not variable.boolean and unit_of(found) != variable.unit:
             yield error(name, f'found unit "{unit_of(found)}", expected "{variable.unit}"')
+        if not variable.boolean and (display_unit_of(found) or variable.unit) != variable.display_unit:
+            yield error(name, f'found displayUnit "{display_unit_of(found)}", expected "{variable.display_unit}"')
+        if not variable.boolean and limits_of(found) != variable.limits:
+            yield error(
+                name, "found limits {:g} to {:g}, expected {:g} to {:g}".format(*limits_of(found), *variable.limits)
+            )
         if size_of(found) != size:
             yield error(name, f"found {size_of(found)} elements, expected {size}")
 

@@ -59,6 +59,12 @@ def unit_of(variable: Any) -> str | None:
     return None if unit is None else str(unit)
 
 
+def display_unit_of(variable: Any) -> str | None:
+    """The display unit of a variable, its own or its type's."""
+    unit = variable.displayUnit or (variable.declaredType.displayUnit if variable.declaredType is not None else None)
+    return None if unit is None else str(unit)
+
+
 def unit_findings(description: Any) -> Iterator[Finding]:
     """All checks of units."""
     bases = {unit.name: unit.baseUnit for unit in description.unitDefinitions if unit.baseUnit is not None}

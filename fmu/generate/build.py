@@ -9,6 +9,7 @@ from typing import Literal
 from baryscope.fmu.generate.codegen import integrator_header, model_source, tables_header
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
 from baryscope.fmu.generate.description import model_description
+from baryscope.fmu.generate.documentation import documents
 from baryscope.fmu.generate.series import series_source
 from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
 from baryscope.fmu.layout.archive import MODEL_NAME
@@ -63,8 +64,9 @@ def build_fmu(
         ]
         libraries = compile_all(jobs, progress)
         windows_by_zig = any(job.by_zig and job.platform == X86_64_WINDOWS for job in jobs)
-        documents = licences(headers, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
-        _pack(temporary, documents, sources, binary_members(libraries, MODEL_NAME, fmi), fmi)
+        members = licences(headers, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
+        members |= documents(scenario, fmi, scalar=scalar)
+        _pack(temporary, members, sources, binary_members(libraries, MODEL_NAME, fmi), fmi)
     return path
 
 

@@ -11,18 +11,14 @@ from numpy.typing import NDArray
 
 import baryscope.fmu.generate.description2 as description2
 import baryscope.fmu.generate.description3 as description3
+from baryscope.fmu.generate.identity import AUTHOR, COPYRIGHT, DESCRIPTION, LICENCE, labels_of
 from baryscope.fmu.generate.structure import structure_of
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference, reference_table
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import TumblingTarget
-from baryscope.models.variables import UNITS, Kind
-
-DESCRIPTION = (
-    "A tumbling target on a Keplerian orbit and a chaser near it: attitude, relative motion, "
-    "and the target's features as the chaser sees them"
-)
+from baryscope.models.variables import DISPLAY_UNITS, UNITS, Kind
 
 EXPERIMENT_TOLERANCE = 1e-6  # for the importer's own solver in Model Exchange; the unit keeps solver.tolerance
 
@@ -58,6 +54,9 @@ def model_description(
         "fmiModelDescription",
         modelName=MODEL_NAME,
         description=DESCRIPTION,
+        author=AUTHOR,
+        copyright=COPYRIGHT,
+        license=LICENCE,
         version=version("baryscope"),
         generationTool=f"baryscope {version('baryscope')}",
         variableNamingConvention="structured",
@@ -76,7 +75,7 @@ def model_description(
         tolerance=repr(max(EXPERIMENT_TOLERANCE, scenario.run.tolerance)),
         stepSize=repr(scenario.run.sample_time),
     )
-    writer.add_variables(root, references, _starts(references, system, parameters))
+    writer.add_variables(root, references, _starts(references, system, parameters), labels_of(scenario))
     writer.add_structure(root, references, structure)
     ET.indent(root)
     document: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
@@ -86,10 +85,14 @@ def model_description(
 def _add_units(root: ET.Element, system: TumblingTarget, fmi: FmiVersion) -> None:
     definitions = ET.SubElement(root, "UnitDefinitions")
     used = {variable.unit for variable in system.variables} | ({description3.TIME_UNIT} if fmi == 3 else set())
+    displayed = {(variable.unit, variable.display_unit) for variable in system.variables}
     for name, exponents in UNITS.items():
         if name in used:
             unit = ET.SubElement(definitions, "Unit", name=name)
             ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+            for display, factor in DISPLAY_UNITS.get(name, {}).items():
+                if (name, display) in displayed:
+                    ET.SubElement(unit, "DisplayUnit", name=display, factor=repr(factor))
 
 
 def _starts(references: list[Reference], system: TumblingTarget, parameters: NDArray[np.float64]) -> dict[int, str]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from baryscope.fmu.generate.sources import MAIN
 from baryscope.fmu.generate.structure import Structure
-from baryscope.fmu.layout.references import Reference, attributes_of, state_of
+from baryscope.fmu.layout.references import Reference, attributes_of, quantity_of, state_of
 from baryscope.models.variables import Kind
 
 
@@ -31,16 +31,18 @@ def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
         ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=MAIN)
 
 
-def add_variables(root: ET.Element, references: Sequence[Reference], starts: Mapping[int, str]) -> None:
-    """A ScalarVariable for every reference."""
+def add_variables(
+    root: ET.Element, references: Sequence[Reference], starts: Mapping[int, str], labels: Sequence[str]
+) -> None:
+    """A ScalarVariable for every reference; `labels` are those of the features."""
     parent = ET.SubElement(root, "ModelVariables")
     for place, reference in enumerate(references):
         variable = reference.variable
-        attributes = {"name": reference.name, "valueReference": str(place)} | attributes_of(variable)
+        attributes = {"name": reference.name, "valueReference": str(place)} | attributes_of(reference, labels)
         scalar = ET.SubElement(parent, "ScalarVariable", attributes)
         kind = ET.SubElement(scalar, "Boolean" if variable.boolean else "Real")
         if not variable.boolean:
-            kind.set("unit", variable.unit)
+            kind.attrib |= quantity_of(variable)
         if place in starts:
             kind.set("start", starts[place])
         if variable.kind == Kind.DERIVATIVE:

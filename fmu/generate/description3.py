@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from baryscope.fmu.generate.structure import Structure
-from baryscope.fmu.layout.references import Reference, attributes_of, state_of
+from baryscope.fmu.layout.references import Reference, attributes_of, quantity_of, state_of
 from baryscope.models.variables import Kind
 
 TIME_UNIT = "s"
@@ -33,14 +33,16 @@ def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
     )
 
 
-def add_variables(root: ET.Element, references: Sequence[Reference], starts: Mapping[int, str]) -> None:
-    """A Float64 or Boolean for every reference, and time."""
+def add_variables(
+    root: ET.Element, references: Sequence[Reference], starts: Mapping[int, str], labels: Sequence[str]
+) -> None:
+    """A Float64 or Boolean for every reference, and time; `labels` are those of the features."""
     parent = ET.SubElement(root, "ModelVariables")
     for place, reference in enumerate(references):
         variable = reference.variable
-        attributes = {"name": reference.name, "valueReference": str(place)} | attributes_of(variable)
+        attributes = {"name": reference.name, "valueReference": str(place)} | attributes_of(reference, labels)
         if not variable.boolean:
-            attributes["unit"] = variable.unit
+            attributes |= quantity_of(variable)
         if place in starts:
             attributes["start"] = starts[place]
         if variable.kind == Kind.DERIVATIVE:

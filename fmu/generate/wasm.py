@@ -5,6 +5,7 @@ from pathlib import Path
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
+from baryscope.fmu.generate.identity import labels_of
 from baryscope.fmu.generate.sources import interface_headers
 from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import Platform
@@ -59,7 +60,7 @@ def _variables(scenario: Scenario) -> str:
                 "name": variable.name,
                 "kind": variable.kind.value,
                 "unit": variable.unit,
-                "description": variable.description,
+                "description": variable.whole_description(labels_of(scenario)),
                 "shape": list(variable.shape),
                 "reference": reference,
             }

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.models.variables import Kind, Variable
@@ -17,6 +18,7 @@ class Reference:
         offset: place of its first scalar in the unit's values.
         size: number of scalars.
         shape: of an array; () for a scalar.
+        element: place of a scalar in its variable; None for a whole variable.
     """
 
     name: str
@@ -24,6 +26,7 @@ class Reference:
     offset: int
     size: int
     shape: tuple[int, ...]
+    element: int | None = None
 
 
 def reference_table(variables: Sequence[Variable], fmi: FmiVersion = 2, scalar: bool = False) -> list[Reference]:
@@ -38,7 +41,7 @@ def reference_table(variables: Sequence[Variable], fmi: FmiVersion = 2, scalar: 
             table.append(Reference(variable.name, variable, offset, variable.size, variable.shape))
         else:
             names = enumerate(variable.scalar_names)
-            table += [Reference(name, variable, offset + k, 1, ()) for k, name in names]
+            table += [Reference(name, variable, offset + k, 1, (), k) for k, name in names]
         offset += variable.size
     return table
 
@@ -58,7 +61,24 @@ _ATTRIBUTES = {
 }
 
 
-def attributes_of(variable: Variable) -> dict[str, str]:
-    """The attributes of a variable in modelDescription.xml that both versions of FMI have."""
-    attributes = {"description": variable.description} | _ATTRIBUTES[variable.kind]
+def attributes_of(reference: Reference, labels: Sequence[str]) -> dict[str, str]:
+    """The attributes in modelDescription.xml that both versions of FMI have; `labels` are those of the features."""
+    variable, element = reference.variable, reference.element
+    if element is None:
+        description = variable.whole_description(labels)
+    else:
+        description = variable.scalar_descriptions(labels)[element]
+    attributes = {"description": description} | _ATTRIBUTES[variable.kind]
     return attributes | ({"variability": "tunable"} if variable.tunable else {})
+
+
+def quantity_of(variable: Variable) -> dict[str, str]:
+    """The attributes of a float's type that both versions have: units and limits."""
+    smallest, largest = variable.limits
+    given = {
+        "unit": variable.unit,
+        "displayUnit": variable.display_unit if variable.display_unit != variable.unit else None,
+        "min": repr(smallest) if isfinite(smallest) else None,
+        "max": repr(largest) if isfinite(largest) else None,
+    }
+    return {name: value for name, value in given.items() if value is not None}

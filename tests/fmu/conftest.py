@@ -1,6 +1,7 @@
 import pytest
 from fmpy.fmi3 import FMU3Model
 
+import forces
 from baryscope.fmu import build_fmu
 from baryscope.models.scenario import load_scenario, preset_names
 from importer3 import Importer3
@@ -15,6 +16,12 @@ def preset(request):
 def preset_fmu(preset, tmp_path_factory):
     """The unit of `preset`."""
     return build_fmu(preset, tmp_path_factory.mktemp("preset") / "unit.fmu")
+
+
+@pytest.fixture(scope="session")
+def pushed(envisat):
+    """Envisat in air and sunlight, with eddy currents."""
+    return envisat.model_copy(update={"drag": forces.DRAG, "light": forces.LIGHT, "eddy_currents": forces.EDDY})
 
 
 @pytest.fixture(scope="session")

@@ -1,10 +1,22 @@
 """The table of variables: names, sizes, units."""
 
+import math
 import re
 
 import pytest
 
-from baryscope.models.variables import FORCE_PARAMETERS, UNITS, Force, Kind, Variable, forces_of, variable_table
+from baryscope.models.scenario import load_scenario
+from baryscope.models.target import tumbling_target
+from baryscope.models.variables import (
+    DISPLAY_UNITS,
+    FORCE_PARAMETERS,
+    UNITS,
+    Force,
+    Kind,
+    Variable,
+    forces_of,
+    variable_table,
+)
 
 COUNTS = [3, 8, 12]
 FORCES = [frozenset(), *(frozenset({force}) for force in Force), frozenset(Force)]
@@ -89,3 +101,59 @@ def test_units_are_made_of_base_units():
         assert set(exponents) <= BASE_UNITS
     newton = {"kg": 1, "m": 1, "s": -2}
     assert UNITS["N.m"] == newton | {"m": 2} == UNITS["J"]
+
+
+@pytest.mark.parametrize("forces", [frozenset(), frozenset(Force)], ids=["none", "all"])
+def test_every_scalar_has_a_description_of_its_own(forces):
+    labels = ["corner", "hinge", "tip"]
+    table = variable_table(3, forces)
+    texts = [text for variable in table for text in variable.scalar_descriptions(labels)]
+    assert len(texts) == len(set(texts)) == sum(variable.size for variable in table)
+    wholes = [variable.whole_description(labels) for variable in table]
+    assert len(wholes) == len(set(wholes))
+    described = {v.name: dict(zip(v.scalar_names, v.scalar_descriptions(labels), strict=True)) for v in table}
+    assert (
+        described["features"]["features[2,3]"] == "Positions of the features, frame C (chaser, inertial axes): hinge, z"
+    )
+    assert described["target.attitude"]["target.attitude[1]"].endswith("body to inertial: w")
+    assert described["chaser.position"]["chaser.position[2]"].endswith("LVLH axes: y, along-track")
+    assert "rows: corner, hinge, tip" in next(v for v in table if v.name == "normals").whole_description(labels)
+
+
+@pytest.mark.parametrize("forces", [frozenset(), frozenset(Force)], ids=["none", "all"])
+def test_angles_are_displayed_in_degrees_and_the_orbit_in_kilometres(forces):
+    """Factors against the definitions: a turn has 360 degrees, a kilometre 1000 m."""
+    table = {variable.name: variable for variable in variable_table(3, forces)}
+    for variable in table.values():
+        assert variable.display_unit == variable.unit or variable.display_unit in DISPLAY_UNITS[variable.unit]
+        if UNITS[variable.unit].get("rad"):
+            assert variable.display_unit == variable.unit.replace("rad", "deg")
+            assert DISPLAY_UNITS[variable.unit][variable.display_unit] * 2 * math.pi == pytest.approx(360, rel=1e-15)
+    assert table["orbit.semiMajorAxis"].display_unit == "km"
+    assert table["orbit.gravitationalParameter"].display_unit == "km3/s2"
+    assert DISPLAY_UNITS["m3/s2"]["km3/s2"] == pytest.approx(DISPLAY_UNITS["m"]["km"] ** 3)
+    assert table["features"].display_unit == table["chaser.position"].display_unit == "m"
+
+
+def test_limits_are_where_the_unit_begins_to_refuse():
+    """By the checks of the parameters: all of them hold within the limits, one fails beside each."""
+    system, scenario = tumbling_target(12), load_scenario("envisat")
+    p = scenario.flat_parameters()
+    parameters = [v for v in system.of_kind(Kind.PARAMETER) for _ in range(v.size)]
+    bounded = {v.name: place for place, v in enumerate(parameters) if v.limits != (-math.inf, math.inf)}
+    assert sorted(bounded) == [
+        "orbit.eccentricity", "orbit.gravitationalParameter", "orbit.semiMajorAxis", "solver.tolerance",
+        "target.inertia.xx", "target.inertia.yy", "target.inertia.zz",
+    ]  # fmt: skip
+    for name, place in bounded.items():
+        for limit, away in zip(parameters[place].limits, (-1, 1), strict=True):
+            if not math.isfinite(limit):
+                continue
+            outside = p.copy()
+            outside[place] = limit + away * (0.01 * abs(limit) + 1e-9)
+            assert system.checks.failure(outside) is not None, name
+    for name, values in {"orbit.eccentricity": (0.0, 1 - 2**-53), "solver.tolerance": (1e-15, 1e-3)}.items():
+        for value in values:
+            inside = p.copy()
+            inside[bounded[name]] = value
+            assert system.checks.failure(inside) is None
