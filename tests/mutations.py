@@ -204,7 +204,6 @@ MUTATIONS_2 = [
     (drop_dependency("InitialUnknowns", "der(state.angularRate[1])", "gravityGradient"), "depends on gravity", False),
     (dependency_on_another, r"chaser.position\[1\]: depends on state.position\[1\]", False),
     (dependency_on_a_parameter, r"chaser.position\[1\]: depends on state.position\[1\]", False),
-    (flag("CoSimulation", "canInterpolateInputs", "true"), "canInterpolateInputs: is declared, but", False),
     (flag("CoSimulation", "maxOutputDerivativeOrder", "3"), "maxOutputDerivativeOrder: .*order 2, expected 1", False),
     (flag("ModelExchange", "canGetAndSetFMUstate", "false"), "canSerializeFMUstate: is declared without", False),
     (removed_unknown("InitialUnknowns", "features[1,1]"), "InitialUnknowns does not contain", True),

@@ -37,23 +37,29 @@ static ALWAYS_INLINE void combine(
     for EACH(i) to[i] = from[i] + h * sum[i];
 }
 
-/* The error of a step in units of the tolerance (Hairer's estimate from the embedded orders 5 and 3). */
+/* The error of a step in units of the tolerance: Hairer's estimate from the embedded orders 5 and 3, or that of interpolation
+   within the step, which is the rounding of its change. Where the rates hardly change, as far from all gravity, only the
+   latter ends a step before the change is so large. */
 static double error_of(const Integrator *integrator, double tolerance, double h, double k[ALL_STAGES][WIDTH],
                        const double *next)
 {
     static const double zero[WIDTH];
-    double error3[WIDTH], error5[WIDTH], sum3 = 0.0, sum5 = 0.0;
+    double error3[WIDTH], error5[WIDTH], sum3 = 0.0, sum5 = 0.0, rounding = 0.0;
     combine(error3, zero, 1.0, DOP853_E3[0], DOP853_STAGES, k);
     combine(error5, zero, 1.0, DOP853_E5[0], DOP853_STAGES, k);
     for EACH(i) {
-        const double allowed = tolerance * larger(integrator->scale[i], larger(fabs(integrator->state[i]), fabs(next[i])));
+        const double size = larger(integrator->scale[i], fabs(integrator->state[i]));
+        const double allowed = tolerance * larger(size, fabs(next[i]));
+        rounding = larger(rounding, fabs(next[i] - integrator->state[i]) / size);
         error3[i] /= allowed;
         error5[i] /= allowed;
     }
     for EACH(i) sum3 += error3[i] * error3[i];
     for EACH(i) sum5 += error5[i] * error5[i];
-    if (sum5 == 0.0 && sum3 == 0.0) return 0.0;
-    return h * sum5 / sqrt((sum5 + 0.01 * sum3) * WIDTH);
+    rounding *= DBL_EPSILON / tolerance;
+    if (sum5 == 0.0 && sum3 == 0.0) return rounding;
+    const double estimate = h * sum5 / sqrt((sum5 + 0.01 * sum3) * WIDTH);
+    return estimate > rounding || isnan(estimate) ? estimate : rounding;
 }
 
 /* One trial step of length h: fills the stages and `next` and returns the error in units of the tolerance. */
@@ -63,7 +69,7 @@ static double trial(const Integrator *integrator, Rates *rates, const void *cont
     memcpy(k[0], integrator->rates, sizeof integrator->rates);
     UNROLL for (int stage = 1; stage < DOP853_STAGES; stage++) {
         combine(next, integrator->state, h, DOP853_A[stage], stage, k);
-        rates(context, next, k[stage]);
+        rates(context, integrator->time + DOP853_C[0][stage] * h, next, k[stage]);
     }
     combine(next, integrator->state, h, DOP853_B[0], DOP853_STAGES, k);
     return error_of(integrator, tolerance, h, k, next);
@@ -84,7 +90,7 @@ static void make_dense(Integrator *integrator, Rates *rates, const void *context
     double argument[WIDTH];
     UNROLL for (int extra = 0; extra < 3; extra++) {
         combine(argument, integrator->previous, h, DOP853_A_EXTRA[extra], DOP853_STAGES + 1 + extra, k);
-        rates(context, argument, k[DOP853_STAGES + 1 + extra]);
+        rates(context, integrator->time - h + DOP853_C_EXTRA[0][extra] * h, argument, k[DOP853_STAGES + 1 + extra]);
     }
     for EACH(i) {
         const double change = integrator->state[i] - integrator->previous[i];
@@ -99,7 +105,7 @@ static const char *dop853_advance(Integrator *integrator, Rates *rates, const vo
                                   bool exactly)
 {
     double k[ALL_STAGES][WIDTH], next[WIDTH];
-    if (integrator->length == 0.0) rates(context, integrator->state, integrator->rates);
+    if (integrator->length == 0.0) rates(context, integrator->time, integrator->state, integrator->rates);
     if (integrator->step <= 0.0) integrator->step = first_step(integrator);
 
     for (long steps = 0; integrator->time < time; steps++) {
@@ -112,10 +118,10 @@ static const char *dop853_advance(Integrator *integrator, Rates *rates, const vo
         if (error <= 1.0) {
             memcpy(integrator->previous, integrator->state, sizeof integrator->state);
             memcpy(integrator->state, next, sizeof next);
-            rates(context, integrator->state, integrator->rates);
-            memcpy(k[DOP853_STAGES], integrator->rates, sizeof integrator->rates);
             integrator->length = h;
             integrator->time = cut ? time : integrator->time + h;
+            rates(context, integrator->time, integrator->state, integrator->rates);
+            memcpy(k[DOP853_STAGES], integrator->rates, sizeof integrator->rates);
             /* A step that was cut short is no reason to shorten the planned one. */
             integrator->step = cut ? fmax(integrator->step, proposal) : proposal;
             if (integrator->time > time) make_dense(integrator, rates, context, k);

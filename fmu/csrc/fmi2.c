@@ -169,14 +169,10 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     return (fmi2Status)instance_output_derivatives(c, "fmi2GetRealOutputDerivatives", (Selection){vr, nvr}, order, value, nvr);
 }
 
-/* Inputs are held over a step: canInterpolateInputs is false. */
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer order[],
                                        const fmi2Real value[])
 {
-    (void)vr, (void)order, (void)value;
-    Instance *instance = enter(c, ASK, "fmi2SetRealInputDerivatives");
-    if (!instance) return fmi2Error;
-    return nvr ? (fmi2Status)refuse(instance, "fmi2SetRealInputDerivatives: this unit holds its inputs over a step") : fmi2OK;
+    return (fmi2Status)instance_set_input_derivatives(c, "fmi2SetRealInputDerivatives", (Selection){vr, nvr}, order, value);
 }
 
 /* Steps are never pending: the only statuses are the last time and "not terminated". */

@@ -43,7 +43,7 @@ struct Instance {
 /* Calls that are allowed in the same states. */
 typedef enum {
     SET_LOGGING, SETUP, ENTER_INITIALIZATION, EXIT_INITIALIZATION, TERMINATE, RESET, GET_VALUES, SET_VALUES, DO_STEP,
-    CANCEL_STEP, GET_STATUS, SAVE_STATE, GET_DERIVATIVES, GET_OUTPUT_DERIVATIVES, ENTER_EVENT, ENTER_CONTINUOUS,
+    CANCEL_STEP, SET_INPUT_DERIVATIVES, GET_STATUS, SAVE_STATE, GET_DERIVATIVES, GET_OUTPUT_DERIVATIVES, ENTER_EVENT, ENTER_CONTINUOUS,
     DISCRETE_STATES, SET_TIME, SET_STATES, GET_STATES, COMPLETE_STEP, ASK, N_CALLS
 } Call;
 
@@ -93,6 +93,8 @@ typedef struct {
 } Image;
 static Status instance_derivative(void *component, const char *function, bool reverse, Selection unknowns, Selection knowns,
                                   Seed seed, Image image);
+static Status instance_set_input_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
+                                             const double *values);
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                           double *values, size_t n_values);
 

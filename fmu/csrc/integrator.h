@@ -1,4 +1,4 @@
-/* An integrator of an autonomous system of differential equations, which may run ahead of the time that is asked for.
+/* An integrator of a system of differential equations, which may run ahead of the time that is asked for.
 
    It takes steps as long as the tolerance allows and interpolates in the last one, so that many short communication steps
    share one integration step. It holds no pointers: a copy of it is a saved state.
@@ -39,8 +39,8 @@ typedef struct {
     double scale[WIDTH];                /* nominal sizes of the states, for the tolerance */
 } Integrator;
 
-/* The rates (time derivatives) of the state; `context` holds parameters and inputs. */
-typedef void Rates(const void *context, const double *state, double *rates);
+/* The rates (time derivatives) of the state at a time since integrator_start; `context` holds parameters and inputs. */
+typedef void Rates(const void *context, double time, const double *state, double *rates);
 
 /* Start again from `state` at time 0; the length of the next step is kept. */
 static void integrator_start(Integrator *integrator, const double *state, int size);
@@ -71,9 +71,9 @@ static void taylor_interpolate(const Integrator *integrator, double time, double
 /* What products of the states contribute to their rates; `sums` is the matrix of products, column by column. */
 typedef void Products(const void *context, const double *sums, double *rates);
 
-/* The expansion for rates that are a constant plus products of states. */
+/* The expansion for rates that are a constant plus products of states. `ramp` is the rate of that constant, or NULL. */
 static ALWAYS_INLINE double expand_products(
-    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
-    double tolerance);
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const double *ramp,
+    const void *context, double tolerance);
 
 #endif

@@ -24,10 +24,16 @@ static ALWAYS_INLINE void add_products(Row sums[N_FACTORS], const Row *left, con
             sums[j].pairs[i] = SUM(sums[j].pairs[i], SCALED(left->pairs[i], right->of[FIRST_FACTOR + j]));
 }
 
+/* What a ramp, a rate of the rates that is constant over the step, adds to the second coefficient. */
+static inline void add_ramp(Row *terms, double unit, const double *ramp)
+{
+    for EACH(i) terms[2].of[i] += 0.5 * unit * unit * ramp[i];
+}
+
 /* The coefficients from the second on, with time in multiples of `unit`. The products of the newest coefficient are added
    last, so that the processor can add the others while it still computes that one. */
 static ALWAYS_INLINE void expand(
-    Row terms[TAYLOR_ORDER + 1], double unit, Products *products, const void *context)
+    Row terms[TAYLOR_ORDER + 1], double unit, Products *products, const double *ramp, const void *context)
 {
     for (int k = 1; k < TAYLOR_ORDER; k++) {
         Row sums[N_FACTORS] = {{{0.0}}};
@@ -39,6 +45,7 @@ static ALWAYS_INLINE void expand(
         const double factor = unit / (k + 1);
         UNROLL for (int i = 0; i < PAIRS; i++)
             terms[k + 1].pairs[i] = SCALED(PAIR(rates[2 * i], rates[2 * i + 1]), factor);
+        if (k == 1 && ramp) add_ramp(terms, unit, ramp);
     }
 }
 
@@ -89,7 +96,7 @@ static ALWAYS_INLINE void begin_terms(
     Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, const void *context, double relative[WIDTH])
 {
     relate(integrator, relative);
-    rates(context, integrator->state, integrator->rates);
+    rates(context, integrator->time, integrator->state, integrator->rates);
     const double speed = size_of(integrator->rates, relative);
     integrator->unit = speed > REST ? 1.0 / speed : 1.0;
     memcpy(terms[0].of, integrator->state, sizeof integrator->state);
@@ -97,12 +104,12 @@ static ALWAYS_INLINE void begin_terms(
 }
 
 static ALWAYS_INLINE double expand_products(
-    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const void *context,
-    double tolerance)
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], Rates *rates, Products *products, const double *ramp,
+    const void *context, double tolerance)
 {
     double relative[WIDTH];
     begin_terms(integrator, terms, rates, context, relative);
-    expand(terms, integrator->unit, products, context);
+    expand(terms, integrator->unit, products, ramp, context);
     return reach_of(terms, TAYLOR_ORDER, relative, tolerance);
 }
 

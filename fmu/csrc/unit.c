@@ -5,7 +5,7 @@
 #include <string.h>
 
 /* Parts of the state; they share the target's place. */
-enum { ORBIT_START = 7, ATTITUDE_SIZE = ORBIT_START + PLACE_SIZE, ORBIT_SIZE = PLACE_SIZE + 6 };
+enum { RATE_START = 4, ORBIT_START = 7, ATTITUDE_SIZE = ORBIT_START + PLACE_SIZE, ORBIT_SIZE = PLACE_SIZE + 6 };
 
 static void unit_reset(Unit *unit)
 {
@@ -26,30 +26,50 @@ static void unit_set(Unit *unit, int index, double value)
     if (index >= AT_STATES) unit->outputs_current = false;
 }
 
+static void unit_set_rate(Unit *unit, int index, double rate)
+{
+    if (unit->input_rates[index] == rate) return;
+    unit->input_rates[index] = rate;
+    unit->integrators_stale = true;
+}
+
 /* ---- the equations ---- */
+
+/* The inputs at a time of the integrators; `changing` is room for them. */
+static inline const double *inputs_at(const Unit *unit, double time, double changing[N_INPUTS])
+{
+    if (!unit->ramping) return unit->values + AT_INPUTS;
+    for (int i = 0; i < N_INPUTS; i++) changing[i] = unit->first_inputs[i] + unit->input_rates[i] * time;
+    return changing;
+}
 
 typedef int Equations(const double **arguments, double **results, int *iw, double *w, int memory);
 
-static void evaluate_rates(Equations *rates, const Unit *unit, const double *state, double *result)
+static void evaluate_rates(Equations *rates, const Unit *unit, const double *inputs, const double *state, double *result)
 {
-    const double *arguments[] = {state, unit->values + AT_INPUTS, unit->constants};
+    const double *arguments[] = {state, inputs, unit->constants};
     double *results[] = {result};
     rates(arguments, results, NULL, NULL, 0);
 }
 
-static void free_attitude_rates(const void *unit, const double *state, double *rates)
+static void free_attitude_rates(const void *unit, double time, const double *state, double *rates)
 {
-    evaluate_rates(target_free_attitude_rates, unit, state, rates);
+    double changing[N_INPUTS];
+    evaluate_rates(target_free_attitude_rates, unit, inputs_at(unit, time, changing), state, rates);
 }
 
-static void attitude_rates(const void *unit, const double *state, double *rates)
+#if !TURNED_SERIES
+static void attitude_rates(const void *unit, double time, const double *state, double *rates)
 {
-    evaluate_rates(target_attitude_rates, unit, state, rates);
+    double changing[N_INPUTS];
+    evaluate_rates(target_attitude_rates, unit, inputs_at(unit, time, changing), state, rates);
 }
+#endif
 
-static void orbit_rates(const void *unit, const double *state, double *rates)
+static void orbit_rates(const void *unit, double time, const double *state, double *rates)
 {
-    evaluate_rates(target_orbit_rates, unit, state, rates);
+    double changing[N_INPUTS];
+    evaluate_rates(target_orbit_rates, unit, inputs_at(unit, time, changing), state, rates);
     for (int i = ORBIT_SIZE; i < WIDTH; i++) rates[i] = 0.0;
 }
 
@@ -66,10 +86,10 @@ static bool attitude_is_free(const Unit *unit) { return !ALWAYS_TURNED && unit->
 
 static void update_rates(Unit *unit)
 {
-    double orbit[WIDTH], *rates = unit->values + AT_DERIVATIVES;
-    (attitude_is_free(unit) ? free_attitude_rates : attitude_rates)(unit, unit->values + AT_STATES, rates);
-    orbit_rates(unit, unit->values + AT_STATES + ORBIT_START, orbit);
-    memcpy(rates + ORBIT_START, orbit, ORBIT_SIZE * sizeof *orbit);
+    const double *inputs = unit->values + AT_INPUTS, *state = unit->values + AT_STATES;
+    double *rates = unit->values + AT_DERIVATIVES;
+    evaluate_rates(attitude_is_free(unit) ? target_free_attitude_rates : target_attitude_rates, unit, inputs, state, rates);
+    evaluate_rates(target_orbit_rates, unit, inputs, state + ORBIT_START, rates + ORBIT_START);
     unit->rates_current = true;
 }
 
@@ -124,10 +144,33 @@ static void take_parameters(Unit *unit)
 /* Whether the attitude's integrator works in the axes of its series. */
 static bool attitude_is_series(const Unit *unit) { return TURNED_SERIES && !attitude_is_free(unit); }
 
+/* Take over the inputs' rates, and what follows from that of the torque: J⁻¹ times it. */
+static void start_ramps(Unit *unit)
+{
+    static const double at_rest[ATTITUDE_SIZE] = {1.0};
+    unit->ramping = false;
+    for (int i = 0; i < N_INPUTS; i++) unit->ramping |= unit->input_rates[i] != 0.0;
+    memset(unit->series_torque_rate, 0, sizeof unit->series_torque_rate);
+    if (!unit->ramping) return;
+    memcpy(unit->first_inputs, unit->values + AT_INPUTS, sizeof unit->first_inputs);
+    double rates[ATTITUDE_SIZE], *ramp = unit->attitude_ramp + RATE_START;
+    evaluate_rates(target_free_attitude_rates, unit, unit->input_rates, at_rest, rates);
+    memcpy(ramp, rates + RATE_START, 3 * sizeof *ramp);
+    if (!attitude_is_series(unit)) return;
+    double inputs[N_INPUTS];
+    memcpy(inputs + AT_TORQUE, ramp, 3 * sizeof *inputs);
+    const double *of_ramp[] = {at_rest, inputs, unit->series_constants};
+    const double *of_rate[] = {at_rest, unit->input_rates, unit->series_constants};
+    double *to_ramp[] = {NULL, ramp}, *to_rate[] = {NULL, unit->series_torque_rate};
+    target_to_series(of_ramp, to_ramp, NULL, NULL, 0);
+    target_to_series(of_rate, to_rate, NULL, NULL, 0);
+}
+
 /* Start both integrators at the unit's state and time. */
 static void start_integrators(Unit *unit)
 {
     unit->started = unit->time;
+    start_ramps(unit);
     double attitude[ATTITUDE_SIZE];
     memcpy(attitude, unit->values + AT_STATES, sizeof attitude);
     if (attitude_is_series(unit)) {
@@ -167,11 +210,13 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
 
 /* ---- advancing ---- */
 
+static inline const double *ramp_of(const Unit *unit) { return unit->ramping ? unit->attitude_ramp : NULL; }
+
 /* Integrate the attitude until `elapsed` is reached or passed, free and under torques that depend on the place. */
 static ALWAYS_INLINE double expand_free_attitude(
-    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *unit, double tolerance)
+    Integrator *integrator, Row terms[TAYLOR_ORDER + 1], const void *context, double tolerance)
 {
-    return expand_products(integrator, terms, free_attitude_rates, free_attitude_products, unit, tolerance);
+    return expand_products(integrator, terms, free_attitude_rates, free_attitude_products, ramp_of(context), context, tolerance);
 }
 
 static FLATTEN const char *advance_free_attitude(Unit *unit, double elapsed)
@@ -183,11 +228,18 @@ static FLATTEN const char *advance_free_attitude(Unit *unit, double elapsed)
 /* One over the square of the quaternion's length. */
 static double shrinking_of(const double *q) { return 1.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]); }
 
-static void series_rates(const void *context, const double *state, double *rates)
+static inline void series_torque_at(const Unit *unit, double time, double torque[3])
+{
+    for (int i = 0; i < 3; i++) torque[i] = unit->series_torque[i] + unit->series_torque_rate[i] * time;
+}
+
+static void series_rates(const void *context, double time, const double *state, double *rates)
 {
     const Unit *unit = context;
     const double shrinking = shrinking_of(state);
-    const double *arguments[] = {state, unit->series_torque, unit->series_constants, &shrinking};
+    double torque[3];
+    series_torque_at(unit, time, torque);
+    const double *arguments[] = {state, torque, unit->series_constants, &shrinking};
     double *results[] = {rates};
     target_series_rates(arguments, results, NULL, NULL, 0);
 }
@@ -197,10 +249,11 @@ static double expand_turned_attitude(Integrator *integrator, Row terms[TAYLOR_OR
 {
     const Unit *unit = context;
     const double shrinking = shrinking_of(integrator->state);
-    const double *constants[] = {unit->series_torque, unit->series_constants, &shrinking};
-    double relative[WIDTH];
+    double relative[WIDTH], torque[3];
+    series_torque_at(unit, integrator->time, torque);
+    const double *constants[] = {torque, unit->series_constants, &shrinking};
     begin_terms(integrator, terms, series_rates, context, relative);
-    turned_terms(terms, integrator->unit, constants);
+    turned_terms(terms, integrator->unit, constants, ramp_of(unit));
     const double reach = reach_of(terms, TAYLOR_ORDER, relative, tolerance);
     for (int i = 0; i < ORBIT_START; i++) relative[i] = 0.0;
     return is_within(terms, SLOW_ORDER, relative, tolerance, reach) ? reach
@@ -280,6 +333,10 @@ static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE])
     }
     unit->integrators_stale = false;
     unit->time = time;
+    if (unit->ramping) {
+        double *inputs = unit->values + AT_INPUTS;
+        for (int i = 0; i < N_INPUTS; i++) inputs[i] = unit->first_inputs[i] + unit->input_rates[i] * (time - unit->started);
+    }
     unit->outputs_current = unit->rates_current = false;
     return true;
 }

@@ -225,6 +225,40 @@ static Status instance_derivative(void *component, const char *function, bool re
     return OK;
 }
 
+/* Whether all orders are 1; if not, says so. */
+static bool of_first_order(const Instance *instance, const char *function, const int32_t *orders, size_t count)
+{
+    if (count && !orders) refuse(instance, "%s: found a null pointer, expected %zu orders", function, count);
+    for (size_t i = 0; i < count && orders; i++) {
+        if (orders[i] == 1) continue;
+        refuse(instance, "%s: found order %d, expected 1", function, (int)orders[i]);
+        return false;
+    }
+    return !count || orders;
+}
+
+/* The inputs go on at these rates until they or their rates are set again. */
+static Status instance_set_input_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
+                                             const double *values)
+{
+    Instance *instance = enter(component, SET_INPUT_DERIVATIVES, function);
+    const size_t count = selection.count;
+    unsigned kinds;
+    if (!instance) return ERROR;
+    if (instance->core.interface != FOR_CO_SIMULATION)
+        return refuse(instance, "%s: the instance is for Model Exchange, expected one for Co-Simulation", function);
+    if (!request_fits(instance, function, REAL, selection, values, count, &kinds)) return ERROR;
+    if (!of_kinds(instance, function, selection, INPUT, "an input") || !of_first_order(instance, function, orders, count))
+        return ERROR;
+    for (size_t i = 0; i < count; i++)
+        if (!isfinite(values[i]))
+            return refuse(instance, "%s: the derivative of %s is %g, expected a finite value", function,
+                          VARIABLES[selection.references[i]].name, values[i]);
+    for (size_t i = 0; i < count; i++)
+        unit_set_rate(&instance->core.unit, VARIABLES[selection.references[i]].offset - AT_INPUTS, values[i]);
+    return OK;
+}
+
 /* Outputs change as the states do, with the inputs held: ẏ = ∂y/∂x ẋ. */
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                           double *values, size_t n_values)
@@ -235,9 +269,7 @@ static Status instance_output_derivatives(void *component, const char *function,
     if (!instance) return ERROR;
     if (!request_fits(instance, function, REAL, selection, values, n_values, &kinds)) return ERROR;
     if (!of_kinds(instance, function, selection, OUTPUT, "an output")) return ERROR;
-    if (count && !orders) return refuse(instance, "%s: found a null pointer, expected %zu orders", function, count);
-    for (size_t i = 0; i < count; i++)
-        if (orders[i] != 1) return refuse(instance, "%s: found order %d, expected 1", function, (int)orders[i]);
+    if (!of_first_order(instance, function, orders, count)) return ERROR;
     Unit *unit = &instance->core.unit;
     unit_update(unit, DERIVATIVE);
     double seeds[N_VALUES] = {0.0}, images[N_VALUES];

@@ -25,6 +25,7 @@ def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
         "CoSimulation",
         offered,
         canHandleVariableCommunicationStepSize="true",
+        canInterpolateInputs="true",
         maxOutputDerivativeOrder="1",
     )
     for interface in (exchange, simulation):

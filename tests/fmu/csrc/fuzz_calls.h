@@ -153,7 +153,7 @@ static void call_rest(void *c, unsigned which, bool null)
     case 3: fmi2GetIntegerStatus(c, kind, NULL); break;
     case 4: fmi2GetStringStatus(c, kind, NULL); break;
     case 5: fmi2CancelStep(c); break;
-    case 6: fmi2SetRealInputDerivatives(c, &reference, null ? 0 : 1, &one, &rate); break;
+    case 6: fmi2SetRealInputDerivatives(c, null ? NULL : &reference, 0, null ? NULL : &one, null ? NULL : &rate); break;
     case 7: fmi2SetBoolean(c, many, N_REFERENCES + 1, flags); break;
     case 8: fmi2SetInteger(c, &reference, null ? 0 : 1, &one); break;
     default: fmi2GetString(c, &reference, null ? 0 : 1, NULL);

@@ -368,6 +368,28 @@ static void output_derivatives(Slot *slot)
     free(values);
 }
 
+static void input_derivatives(Slot *slot)
+{
+#if !ARRAYS
+    uint32_t references[MOST];
+    int32_t orders[MOST];
+    size_t size;
+    bool fit, finite, first = true;
+    const size_t count = references_of(references, &size, &fit, INPUT, REAL);
+    for (size_t i = 0; i < count; i++) {
+        orders[i] = one_in(20) ? (int32_t)below(4) - 1 : 1;
+        first &= orders[i] == 1;
+    }
+    double *values = numbers(count, &finite, 0.1);
+    const bool null = one_in(20) && count, stepping = slot->instance->core.interface == FOR_CO_SIMULATION;
+    TRY(slot, both(in(slot, INSTANTIATED | INITIALIZATION | STEPPING) && stepping ? LEGAL : ILLEGAL, fit && first && finite && !null),
+        fmi2SetRealInputDerivatives(slot->instance, references, count, null ? NULL : orders, values));
+    free(values);
+#else
+    (void)slot;
+#endif
+}
+
 /* Components that are none. */
 static void no_instance(Slot *slot)
 {
@@ -394,5 +416,6 @@ typedef void Operation(Slot *slot);
 static Operation *const OPERATIONS[] = {
     renew, reset, rerun, setup, setup, exit_initialization, exit_initialization, terminate, set_logging, get_reals, get_reals,
     set_reals, set_reals, booleans, other_types, step, step, step, model_exchange, model_exchange, model_exchange, states,
-    states, serialise, derivatives, output_derivatives, no_instance, ask,
+    states, serialise, derivatives, output_derivatives, input_derivatives,
+    no_instance, ask,
 };

@@ -119,9 +119,6 @@ def test_the_communication_point_must_be_where_the_unit_is(importer):
 def test_undeclared_functions_are_refused(importer):
     s = importer.fmu
     importer.initialise()
-    importer.refused(
-        lambda: s.setRealInputDerivatives([0], [1], [1.0]), "fmi2SetRealInputDerivatives", "holds its inputs"
-    )
     importer.refused(lambda: s.cancelStep(), "fmi2CancelStep")
     importer.refused(lambda: s.getIntegerStatus(1), status=DISCARD)
     assert s.getBooleanStatus(3) == 0
