@@ -1,6 +1,12 @@
-"""Attitudes that leave the rotation for a single frame: two swapped labels can turn a triangle over and still fit."""
+"""Attitudes that leave the rotation and still fit: two swapped labels can turn a shape over, for a frame or a while.
+
+In a turned run of frames, the axes of the body are all off by the same rotation: one jump begins it, one ends it.
+"""
+
+from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
@@ -13,19 +19,24 @@ SMALLEST = 1.0  # rad off the rotation between the frames before and after, at l
 LIMIT = 6.0  # times the median of all frames
 MAX_STEP = 4  # frames to the one before or after, at most
 ROUNDS = 5
+STEPS = 3  # before a jump, and after it, that show the rotation there
+SAME = 0.8  # rad between two turns of the axes that count as one
+ALONE = 1 / 3  # of a jump: other steps nearby are off by less
 
 
 def steady(frames: IntArray, attitude: FloatArray) -> BoolArray:
-    """Which attitudes (n, 3, 3) in the frames (n,) lie on the rotation between the one before and the one after, (n,).
+    """Which attitudes (n, 3, 3) in the frames (n,) lie on one steady rotation, (n,).
 
     Nothing is found where the rotation from frame to frame is not steady, or too fast to be followed.
     """
     kept = np.ones(len(frames), dtype=bool)
     for _ in range(ROUNDS):
         index = np.nonzero(kept)[0]
-        if len(index) < 5 or not _has_jumps(attitude[index]):
+        if len(index) < 2 * STEPS or not _has_jumps(attitude[index]):
             break
-        bad = _flips(frames[index], attitude[index])
+        bad = _turned_runs(frames[index], attitude[index])
+        if not bad.any():
+            bad = _flips(frames[index], attitude[index])
         if not bad.any():
             break
         kept[index[bad]] = False
@@ -53,3 +64,46 @@ def _flips(frames: IntArray, attitude: FloatArray) -> BoolArray:
     farthest = padded[2:-2] >= np.maximum(padded[1:-3], padded[3:-1])
     found = near & farthest & (off > max(SMALLEST, LIMIT * float(np.median(off[near]))))
     return np.pad(found, 1)
+
+
+def _turned_runs(frames: IntArray, attitude: FloatArray) -> BoolArray:
+    """The attitudes whose axes are turned against those of most frames of the same chain, (n,).
+
+    A chain ends where more than MAX_STEP frames are missing, as the rotation is not followed any farther.
+    """
+    gap = np.diff(frames)
+    step = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:])
+    # Windows of the steps before and after each; those that the tracks' ends cut short begin or end there.
+    index, last = np.arange(len(gap)), len(gap) - STEPS
+    before, after = np.clip(index - STEPS, 0, last), np.clip(index + 1, 0, last)
+    rate = np.median(sliding_window_view(step / gap[:, None], STEPS, axis=0), axis=2)
+    turn = exp_rotation(-rate[before] * gap[:, None]) @ exp_rotation(step)
+    size = np.linalg.norm(log_rotation(turn), axis=1)
+    typical = float(np.median(size))
+    # A turn of the axes turns the rate in them, and no other step nearby is off: else it is a poor attitude.
+    same = np.linalg.norm((turn @ rate[after][:, :, None])[:, :, 0] - rate[before], axis=1) * gap < max(
+        SAME, LIMIT * typical
+    )
+    nearby = sliding_window_view(np.pad(size, STEPS), 2 * STEPS + 1, axis=0).copy()
+    nearby[:, STEPS] = 0.0
+    alone = nearby.max(axis=1) < size * ALONE
+    follows = gap <= MAX_STEP
+    jump = follows & same & alone & (size > max(SMALLEST, LIMIT * typical))
+    turned = np.zeros(len(frames), dtype=bool)
+    edges = np.concatenate([[0], np.nonzero(~follows)[0] + 1, [len(frames)]])
+    for begin, end in pairwise(edges):
+        jumps = begin + np.nonzero(jump[begin : end - 1])[0]
+        if len(jumps):
+            turned[begin:end] = _minority(np.diff(np.concatenate([[begin], jumps + 1, [end]])), turn[jumps])
+    return turned
+
+
+def _minority(lengths: IntArray, turns: FloatArray) -> BoolArray:
+    """The frames of runs of k + 1 lengths that are not in the most frequent axes, for the turns (k, 3, 3) between."""
+    axes = [np.eye(3)]
+    for turn in turns:
+        axes.append(axes[-1] @ turn)
+    between = np.einsum("aij,bij->ab", axes, axes)
+    alike = between > 1 + 2 * np.cos(SAME)
+    most = int(np.argmax(alike @ lengths))
+    return np.repeat(~alike[most], lengths)

@@ -30,3 +30,22 @@ def test_flipped_attitudes_are_found_and_no_others(noise, step):
 def test_rotations_that_cannot_be_followed_are_left_alone(step):
     assert steady(np.arange(200), rotation(200, step, 0.3).as_matrix()).all()
     assert steady(np.arange(100), Rotation.random(100, random_state=0).as_matrix()).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+@pytest.mark.parametrize("runs", [[(100, 180)], [(0, 90)], [(210, 300)], [(20, 50), (120, 190)], [(150, 155)]], ids=str)
+def test_axes_that_are_turned_for_a_while_are_found(runs, noise, seed):
+    """Half a turn about one axis of the body; the rotation is lost in a gap of ten frames, where a new chain begins."""
+    true, frames = rotation(300, 0.05, noise, seed), np.arange(300)
+    frames = frames + 10 * (frames >= 110) if runs[0][0] < 100 else frames
+    attitude, turned = true.as_matrix(), np.zeros(300, dtype=bool)
+    for begin, end in runs:
+        turned[begin:end] = True
+    attitude[turned] = attitude[turned] @ Rotation.from_rotvec([np.pi, 0, 0]).as_matrix()
+    attitude[60] = attitude[60] @ Rotation.from_rotvec([0, 2.0, 0]).as_matrix()  # a flip of a single frame besides
+    expected = turned.copy()
+    if runs == [(0, 90)]:  # the longer part of its chain
+        expected[:110] = ~turned[:110]
+    expected[60] = True
+    np.testing.assert_array_equal(~steady(frames, attitude), expected)
