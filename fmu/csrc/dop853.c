@@ -11,6 +11,7 @@
 #define SAFETY 0.9
 #define SMALLEST_FACTOR 0.2
 #define LARGEST_FACTOR 6.0
+#define NEGLIGIBLE 1e-3 /* error of a step, in units of the tolerance */
 #define ALL_STAGES (DOP853_STAGES + 4) /* the stages, the rates at the end, three more for dense output */
 
 /* The first step: the one over which the state changes by one hundredth, to first order. */
@@ -37,29 +38,35 @@ static ALWAYS_INLINE void combine(
     for EACH(i) to[i] = from[i] + h * sum[i];
 }
 
-/* The error of a step in units of the tolerance: Hairer's estimate from the embedded orders 5 and 3, or that of interpolation
-   within the step, which is the rounding of its change. Where the rates hardly change, as far from all gravity, only the
-   latter ends a step before the change is so large. */
+/* The error of interpolation within a step, in units of the tolerance: the rounding of the state's change. */
+static double rounding_of(const Integrator *integrator, double tolerance, const double *next)
+{
+    double largest = 0.0;
+    for EACH(i) {
+        const double size = larger(integrator->scale[i], fabs(integrator->state[i]));
+        largest = larger(largest, fabs(next[i] - integrator->state[i]) / size);
+    }
+    return largest * DBL_EPSILON / tolerance;
+}
+
+/* The error of a step in units of the tolerance (Hairer's estimate from the embedded orders 5 and 3). Where the rates hardly
+   change, as far from all gravity, it lets steps grow until interpolation has no digits left. */
 static double error_of(const Integrator *integrator, double tolerance, double h, double k[ALL_STAGES][WIDTH],
                        const double *next)
 {
     static const double zero[WIDTH];
-    double error3[WIDTH], error5[WIDTH], sum3 = 0.0, sum5 = 0.0, rounding = 0.0;
+    double error3[WIDTH], error5[WIDTH], sum3 = 0.0, sum5 = 0.0;
     combine(error3, zero, 1.0, DOP853_E3[0], DOP853_STAGES, k);
     combine(error5, zero, 1.0, DOP853_E5[0], DOP853_STAGES, k);
     for EACH(i) {
-        const double size = larger(integrator->scale[i], fabs(integrator->state[i]));
-        const double allowed = tolerance * larger(size, fabs(next[i]));
-        rounding = larger(rounding, fabs(next[i] - integrator->state[i]) / size);
+        const double allowed = tolerance * larger(integrator->scale[i], larger(fabs(integrator->state[i]), fabs(next[i])));
         error3[i] /= allowed;
         error5[i] /= allowed;
     }
     for EACH(i) sum3 += error3[i] * error3[i];
     for EACH(i) sum5 += error5[i] * error5[i];
-    rounding *= DBL_EPSILON / tolerance;
-    if (sum5 == 0.0 && sum3 == 0.0) return rounding;
-    const double estimate = h * sum5 / sqrt((sum5 + 0.01 * sum3) * WIDTH);
-    return estimate > rounding || isnan(estimate) ? estimate : rounding;
+    const double error = sum5 == 0.0 && sum3 == 0.0 ? 0.0 : h * sum5 / sqrt((sum5 + 0.01 * sum3) * WIDTH);
+    return error < NEGLIGIBLE ? larger(error, rounding_of(integrator, tolerance, next)) : error;
 }
 
 /* One trial step of length h: fills the stages and `next` and returns the error in units of the tolerance. */

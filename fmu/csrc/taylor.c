@@ -10,6 +10,7 @@
 
 #include <float.h>
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, a factor of every product: RATE_PART in models/target.py */
@@ -63,14 +64,39 @@ static double size_of(const double *term, const double relative[WIDTH])
     return sum / WIDTH;
 }
 
+static inline double integer_power(double x, int n)
+{
+    double power = 1.0;
+    for (; n; n /= 2, x *= x)
+        if (n % 2) power *= x;
+    return power;
+}
+
+/* The n-th root to three digits, n above 4, by a Newton step from fits of log2 and 2^x. pow would do, but a library linked against
+   it asks for the glibc of the machine that it is built on, and other platforms have another pow. */
+static double root_of(double x, int n)
+{
+    if (!(x >= DBL_MIN && isfinite(x))) return x;
+    uint64_t bits; /* of a double: the exponent stands above 52 bits of the mantissa */
+    memcpy(&bits, &x, sizeof bits);
+    const double binary = ((double)bits / 4503599627370496.0 - 1023.0) / n; /* log2(1 + m) is taken for m */
+    const int whole = (int)binary - (binary < 0.0);
+    const double rest = binary - whole;
+    bits = (uint64_t)(whole + 1023) << 52;
+    double root;
+    memcpy(&root, &bits, sizeof root);
+    root *= 1.0 + rest * (0.6565 + 0.3435 * rest);
+    return root + root * (x / integer_power(root, n) - 1.0) / n;
+}
+
 /* The time, in the unit of the terms, up to which the last two of them are within the tolerance; 0 if they are not finite. */
 static inline double reach_of(const Row *terms, int order, const double relative[WIDTH], double tolerance)
 {
     const double last = size_of(terms[order].of, relative), former = size_of(terms[order - 1].of, relative);
     if (!isfinite(last + former)) return 0.0;
-    const double of_last = pow(tolerance / last, 1.0 / order);
-    const double of_former = pow(tolerance / former, 1.0 / (order - 1));
-    return smaller(smaller(of_last, of_former), LONGEST_REACH);
+    double reach = root_of(tolerance / last, order);
+    if (former * integer_power(reach, order - 1) > tolerance) reach = smaller(reach, root_of(tolerance / former, order - 1));
+    return smaller(reach, LONGEST_REACH);
 }
 
 /* Whether the last two terms are within the tolerance at a time in their unit: quicker than their reach. */

@@ -4,7 +4,6 @@ import hashlib
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
 
 from baryscope.fmu.generate.codegen import integrator_header, model_source, tables_header
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
@@ -13,7 +12,7 @@ from baryscope.fmu.generate.documentation import documents
 from baryscope.fmu.generate.series import series_source
 from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
 from baryscope.fmu.layout.archive import MODEL_NAME
-from baryscope.fmu.layout.platforms import PLATFORMS, X86_64_WINDOWS, FmiVersion, binary_members, host_platform
+from baryscope.fmu.layout.platforms import X86_64_WINDOWS, FmiVersion, Selection, binary_members, selected
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
 from baryscope.models.target import PLACE_START
@@ -27,22 +26,23 @@ def build_fmu(
     *,
     fmi: FmiVersion = 2,
     scalar: bool = False,
-    platforms: Literal["host", "all"] = "host",
+    platforms: Selection = "host",
     progress: Progress | None = None,
 ) -> Path:
     """Build the unit of a scenario for Co-Simulation and Model Exchange, with its sources.
 
     The number of features and the forces are built in; every other number of the scenario becomes a start value, which
-    importers can change before initialization. Equal scenarios give equal files, whatever the folder; with "all",
-    whatever the machine, too, as long as the package ziglang is of the same version.
+    importers can change before initialization. Equal scenarios give equal files, whatever the folder; with "linux"
+    and "all", whatever the machine, too, as long as the package ziglang is of the same version.
 
     Args:
         scenario: gives the start values.
         path: where to write; an existing file is replaced when the build has succeeded.
         fmi: the version, 2.0 or 3.0.
         scalar: in FMI 3, describe every scalar by itself, for importers that trip over arrays.
-        platforms: "host" compiles for this machine, "all" for Linux (glibc 2.17) and macOS (11) on x86-64 and
-            aarch64 and Windows on x86-64. Compiled libraries are kept (see `baryscope.fmu.generate.cache`).
+        platforms: "host" compiles for this machine, "linux" for glibc 2.17 on x86-64 and aarch64, "all" for these,
+            macOS (11) on both and Windows on x86-64. Compiled libraries are kept (see
+            `baryscope.fmu.generate.cache`).
         progress: told which platforms are still being compiled for; zig's first build for Windows takes minutes.
 
     Returns:
@@ -55,12 +55,11 @@ def build_fmu(
     path = Path(path)
     description, sources = describe_unit(scenario, fmi, scalar=scalar)
     with replacing(path) as temporary:
-        cross = platforms == "all"
         headers = interface_headers(fmi)
-        compiler = tuple(find_cross_compiler() if cross else find_compiler())
+        compiler = tuple(find_compiler() if platforms == "host" else find_cross_compiler())
         jobs = [
             Job(sources | headers, MAIN, f"{MODEL_NAME}{platform.suffix}", platform, compiler)
-            for platform in (PLATFORMS if cross else (host_platform(),))
+            for platform in selected(platforms)
         ]
         libraries = compile_all(jobs, progress)
         windows_by_zig = any(job.by_zig and job.platform == X86_64_WINDOWS for job in jobs)

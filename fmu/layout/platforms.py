@@ -56,6 +56,8 @@ AARCH64_DARWIN = Platform("aarch64-darwin", "aarch64-darwin", "darwin64", ".dyli
 
 PLATFORMS = (X86_64_LINUX, AARCH64_LINUX, X86_64_WINDOWS, X86_64_DARWIN, AARCH64_DARWIN)
 
+Selection = Literal["host", "linux", "all"]
+
 
 def host_platform() -> Platform:
     """The platform of this machine. One that is not in the table can only be built for natively.
@@ -67,6 +69,12 @@ def host_platform() -> Platform:
             return known
     flags = ("-shared",) if fmpy.system == "windows" else _ELF
     return Platform(fmpy.platform_tuple, fmpy.platform, fmpy.platform, fmpy.sharedLibraryExtension, "", flags)
+
+
+def selected(selection: Selection) -> tuple[Platform, ...]:
+    """The platforms of a selection: this machine, both of Linux, or all."""
+    linux = (X86_64_LINUX, AARCH64_LINUX)
+    return {"host": (host_platform(),), "linux": linux, "all": PLATFORMS}[selection]
 
 
 def library_of_this_machine(folder: Path, model_identifier: str, fmi: FmiVersion) -> Path | None:

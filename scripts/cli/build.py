@@ -19,7 +19,7 @@ def build(
     *,
     scenario: str = "envisat",
     fmi: Literal[2, 3] = 2,
-    platforms: Literal["host", "all", "wasm"] = "host",
+    platforms: Literal["host", "linux", "all", "wasm"] = "host",
     scalar: Annotated[bool, Parameter(negative=())] = False,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
@@ -33,9 +33,10 @@ def build(
     fmi
         Version of FMI: 2 for 2.0, 3 for 3.0.
     platforms
-        `host`: this machine. `all`: Linux and macOS on x86-64 and aarch64, Windows on x86-64, in one FMU. `wasm`: a
-        WebAssembly module and a table of its variables, FILE.json, instead of an FMU. The last two need
-        `pip install 'baryscope[cross]'`; the first build with `all` takes a few minutes.
+        `host`: this machine, and those with the same C library or a later one. `linux`: x86-64 and aarch64 with glibc
+        2.17 or later. `all`: these, macOS on both and Windows on x86-64, in one FMU. `wasm`: a WebAssembly module and
+        a table of its variables, FILE.json, instead of an FMU. All but `host` need `pip install 'baryscope[cross]'`;
+        the first build with `all` takes a few minutes.
     scalar
         One variable for each scalar in FMI 3, for importers that cannot read arrays. FMI 2 has no arrays.
     output

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 
+import forces
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.generate import compiler
 from baryscope.fmu.generate.compiler import FLAGS, Job, compile_all, find_cross_compiler
@@ -63,6 +64,19 @@ def unpacked(everywhere, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def unpacked3(envisat, cache, tmp_path_factory):
+    """The same of FMI 3, with arrays."""
+    folder = tmp_path_factory.mktemp("unpacked3")
+    fmpy.extract(str(build_fmu(envisat, folder / "unit.fmu", fmi=3, platforms="all")), str(folder))
+    return folder
+
+
+@pytest.fixture(params=[2, 3], ids=["fmi2", "fmi3"])
+def unpacked_of_each(request, unpacked, unpacked3):
+    return unpacked if request.param == 2 else unpacked3
+
+
+@pytest.fixture(scope="module")
 def expected(envisat_fmu):
     """The outputs of the library that this machine's own compiler made."""
     with Session(envisat_fmu) as session:
@@ -79,14 +93,17 @@ def drive(unpacked, platform, folder, command, **options):
     libraries = [] if platform.suffix == ".dll" else ["-ldl"]
     # With the library's flags, for which zig has made its C library already.
     zig = [*find_cross_compiler(), "-target", platform.target, "-s", *FLAGS, f"-I{headers}"]
-    subprocess.run([*zig, str(source), "-o", str(program), *libraries], check=True)
-    library = unpacked / "binaries" / platform.fmi2_folder / f"TumblingTarget{platform.suffix}"
     description = fmpy.read_model_description(str(unpacked))
-    references = [v.valueReference for v in description.modelVariables if v.causality == "output"]
+    fmi = int(description.fmiVersion[0])
+    subprocess.run([*zig, f"-DVERSION={fmi}", str(source), "-o", str(program), *libraries], check=True)
+    library = unpacked / "binaries" / platform.folders(fmi)[0] / f"TumblingTarget{platform.suffix}"
+    outputs = [v for v in description.modelVariables if v.causality == "output"]
+    references, size = [v.valueReference for v in outputs], sum(int(np.prod(v.shape or 1)) for v in outputs)
     assert references == list(range(references[0], references[-1] + 1))
-    numbers = [str(value) for value in (STEPS, STEP, references[0], len(references))]
+    numbers = [str(value) for value in (STEPS, STEP, references[0], len(references), size)]
+    token = description.guid if fmi == 2 else description.instantiationToken
     result = subprocess.run(
-        [*command, str(program), str(library), description.guid, *numbers],
+        [*command, str(program), str(library), token, *numbers],
         capture_output=True,
         text=True,
         check=False,
@@ -96,7 +113,7 @@ def drive(unpacked, platform, folder, command, **options):
     return np.array(result.stdout.split(), dtype=float)
 
 
-def test_the_windows_library_runs_under_wine(unpacked, expected, tmp_path):
+def test_the_windows_library_runs_under_wine(unpacked_of_each, expected, tmp_path):
     wine = str(WINE) if WINE.exists() else shutil.which("wine64") or shutil.which("wine")
     if wine is None:
         pytest.skip("needs the package wine64")
@@ -107,7 +124,7 @@ def test_the_windows_library_runs_under_wine(unpacked, expected, tmp_path):
     if server.exists():
         environment["WINESERVER"] = str(server)
     try:
-        found = drive(unpacked, X86_64_WINDOWS, tmp_path, [wine], env=environment)
+        found = drive(unpacked_of_each, X86_64_WINDOWS, tmp_path, [wine], env=environment)
     finally:
         if server.exists():  # ends the server of this prefix alone
             subprocess.run([str(server), "-k"], env=environment, check=False)
@@ -115,13 +132,13 @@ def test_the_windows_library_runs_under_wine(unpacked, expected, tmp_path):
     np.testing.assert_allclose(found, expected, rtol=AGREEMENT, atol=AGREEMENT)
 
 
-def test_the_aarch64_library_runs_under_qemu(unpacked, expected, tmp_path):
+def test_the_aarch64_library_runs_under_qemu(unpacked_of_each, expected, tmp_path):
     qemu = shutil.which("qemu-aarch64-static") or shutil.which("qemu-aarch64")
     if qemu is None:
         pytest.skip("needs the package qemu-user-static")
     if not (ARM_LIBRARIES / "lib" / "ld-linux-aarch64.so.1").exists():
         pytest.skip("needs the package libc6-arm64-cross")
-    found = drive(unpacked, AARCH64_LINUX, tmp_path, [qemu, "-L", str(ARM_LIBRARIES)])
+    found = drive(unpacked_of_each, AARCH64_LINUX, tmp_path, [qemu, "-L", str(ARM_LIBRARIES)])
     np.testing.assert_allclose(found, expected, rtol=AGREEMENT, atol=AGREEMENT)
 
 
@@ -186,12 +203,41 @@ def test_macs_of_both_kinds_find_theirs_in_darwin64(unpacked):
     assert set(slices) == {0x01000007, 0x0100000C}
 
 
+def glibc_asked_for(library):
+    """The latest version of glibc that a library needs."""
+    versions = {tuple(map(int, found)) for found in re.findall(rb"GLIBC_(\d+)\.(\d+)", library)}
+    assert versions
+    return max(versions)
+
+
 def test_linux_libraries_ask_for_no_more_than_glibc_2_17(unpacked):
     for platform in (X86_64_LINUX, AARCH64_LINUX):
         content = (unpacked / "binaries" / platform.fmi2_folder / "TumblingTarget.so").read_bytes()
-        versions = {tuple(map(int, found)) for found in re.findall(rb"GLIBC_(\d+)\.(\d+)", content)}
-        assert versions
-        assert max(versions) <= (2, 17)
+        assert glibc_asked_for(content) <= (2, 17)
+
+
+@pytest.mark.skipif(host_platform() not in (X86_64_LINUX, AARCH64_LINUX), reason="needs Linux with glibc")
+def test_the_systems_compiler_asks_for_no_more_either(envisat_fmu):
+    """Not for the pow of the machine, which glibc 2.29 renewed; forces need its exp."""
+    with zipfile.ZipFile(envisat_fmu) as archive:
+        content = archive.read(f"binaries/{host_platform().fmi2_folder}/TumblingTarget.so")
+    assert glibc_asked_for(content) <= (2, 17)
+
+
+def test_linux_alone(envisat, everywhere, cache, tmp_path):
+    unit = build_fmu(envisat, tmp_path / "linux.fmu", platforms="linux")
+    with zipfile.ZipFile(unit) as new, zipfile.ZipFile(everywhere[0]) as whole:
+        binaries = [name for name in new.namelist() if name.startswith("binaries/")]
+        assert sorted(binaries) == [f"binaries/{folder}/TumblingTarget.so" for folder in ("aarch64-linux", "linux64")]
+        assert all(new.read(name) == whole.read(name) for name in binaries)
+
+
+def test_drag_needs_exp_and_linux_has_it_for_glibc_2_17(small, cache, tmp_path):
+    unit = build_fmu(small.model_copy(update={"drag": forces.DRAG}), tmp_path / "drag.fmu", platforms="linux")
+    with zipfile.ZipFile(unit) as archive:
+        libraries = [archive.read(name) for name in archive.namelist() if name.endswith(".so")]
+    assert len(libraries) == 2
+    assert all(b"\0exp\0" in library and glibc_asked_for(library) <= (2, 17) for library in libraries)
 
 
 def test_a_build_in_another_folder_is_equal(envisat, everywhere, tmp_path, monkeypatch):
