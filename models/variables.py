@@ -88,13 +88,14 @@ class Variable:
         """The unit in which people read it; its own unit if that is no other one."""
         return self.display or _DEGREES.get(self.unit, self.unit)
 
-    def scalar_descriptions(self, labels: Sequence[str]) -> list[str]:
-        """The descriptions of its scalars, row by row: with the feature, of these labels, and the axis."""
+    def scalar_description(self, element: int, labels: Sequence[str]) -> str:
+        """The description of one of its scalars, counted row by row from 0: with the feature's label and the axis."""
         if not self.shape:
-            return [self.description]
+            return self.description
         axes = self.axes or (QUATERNION if self.shape[-1] == len(QUATERNION) else XYZ)
-        rows = [f"{label}, " for label in labels] if len(self.shape) > 1 else [""]
-        return [f"{self.description}: {row}{axis}" for row in rows for axis in axes]
+        row, column = divmod(element, self.shape[-1])
+        label = f"{labels[row]}, " if len(self.shape) > 1 else ""
+        return f"{self.description}: {label}{axes[column]}"
 
     def whole_description(self, labels: Sequence[str]) -> str:
         """The description of the variable as a whole; of a matrix with the labels of its rows."""

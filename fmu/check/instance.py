@@ -3,6 +3,7 @@
 import ctypes
 import os
 from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -134,12 +135,12 @@ class Instance:
         )
         return bool(info.newDiscreteStatesNeeded)
 
-    def tune(self, parameter: Any, values: ArrayLike) -> None:
-        """Set a tunable parameter in a run: between steps or, in Model Exchange, in Event Mode."""
+    def tune(self, parameters: Sequence[Any], values: ArrayLike) -> None:
+        """Set tunable parameters in a run: between steps or, in Model Exchange, in Event Mode."""
         if not self.co_simulation:
             self.call("enterEventMode")
         try:
-            self.set([parameter], values)
+            self.set(parameters, values)
         finally:
             if not self.co_simulation:
                 self._enter_continuous_time()
@@ -173,13 +174,14 @@ class Instance:
         return self.call(name, references) if self.fmi2 else self.call(name, references, size)
 
     def set(self, variables: Sequence[Any], values: ArrayLike) -> None:
-        """Set numeric variables, one call each."""
+        """Set numeric variables; neighbours of one type in one call."""
         flat = np.atleast_1d(np.asarray(values, dtype=float)).tolist()
-        for variable in variables:
-            part, flat = flat[: size_of(variable)], flat[size_of(variable) :]
-            kind = _FUNCTION_TYPES.get((self.fmi2, variable.type), variable.type)
+        for kind, group in groupby(variables, key=lambda v: _FUNCTION_TYPES.get((self.fmi2, v.type), v.type)):
+            members = list(group)
+            count = sum(size_of(member) for member in members)
+            part, flat = flat[:count], flat[count:]
             convert: Any = float if kind in ("Real", "Float64", "Float32") else (bool if kind == "Boolean" else int)
-            self.call(f"set{kind}", [variable.valueReference], [convert(value) for value in part])
+            self.call(f"set{kind}", _references(members), [convert(value) for value in part])
 
     def derivative(self, unknowns: Sequence[Any], knowns: Sequence[Any], seed: ArrayLike) -> FloatArray:
         """A directional derivative."""

@@ -45,18 +45,17 @@ def setter_in_a_run(instance: Instance) -> Setter:
     places = {state.name: place for state, place in zip(vector_of, slices(vector_of), strict=True)}
 
     def set_all(variables: Sequence[Any], values: FloatArray) -> None:
-        moved: list[tuple[slice, FloatArray]] = []
-        for variable, part in zip(variables, slices(variables), strict=True):
-            if variable.name in places:
-                moved.append((places[variable.name], values[part]))
-            elif variable.causality == "parameter":
-                instance.tune(variable, values[part])
-            else:
-                instance.set([variable], values[part])
-        if moved:
+        parts = list(zip(variables, np.split(values, [s.stop for s in slices(variables)][:-1]), strict=True))
+        state = [(variable, part) for variable, part in parts if variable.name in places]
+        tuned = [(variable, part) for variable, part in parts if variable.causality == "parameter"]
+        inputs = [(variable, part) for variable, part in parts if variable.causality == "input"]
+        for group, setter in ((tuned, instance.tune), (inputs, instance.set)):
+            if group:
+                setter([variable for variable, _ in group], np.concatenate([part for _, part in group]))
+        if state:
             vector = instance.get_states()
-            for place, part_of in moved:
-                vector[place] = part_of
+            for variable, part in state:
+                vector[places[variable.name]] = part
             instance.set_states(vector)
 
     return set_all
@@ -82,20 +81,25 @@ def change(
 
 
 def movable(instance: Instance, unknowns: list[Any], knowns: list[Any], setter: Setter, step: float) -> list[Any]:
-    """The knowns that the unit accepts a little away from their values, by `step` of their size to both sides."""
-    found = []
-    for known in knowns:
-        values = instance.get([known])
-        try:
-            for sign in (1.0, -1.0):
-                setter([known], values + sign * step * np.maximum(np.abs(values), 1.0))
-                instance.get(unknowns)
-            found.append(known)
-        except RefusedError:
-            continue
-        finally:
-            setter([known], values)
-    return found
+    """The knowns that the unit accepts a little away from their values, by `step` of their size to both sides.
+
+    All are tried together, and where that is refused halves of them, so that many of them take little time.
+    """
+    if not knowns:
+        return []
+    values = instance.get(knowns)
+    try:
+        for sign in (1.0, -1.0):
+            setter(knowns, values + sign * step * np.maximum(np.abs(values), 1.0))
+            instance.get(unknowns)
+    except RefusedError:
+        setter(knowns, values)
+        half = len(knowns) // 2
+        if not half:
+            return []
+        return [k for part in (knowns[:half], knowns[half:]) for k in movable(instance, unknowns, part, setter, step)]
+    setter(knowns, values)
+    return knowns
 
 
 def total(variables: Sequence[Any]) -> int:

@@ -49,13 +49,13 @@ def dependencies(system: TumblingTarget, fmi: FmiVersion) -> tuple[Dependencies,
     """
     scalars = [variable for variable in system.variables for _ in range(variable.size)]
     x, u, p = (ca.SX.sym(name, system.rhs.numel_in(index)) for index, name in enumerate("xup"))
-    parameters = [variable for variable in scalars if variable.kind == Kind.PARAMETER]
-    tuned = [place for place, variable in enumerate(parameters) if variable.tunable and fmi == 3]
 
     def of_kinds(*kinds: Kind) -> list[int]:
         return [place for place, variable in enumerate(scalars) if variable.kind in kinds]
 
-    in_run = [*of_kinds(Kind.INPUT), *(of_kinds(Kind.PARAMETER)[place] for place in tuned), *of_kinds(Kind.STATE)]
+    parameters = of_kinds(Kind.PARAMETER)
+    tuned = [k for k, place in enumerate(parameters) if scalars[place].tunable and fmi == 3]
+    in_run = [*of_kinds(Kind.INPUT), *(parameters[k] for k in tuned), *of_kinds(Kind.STATE)]
     running = _depending(
         ca.vertcat(system.outputs(x, p), system.rhs(x, u, p)), of_kinds(Kind.OUTPUT, Kind.DERIVATIVE),
         ca.vertcat(u, p[tuned], x), in_run,
@@ -64,7 +64,7 @@ def dependencies(system: TumblingTarget, fmi: FmiVersion) -> tuple[Dependencies,
     initially = _depending(
         ca.vertcat(system.outputs(x0, p), x0, system.rhs(x0, u, p)),
         of_kinds(Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE),
-        ca.vertcat(u, p), of_kinds(Kind.INPUT, Kind.PARAMETER),
+        ca.vertcat(u, p), [*of_kinds(Kind.INPUT), *parameters],
     )  # fmt: skip
     return running, initially
 

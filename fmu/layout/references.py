@@ -67,7 +67,7 @@ def attributes_of(reference: Reference, labels: Sequence[str]) -> dict[str, str]
     if element is None:
         description = variable.whole_description(labels)
     else:
-        description = variable.scalar_descriptions(labels)[element]
+        description = variable.scalar_description(element, labels)
     attributes = {"description": description} | _ATTRIBUTES[variable.kind]
     return attributes | ({"variability": "tunable"} if variable.tunable else {})
 

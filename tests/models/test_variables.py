@@ -107,11 +107,13 @@ def test_units_are_made_of_base_units():
 def test_every_scalar_has_a_description_of_its_own(forces):
     labels = ["corner", "hinge", "tip"]
     table = variable_table(3, forces)
-    texts = [text for variable in table for text in variable.scalar_descriptions(labels)]
+    texts = [variable.scalar_description(k, labels) for variable in table for k in range(variable.size)]
     assert len(texts) == len(set(texts)) == sum(variable.size for variable in table)
     wholes = [variable.whole_description(labels) for variable in table]
     assert len(wholes) == len(set(wholes))
-    described = {v.name: dict(zip(v.scalar_names, v.scalar_descriptions(labels), strict=True)) for v in table}
+    described = {
+        v.name: {name: v.scalar_description(k, labels) for k, name in enumerate(v.scalar_names)} for v in table
+    }
     assert (
         described["features"]["features[2,3]"] == "Positions of the features, frame C (chaser, inertial axes): hinge, z"
     )
