@@ -190,6 +190,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     linear = scaled(problem, max(scale, floor))
     assert theta is not None  # noqa: S101  there was a round
     found = posterior(linear, path.prior, theta)
+    path_unknowns = float(np.vdot(solution.covariance, problem.matrix))
     solution = solution.with_covariance(found.covariance / max(scale, floor), problem.bodies)
     solution, tied, refused = tie_bodies(solution, max(scale, floor), observations, sampled.position(x), shift)
     return Pivot(
@@ -202,7 +203,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         residual_variance=variance,
         shift=shift,
         posterior=found,
-        path_unknowns=float(np.vdot(found.covariance, problem.matrix)) / max(scale, floor),
+        path_unknowns=path_unknowns,
         converged=converged,
         rounds=rounds,
         slip=float(np.sqrt(slip)),

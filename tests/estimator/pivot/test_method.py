@@ -7,6 +7,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import FewFrames, Status, WrongSigma
 from baryscope.models.errors import ComputationError
@@ -148,6 +149,13 @@ def test_fewer_frames_than_unknowns_check_nothing(tumbling, count, checked):
     few = [one for one in found.findings if isinstance(one, FewFrames)]
     assert [(one.frames, one.unknowns) for one in few] == ([] if checked else [(5, pytest.approx(6.0))])
     assert found.status is (Status.GOOD if checked else Status.NOT_CHECKED)
+
+
+def test_unknowns_that_only_a_prior_holds_are_not_counted():
+    """A body at rest: three unknowns are told, whatever the law of the other 96 coefficients and noises may be."""
+    spin = Rotation.from_rotvec(np.outer(0.06 * np.arange(100), [0.6, 0, 0.8])).as_matrix()
+    case = make_case(np.arange(100.0), spin, at_rest(np.arange(100.0)), TEN, noise=0.02)
+    assert solve_pivot(case.tracks, None, PathOptions()).path_unknowns == pytest.approx(3.0, abs=0.05)
 
 
 @pytest.mark.parametrize("trajectory", ["fixed", "polynomial"])
