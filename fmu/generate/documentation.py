@@ -55,14 +55,18 @@ _FORCES = {
 _USE = (
     "Set parameters before or in Initialization Mode. Fixed ones can be changed again after a reset only; tunable ones "
     "between communication steps, in Model Exchange in Event Mode.",
-    "Inputs are held over a communication step. Its length is free and does not change the results: the unit "
-    "integrates with steps of its own (Taylor series of order 20, Dormand and Prince's method of order 8) to "
-    "solver.tolerance.",
+    "The length of communication steps is free and does not change the results: the unit integrates with steps of its "
+    "own (Taylor series of order 20, Dormand and Prince's method of order 8) to solver.tolerance.",
     "An importer's tolerance, if it is smaller, tightens solver.tolerance; it never loosens it.",
     "States can be saved and restored bitwise. Derivatives by time, inputs, states and parameters are exact.",
     "What cannot be (an inertia that no body has, an eccentricity of 1, a step of 0) is refused with a message, and "
     "changes nothing.",
 )
+
+_INPUTS: dict[FmiVersion, str] = {
+    2: "Inputs are held over a communication step, or change by the first derivatives that the importer sets.",
+    3: "Inputs are held over a communication step.",
+}
 
 
 def documents(scenario: Scenario, fmi: FmiVersion, *, scalar: bool = False) -> dict[str, bytes]:
@@ -99,7 +103,7 @@ def _page(scenario: Scenario, fmi: FmiVersion, *, scalar: bool) -> str:
         _list((_ORBITS[bool(forces)], *_EQUATIONS)),
         *(["<p>Forces that are built in:</p>", _list(forces)] if forces else []),
         "<h2>Use</h2>",
-        _list(_USE),
+        _list((*_USE, _INPUTS[fmi])),
         "<h2>Variables</h2>",
         _table(("name", "kind", "unit", "shown in", "start", "limits", "description"), _rows(scenario)),
         "<h2>Features</h2>",

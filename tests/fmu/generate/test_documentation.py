@@ -5,6 +5,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.documentation import documents
 from baryscope.models.variables import variable_table
 
@@ -80,6 +81,16 @@ def test_starts_are_shown_in_the_units_that_people_read(envisat):
     assert rows["target.angularRate0[3]"][4] == "3.38, 0.45, 0.77 deg/s"
     assert rows["orbit.eccentricity"][5] == "0 to below 1"
     assert rows["solver.tolerance"][5] == "1e-15 to 0.001"
+
+
+def test_what_it_says_of_inputs_is_what_the_description_declares(envisat):
+    """Only FMI 2 has derivatives of inputs."""
+    for fmi in (2, 3):
+        declared = b'canInterpolateInputs="true"' in describe_unit(envisat, fmi)[0]
+        assert (
+            b"first derivatives that the importer sets" in documents(envisat, fmi)["documentation/index.html"]
+        ) == declared
+        assert declared == (fmi == 2)
 
 
 def test_texts_of_a_scenario_are_escaped(envisat):
