@@ -153,7 +153,11 @@ def _derivative_findings(description: Any) -> Iterator[Finding]:
 
 
 def _dependency_findings(description: Any) -> Iterator[Finding]:
-    """Unknowns depend on inputs and states in a run, and on inputs and exact starts at initialization."""
+    """Unknowns depend on inputs and states in a run, and on inputs and exact starts at initialization.
+
+    FMI 3.0 also lists parameters among the knowns of a run; those that are fixed may be listed or not.
+    """
+    free = ("input", "independent") if description.fmiVersion == "2.0" else ("input", "independent", "parameter")
     running = {state.name for state in states(description)}
     for element, unknowns in (("Outputs", description.outputs), ("Derivatives", description.derivatives)):
         for unknown in unknowns:
@@ -161,7 +165,7 @@ def _dependency_findings(description: Any) -> Iterator[Finding]:
                 known.name
                 for known in unknown.dependencies or ()
                 if known.name not in running
-                and known.causality not in ("input", "independent")
+                and known.causality not in free
                 and known.variability not in ("discrete", "tunable")
             ]
             if wrong:

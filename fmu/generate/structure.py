@@ -44,8 +44,8 @@ def _gathered(of_scalars: Dependencies, owner: Sequence[int]) -> dict[int, list[
 def dependencies(system: TumblingTarget, fmi: FmiVersion) -> tuple[Dependencies, Dependencies]:
     """Dependencies in a run and at the start, as places of scalars in the table of variables.
 
-    FMI 3.0 counts tunable parameters among the knowns of a run (2.4.8, the equations of Output and
-    ContinuousStateDerivative); FMI 2.0 does not.
+    FMI 3.0 (2.4.8) lists parameters among the knowns of a run, and leaves out of an output's dependencies what is
+    frozen then, as fixed ones are: tunable ones remain. FMI 2.0 counts no parameters.
     """
     scalars = [variable for variable in system.variables for _ in range(variable.size)]
     x, u, p = (ca.SX.sym(name, system.rhs.numel_in(index)) for index, name in enumerate("xup"))

@@ -12,7 +12,18 @@ from baryscope.fmu.check.units import exponents_of_name
 from baryscope.models.errors import InputError
 from baryscope.models.variables import UNITS
 from baryscope.scripts.cli.app import main
-from mutations import MUTATIONS_2, MUTATIONS_3, flag, mutated, rewritten, wrong_unit_of_a_state
+from mutations import (
+    MUTATIONS_2,
+    MUTATIONS_3,
+    flag,
+    mutated,
+    place,
+    rewritten,
+    unknown,
+    unknown3,
+    variable3,
+    wrong_unit_of_a_state,
+)
 
 
 def errors_of(path, *, isolated=False):
@@ -41,6 +52,22 @@ def test_declarations_that_cannot_be_checked_are_reported(small_fmu3, tmp_path):
     assert [str(f) for f in check_unit(unit)] == [
         "warning: CoSimulation/hasEventMode: is declared, and cannot be checked here"
     ]
+
+
+def test_a_fixed_parameter_may_be_a_known_of_a_run_in_fmi_3_only(small_fmu, small_fmu3, tmp_path):
+    """As Reference-FMUs' BouncingBall lists g."""
+
+    def listed_in_3(root):
+        entry, raan = unknown3(root, "Output", "features"), variable3(root, "orbit.raan").get("valueReference")
+        entry.set("dependencies", f"{raan} {entry.get('dependencies')}")
+
+    def listed_in_2(root):
+        entry = unknown(root, "Outputs", "features[1,1]")
+        entry.set("dependencies", f"{place(root, 'orbit.raan')} {entry.get('dependencies')}")
+
+    assert check_unit(mutated(small_fmu3, tmp_path / "3.fmu", listed_in_3), isolated=False) == []
+    [found] = check_unit(mutated(small_fmu, tmp_path / "2.fmu", listed_in_2), isolated=False)
+    assert "found a dependency on orbit.raan, expected inputs and states" in str(found)
 
 
 # ---- files, presets, command line ----
