@@ -64,7 +64,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
     position = tracks.position @ R_C_W
     inliers = screen(position, tracks.seen)
-    registered = find_bodies(position, inliers)
+    registered = find_bodies(position, inliers, tracks.time)
     centre, offsets, inverse, variance, unseen = solve_score(registered)
     path = "fixed in LVLH" if in_orbit else "fixed"
     lack = _lack_of_fit(registered, tracks.time, centre, offsets, path)

@@ -68,7 +68,7 @@ def starts(
         ComputationError: the tracks determine no attitude or no rate, or the target turns too often.
     """
     inliers = screen(tracks.position, tracks.seen)
-    registered = find_bodies(tracks.position, inliers)
+    registered = find_bodies(tracks.position, inliers, tracks.time)
     frames = sum(len(body.frames) for body in registered.bodies)
     if frames < MIN_FRAMES:
         raise ComputationError(

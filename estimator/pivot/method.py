@@ -168,7 +168,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     """
     trajectory = trajectory_of(options.trajectory, orbit)
     inliers = screen(tracks.position, tracks.seen)
-    registered = find_bodies(tracks.position, inliers)
+    registered = find_bodies(tracks.position, inliers, tracks.time)
     most = max(len(body.features) for body in registered.bodies)
     if most > MAX_BODY_FEATURES:
         raise ComputationError(

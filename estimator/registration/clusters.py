@@ -59,10 +59,11 @@ class Registered:
     noise: float
 
 
-def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
+def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None = None) -> Registered:
     """The rigid bodies in position (n, m, 3) in C, m, and the noise of a coordinate from the residuals of registration.
 
-    used (n, m) selects the observations. Bodies of fewer than MIN_FRAMES frames are left out if there is a longer one.
+    used (n, m) selects the observations; time (n,) in s, of steady steps unless given. Bodies of fewer than MIN_FRAMES
+    frames are left out if there is a longer one.
 
     Raises:
         ComputationError: no frame sees three features, or they are collinear in all frames.
@@ -93,7 +94,10 @@ def find_bodies(position: FloatArray, used: BoolArray) -> Registered:
         else:
             loose.append(placed)
     whole = _assembled(shapes, loose, sightings)
-    with_attitudes = [_with_attitudes(shape, sightings) for shape in whole]
+    steps = (
+        np.arange(len(position), dtype=np.float64) if time is None or len(time) < 2 else time / np.median(np.diff(time))
+    )
+    with_attitudes = [_with_attitudes(shape, sightings, steps) for shape in whole]
     longest = max((len(body.frames) for body, _ in with_attitudes), default=0)
     if not longest:
         raise collinear_features()
@@ -216,10 +220,11 @@ def _merge(whole: Shape, other: Shape, noise: float) -> bool:
     return True
 
 
-def _with_attitudes(shape: Shape, sightings: Sightings) -> tuple[Body, FloatArray]:
+def _with_attitudes(shape: Shape, sightings: Sightings, steps: FloatArray) -> tuple[Body, FloatArray]:
     """The shape as a body with its attitude in all frames of its intervals, and its centroid there, (n, 3) in C, m.
 
-    Frames whose features are nearly collinear are left out, and those whose attitude is off the rotation.
+    Frames whose features are nearly collinear are left out, and those whose attitude is off the rotation. steps (n,):
+    the time of all frames in typical steps.
     """
     features, points = shape.arrays()
     points = points - points.mean(axis=0)
@@ -229,5 +234,5 @@ def _with_attitudes(shape: Shape, sightings: Sightings) -> tuple[Body, FloatArra
     variances = shape.variances(sightings.noise)
     (attitude, origin), determined = aligned_frames(sightings, frames, features, points, variances)
     frames = frames[determined]
-    kept = steady(frames, attitude)
+    kept = steady(steps[frames], attitude)
     return Body(features, frames[kept], points, attitude[kept], tuple(shape.intervals)), origin[kept]

@@ -17,26 +17,26 @@ IntArray = NDArray[np.intp]
 
 SMALLEST = 1.0  # rad off the rotation between the frames before and after, at least, of a flip
 LIMIT = 6.0  # times the median of all frames
-MAX_STEP = 4  # frames to the one before or after, at most
+MAX_STEP = 4  # typical ones to the frame before or after, at most
 ROUNDS = 5
 STEPS = 3  # before a jump, and after it, that show the rotation there
 SAME = 0.8  # rad between two turns of the axes that count as one
 ALONE = 1 / 3  # of a jump: other steps nearby are off by less
 
 
-def steady(frames: IntArray, attitude: FloatArray) -> BoolArray:
-    """Which attitudes (n, 3, 3) in the frames (n,) lie on one steady rotation, (n,).
+def steady(time: FloatArray, attitude: FloatArray) -> BoolArray:
+    """Which attitudes (n, 3, 3) lie on one steady rotation, (n,); time (n,) in typical steps of the frames.
 
     Nothing is found where the rotation from frame to frame is not steady, or too fast to be followed.
     """
-    kept = np.ones(len(frames), dtype=bool)
+    kept = np.ones(len(time), dtype=bool)
     for _ in range(ROUNDS):
         index = np.nonzero(kept)[0]
         if len(index) < 2 * STEPS or not _has_jumps(attitude[index]):
             break
-        bad = _turned_runs(frames[index], attitude[index])
+        bad = _turned_runs(time[index], attitude[index])
         if not bad.any():
-            bad = _flips(frames[index], attitude[index])
+            bad = _flips(time[index], attitude[index])
         if not bad.any():
             break
         kept[index[bad]] = False
@@ -50,28 +50,28 @@ def _has_jumps(attitude: FloatArray) -> bool:
     return bool((np.abs(angle - np.median(angle)) > SMALLEST / 2).any())
 
 
-def _flips(frames: IntArray, attitude: FloatArray) -> BoolArray:
+def _flips(time: FloatArray, attitude: FloatArray) -> BoolArray:
     """The attitudes farthest off the rotation between their neighbours, (n,)."""
-    gap = frames[2:] - frames[:-2]
+    gap = time[2:] - time[:-2]
     near = gap <= 2 * MAX_STEP
-    share = (frames[1:-1] - frames[:-2]) / gap
+    share = (time[1:-1] - time[:-2]) / gap
     before, after = attitude[:-2], attitude[2:]
     expected = before @ exp_rotation(share[:, None] * log_rotation(np.swapaxes(before, 1, 2) @ after))
     off = np.linalg.norm(log_rotation(np.swapaxes(expected, 1, 2) @ attitude[1:-1]), axis=1)
     if not near.any():
-        return np.zeros(len(frames), dtype=bool)
+        return np.zeros(len(time), dtype=bool)
     padded = np.pad(np.where(near, off, 0.0), 2)
     farthest = padded[2:-2] >= np.maximum(padded[1:-3], padded[3:-1])
     found = near & farthest & (off > max(SMALLEST, LIMIT * float(np.median(off[near]))))
     return np.pad(found, 1)
 
 
-def _turned_runs(frames: IntArray, attitude: FloatArray) -> BoolArray:
+def _turned_runs(time: FloatArray, attitude: FloatArray) -> BoolArray:
     """The attitudes whose axes are turned against those of most frames of the same chain, (n,).
 
-    A chain ends where more than MAX_STEP frames are missing, as the rotation is not followed any farther.
+    A chain ends where no frame is within MAX_STEP, as the rotation is not followed any farther.
     """
-    gap = np.diff(frames)
+    gap = np.diff(time)
     step = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:])
     # Windows of the steps before and after each; those that the tracks' ends cut short begin or end there.
     index, last = np.arange(len(gap)), len(gap) - STEPS
@@ -89,8 +89,8 @@ def _turned_runs(frames: IntArray, attitude: FloatArray) -> BoolArray:
     alone = nearby.max(axis=1) < size * ALONE
     follows = gap <= MAX_STEP
     jump = follows & same & alone & (size > max(SMALLEST, LIMIT * typical))
-    turned = np.zeros(len(frames), dtype=bool)
-    edges = np.concatenate([[0], np.nonzero(~follows)[0] + 1, [len(frames)]])
+    turned = np.zeros(len(time), dtype=bool)
+    edges = np.concatenate([[0], np.nonzero(~follows)[0] + 1, [len(time)]])
     for begin, end in pairwise(edges):
         jumps = begin + np.nonzero(jump[begin : end - 1])[0]
         if len(jumps):

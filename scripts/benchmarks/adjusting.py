@@ -78,7 +78,7 @@ def ours(setting: Setting, seen: Seen, name: str, options: PathOptions) -> Adjus
 def problem_of(setting: Setting, seen: Seen, sigma: float, density: float = 0.0) -> Problem:
     """The peers' problem, with the start of `pivot`: its registered bodies and the linear solution for a subsample."""
     tracks, measured = seen.tracks, observations_of(seen.tracks, seen.tracks.seen)
-    registered = find_bodies(tracks.position, screen(tracks.position, tracks.seen))
+    registered = find_bodies(tracks.position, screen(tracks.position, tracks.seen), tracks.time)
     path = path_of(setting, seen)
     few = subsampled(registered.bodies, measured, SUBSAMPLE_FRAMES)
     least = least_variance(measured, ROUNDING)

@@ -49,3 +49,12 @@ def test_axes_that_are_turned_for_a_while_are_found(runs, noise, seed):
         expected[:110] = ~turned[:110]
     expected[60] = True
     np.testing.assert_array_equal(~steady(frames, attitude), expected)
+
+
+def test_what_happens_in_a_gap_of_time_turns_no_axes():
+    """A pure spin goes on in a blackout whose frames are not there: the attitudes differ by a turn about its axis."""
+    spin = Rotation.from_rotvec(np.outer(0.05 * np.arange(200), [0.6, 0, 0.8]))
+    time = np.arange(200.0)
+    later = np.delete(time, np.arange(80, 130))
+    assert steady(later, spin.as_matrix()[later.astype(int)]).all()
+    assert not steady(np.arange(150.0), spin.as_matrix()[later.astype(int)]).all()
