@@ -6,6 +6,7 @@
 #if defined(__GNUC__) && !defined(PLAIN_C) /* gcc, clang and zig */
 #define ALWAYS_INLINE inline __attribute__((always_inline))
 #define FLATTEN __attribute__((flatten))
+#define SELDOM __attribute__((noinline, cold)) /* takes no registers from the loop that it is called in */
 #define EXPORTED __attribute__((visibility("default")))
 #define UNROLL _Pragma("GCC unroll 16")
 
@@ -19,6 +20,7 @@ typedef double Pair __attribute__((vector_size(2 * sizeof(double))));
 #else
 #define ALWAYS_INLINE inline
 #define FLATTEN
+#define SELDOM
 #define EXPORTED
 #define UNROLL
 

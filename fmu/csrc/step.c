@@ -6,7 +6,7 @@
 #include <string.h>
 
 /* Communication points are computed by the importer, often by adding up: allow for its rounding. */
-static double time_slack(double time) { return 1e-9 * fmax(1.0, fabs(time)); }
+static double time_slack(double time) { return 1e-9 * larger(1.0, fabs(time)); }
 
 static Status instance_step(void *component, const char *function, double point, double step)
 {

@@ -21,12 +21,12 @@ enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, a factor of every product: RATE
 static ALWAYS_INLINE void add_products(Row sums[N_FACTORS], const Row *left, const Row *right)
 {
     UNROLL for (int j = 0; j < N_FACTORS; j++)
-        UNROLL for (int i = 0; i < PAIRS; i++) 
+        UNROLL for (int i = 0; i < PAIRS; i++)
             sums[j].pairs[i] = SUM(sums[j].pairs[i], SCALED(left->pairs[i], right->of[FIRST_FACTOR + j]));
 }
 
 /* What a ramp, a rate of the rates that is constant over the step, adds to the second coefficient. */
-static inline void add_ramp(Row *terms, double unit, const double *ramp)
+static SELDOM void add_ramp(Row *terms, double unit, const double *ramp)
 {
     for EACH(i) terms[2].of[i] += 0.5 * unit * unit * ramp[i];
 }
@@ -36,6 +36,7 @@ static inline void add_ramp(Row *terms, double unit, const double *ramp)
 static ALWAYS_INLINE void expand(
     Row terms[TAYLOR_ORDER + 1], double unit, Products *products, const double *ramp, const void *context)
 {
+    const int ramped = ramp ? 1 : 0; /* the one comparison in the loop */
     for (int k = 1; k < TAYLOR_ORDER; k++) {
         Row sums[N_FACTORS] = {{{0.0}}};
         for (int m = 1; m < k; m++) add_products(sums, &terms[m], &terms[k - m]);
@@ -46,7 +47,7 @@ static ALWAYS_INLINE void expand(
         const double factor = unit / (k + 1);
         UNROLL for (int i = 0; i < PAIRS; i++)
             terms[k + 1].pairs[i] = SCALED(PAIR(rates[2 * i], rates[2 * i + 1]), factor);
-        if (k == 1 && ramp) add_ramp(terms, unit, ramp);
+        if (k == ramped) add_ramp(terms, unit, ramp);
     }
 }
 
@@ -72,21 +73,23 @@ static inline double integer_power(double x, int n)
     return power;
 }
 
-/* The n-th root to three digits, n above 4, by a Newton step from fits of log2 and 2^x. pow would do, but a library linked against
-   it asks for the glibc of the machine that it is built on, and other platforms have another pow. */
-static double root_of(double x, int n)
+/* x^(-1/n) to three digits, n above 4, by a Newton step without a division from fits of log2 and 2^x. pow would do, but a
+   library linked against it asks for the glibc of the machine that it is built on, and other platforms have another pow. */
+static inline double inverse_root_of(double x, int n)
 {
-    if (!(x >= DBL_MIN && isfinite(x))) return x;
+    if (!isfinite(x)) return 0.0;
+    if (!(x >= DBL_MIN)) return INFINITY;
+    const double share = 1.0 / n;
     uint64_t bits; /* of a double: the exponent stands above 52 bits of the mantissa */
     memcpy(&bits, &x, sizeof bits);
-    const double binary = ((double)bits / 4503599627370496.0 - 1023.0) / n; /* log2(1 + m) is taken for m */
+    const double binary = (1023.0 - (double)bits * (1.0 / 4503599627370496.0)) * share; /* log2(1 + m) is taken for m */
     const int whole = (int)binary - (binary < 0.0);
     const double rest = binary - whole;
     bits = (uint64_t)(whole + 1023) << 52;
     double root;
     memcpy(&root, &bits, sizeof root);
     root *= 1.0 + rest * (0.6565 + 0.3435 * rest);
-    return root + root * (x / integer_power(root, n) - 1.0) / n;
+    return root + root * (1.0 - x * integer_power(root, n)) * share;
 }
 
 /* The time, in the unit of the terms, up to which the last two of them are within the tolerance; 0 if they are not finite. */
@@ -94,8 +97,9 @@ static inline double reach_of(const Row *terms, int order, const double relative
 {
     const double last = size_of(terms[order].of, relative), former = size_of(terms[order - 1].of, relative);
     if (!isfinite(last + former)) return 0.0;
-    double reach = root_of(tolerance / last, order);
-    if (former * integer_power(reach, order - 1) > tolerance) reach = smaller(reach, root_of(tolerance / former, order - 1));
+    double reach = inverse_root_of(last / tolerance, order);
+    if (former * integer_power(reach, order - 1) > tolerance)
+        reach = smaller(reach, inverse_root_of(former / tolerance, order - 1));
     return smaller(reach, LONGEST_REACH);
 }
 
@@ -149,7 +153,7 @@ static inline const char *taylor_advance(Integrator *integrator, Expansion *expa
         const double remaining = time - integrator->time;
         const double reach = expansion(integrator, terms, context, tolerance);
         const double planned = reach * integrator->unit;
-        if (!(planned > SHORTEST_STEP * fmax(integrator->time, remaining))) return OUT_OF_BOUNDS;
+        if (!(planned > SHORTEST_STEP * larger(integrator->time, remaining))) return OUT_OF_BOUNDS;
         const bool cut = exactly && planned >= remaining;
         integrator->length = cut ? remaining : planned;
         integrator->time = cut ? time : integrator->time + planned;
