@@ -8,6 +8,7 @@
 #include "taylor.c"
 #include "turned.c"
 #include "unit.c"
+#include "derivatives.c"
 
 #include "instance.c"
 #include "saved.c"
