@@ -1,4 +1,4 @@
-"""Conditions on the parameters of the unit, as CasADi expressions.
+"""Conditions on the parameters of the unit, and on states that are set, as CasADi expressions.
 
 Scenario files and the FMU refuse the same values because both evaluate these conditions: the reader of files through
 `casadi.Function`, the unit through C code generated from them.
@@ -19,16 +19,17 @@ from baryscope.models.keplerian import Elements
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
 COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
 TINY = 1e-300  # keeps the number in a message from a division by zero
+DIRECTED = 1e-50  # a quaternion's length from this to its inverse: powers of it neither vanish nor overflow
 UNIT_TOLERANCE = 1e-3  # of a quaternion's or normal's length: enough for four printed digits
 
 
 @dataclass(frozen=True)
 class Check:
-    """One condition on the parameters.
+    """One condition on the parameters or the states.
 
     Attributes:
         variable: the unit's variable it concerns.
-        field: the scenario file's field it concerns.
+        field: the scenario file's field it concerns; of a state, its name.
         expected: the condition in words, for a message.
         quantity: name of the number that the message shows.
         found: that number.
@@ -45,12 +46,12 @@ class Check:
 
 @dataclass(frozen=True)
 class CheckSet:
-    """Checks compiled over one flat vector of parameters.
+    """Checks compiled over one flat vector of parameters or states.
 
     Attributes:
         checks: the conditions, in the order of reporting.
-        margins: parameters → margin of each check.
-        found: parameters → the number that the message of each check shows.
+        margins: vector → margin of each check.
+        found: vector → the number that the message of each check shows.
     """
 
     checks: tuple[Check, ...]
@@ -58,23 +59,23 @@ class CheckSet:
     found: ca.Function
 
     @classmethod
-    def over(cls, parameters: Symbol, checks: tuple[Check, ...]) -> Self:
-        """Compile `checks`, which are expressions of the column `parameters`."""
+    def over(cls, vector: Symbol, checks: tuple[Check, ...], name: str = "target") -> Self:
+        """Compile `checks`, which are expressions of the column `vector`; the functions' names begin with `name`."""
         margins = ca.vertcat(*(check.margin for check in checks))
         found = ca.vertcat(*(check.found for check in checks))
         return cls(
             checks,
-            ca.Function("target_margins", [parameters], [margins], ["p"], ["margins"]),
-            ca.Function("target_found", [parameters], [found], ["p"], ["found"]),
+            ca.Function(f"{name}_margins", [vector], [margins]),
+            ca.Function(f"{name}_found", [vector], [found]),
         )
 
-    def failure(self, parameters: NDArray[np.float64]) -> str | None:
+    def failure(self, vector: NDArray[np.float64]) -> str | None:
         """The first check that fails, as `field: found …, expected …`; None when all hold."""
-        margins = np.array(self.margins(parameters)).ravel()
+        margins = np.array(self.margins(vector)).ravel()
         if np.all(margins > 0):
             return None
         index = int(np.argmin(margins > 0))
-        check, value = self.checks[index], np.array(self.found(parameters)).ravel()[index]
+        check, value = self.checks[index], np.array(self.found(vector)).ravel()[index]
         return f"{check.field}: found {check.quantity} {value:g}, expected {check.expected}"
 
 
@@ -234,6 +235,31 @@ def _force_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
             )
         )
     return tuple(found)
+
+
+def state_checks(attitude: Symbol, place: Symbol) -> tuple[Check, ...]:
+    """The conditions on states without which the equations have no value.
+
+    Args:
+        attitude: the quaternion.
+        place: the true anomaly; with forces also position and velocity of the target from the central body.
+    """
+
+    def check(name: str, expected: str, quantity: str, found: Symbol, margin: Symbol) -> Check:
+        return Check(name, name, expected, quantity, found, margin)
+
+    length = ca.norm_2(attitude)
+    expected = "a quaternion with a direction (length between 1e-50 and 1e50)"
+    turning = check("state.attitude", expected, "length", length, ca.fmin(length - DIRECTED, 1 / DIRECTED - length))
+    if place.numel() == 1:
+        return (turning,)
+    _, position, velocity = ca.vertsplit(place, [0, 1, 4, 7])
+    distance, swept = ca.norm_2(position), ca.norm_2(ca.cross(position, velocity))
+    return (
+        turning,
+        check("state.orbitPosition", "a place away from the centre", "distance in m", distance, distance),
+        check("state.orbitVelocity", "a velocity that is not along the position", "area rate in m²/s", swept, swept),
+    )
 
 
 def _invariants(matrix: Symbol) -> tuple[Symbol, Symbol, Symbol]:

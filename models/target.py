@@ -33,7 +33,7 @@ from baryscope.models.attitude import (
     rotational_energy,
     symmetric_inverse,
 )
-from baryscope.models.checks import CheckSet, parameter_checks
+from baryscope.models.checks import CheckSet, parameter_checks, state_checks
 from baryscope.models.frames import (
     Symbol,
     conjugate,
@@ -80,6 +80,7 @@ class TumblingTarget:
         initial_forward: u, p, seed of (u, p) → its image in (y, x, ẋ) at the start.
         initial_reverse: u, p, seed of (y, x, ẋ) → its image in (u, p).
         checks: the conditions on p.
+        state_checks: the conditions on x.
     """
 
     forces: Forces
@@ -104,6 +105,7 @@ class TumblingTarget:
     initial_forward: ca.Function
     initial_reverse: ca.Function
     checks: CheckSet
+    state_checks: CheckSet
 
     def of_kind(self, kind: Kind) -> list[Variable]:
         """The variables of one kind, in order."""
@@ -168,6 +170,7 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
         initial_forward=beginning[0],
         initial_reverse=beginning[1],
         checks=CheckSet.over(p, parameter_checks(parameters)),
+        state_checks=CheckSet.over(x, state_checks(x[:4], x[PLACE_START:relative]), "target_state"),
     )
 
 

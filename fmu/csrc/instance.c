@@ -182,6 +182,19 @@ static Status initialise(Instance *instance, const char *function)
     return refuse(instance, "%s: %s", function, message);
 }
 
+static Status check_states(Instance *instance, const char *function)
+{
+    char message[MESSAGE_SIZE];
+    return unit_check_states(&instance->core.unit, message) ? OK : refuse(instance, "%s: %s", function, message);
+}
+
+static Status update(Instance *instance, const char *function, unsigned kinds)
+{
+    if (kinds & (OUTPUT | DERIVATIVE) && check_states(instance, function) != OK) return ERROR;
+    unit_update(&instance->core.unit, kinds);
+    return OK;
+}
+
 static Status instance_exit_initialization(void *component, const char *function)
 {
     Instance *instance = enter(component, EXIT_INITIALIZATION, function);

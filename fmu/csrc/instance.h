@@ -69,6 +69,12 @@ static Status instance_reset(void *component, const char *function);
 /* Compute the initial state if the parameters have changed since the last time. */
 static Status initialise(Instance *instance, const char *function);
 
+/* Refuse if the equations have no value at the states that were set. */
+static Status check_states(Instance *instance, const char *function);
+
+/* Bring values up to date by their kinds, if the states allow it. */
+static Status update(Instance *instance, const char *function, unsigned kinds);
+
 /* ---- values (values.c); `n_values` is the length of the array of values, which exceeds `count` where variables are arrays ---- */
 
 /* The variables that a call asks for. */

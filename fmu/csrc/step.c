@@ -49,8 +49,8 @@ static Status instance_set_states(void *component, const char *function, const d
     if (!instance || !states_fit(instance, function, states, count)) return ERROR;
     for (int i = 0; i < N_STATES; i++)
         if (!isfinite(states[i])) return refuse(instance, "%s: state %d is %g, expected a finite value", function, i + 1, states[i]);
-    for (int i = 0; i < N_STATES; i++) unit_set(&instance->core.unit, AT_STATES + i, states[i]);
-    return OK;
+    char message[MESSAGE_SIZE];
+    return unit_set_states(&instance->core.unit, states, message) ? OK : refuse(instance, "%s: %s", function, message);
 }
 
 static Status instance_get_states(void *component, const char *function, unsigned kind, double *values, size_t count)
@@ -58,7 +58,7 @@ static Status instance_get_states(void *component, const char *function, unsigne
     Instance *instance = enter(component, GET_STATES, function);
     if (!instance || !states_fit(instance, function, values, count)) return ERROR;
     if (instance->core.state == INITIALIZATION && initialise(instance, function) != OK) return ERROR;
-    unit_update(&instance->core.unit, kind);
+    if (update(instance, function, kind) != OK) return ERROR;
     const int from = kind == DERIVATIVE ? AT_DERIVATIVES : AT_STATES;
     memcpy(values, instance->core.unit.values + from, N_STATES * sizeof *values);
     return OK;

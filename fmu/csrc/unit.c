@@ -23,7 +23,10 @@ static void unit_set(Unit *unit, int index, double value)
     }
     unit->integrators_stale = true;
     unit->rates_current = false;
-    if (index >= AT_STATES) unit->outputs_current = false;
+    if (index >= AT_STATES) {
+        unit->outputs_current = false;
+        unit->states_unchecked = true;
+    }
 }
 
 static void unit_set_rate(Unit *unit, int index, double rate)
@@ -108,23 +111,50 @@ static void unit_update(Unit *unit, unsigned kinds)
     if (kinds & DERIVATIVE && !unit->rates_current) update_rates(unit);
 }
 
-/* ---- initialisation ---- */
+/* ---- checks ---- */
 
-/* Whether all checks of the parameters hold; if not, `message` names the first that fails. */
-static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
+/* Whether all checks of some values hold; if not, `message` names the first that fails. */
+static bool all_hold(const Check *checks, int count, Equations *to_margins, Equations *to_found, const double *values,
+                     char message[MESSAGE_SIZE])
 {
-    double margins[N_CHECKS], found[N_CHECKS];
-    const double *arguments[] = {unit->values + AT_PARAMETERS};
-    double *to_margins[] = {margins}, *to_found[] = {found};
-    target_margins(arguments, to_margins, NULL, NULL, 0);
-    target_found(arguments, to_found, NULL, NULL, 0);
-    for (int i = 0; i < N_CHECKS; i++) {
+    double margins[N_CHECKS + N_STATE_CHECKS], found[N_CHECKS + N_STATE_CHECKS];
+    double *margins_result[] = {margins}, *found_result[] = {found};
+    to_margins(&values, margins_result, NULL, NULL, 0);
+    for (int i = 0; i < count; i++) {
         if (margins[i] > 0.0) continue;
-        snprintf(message, MESSAGE_SIZE, "%s: found %s %g, expected %s", CHECKS[i].variable, CHECKS[i].quantity, found[i],
-                 CHECKS[i].expected);
+        to_found(&values, found_result, NULL, NULL, 0);
+        snprintf(message, MESSAGE_SIZE, "%s: found %s %g, expected %s", checks[i].variable, checks[i].quantity, found[i],
+                 checks[i].expected);
         return false;
     }
     return true;
+}
+
+static bool states_hold(const double *states, char message[MESSAGE_SIZE])
+{
+    return all_hold(STATE_CHECKS, N_STATE_CHECKS, target_state_margins, target_state_found, states, message);
+}
+
+static bool unit_check_states(Unit *unit, char message[MESSAGE_SIZE])
+{
+    if (unit->states_unchecked && !states_hold(unit->values + AT_STATES, message)) return false;
+    unit->states_unchecked = false;
+    return true;
+}
+
+static bool unit_set_states(Unit *unit, const double states[N_STATES], char message[MESSAGE_SIZE])
+{
+    if (!states_hold(states, message)) return false;
+    for (int i = 0; i < N_STATES; i++) unit_set(unit, AT_STATES + i, states[i]);
+    unit->states_unchecked = false;
+    return true;
+}
+
+/* ---- initialisation ---- */
+
+static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
+{
+    return all_hold(CHECKS, N_CHECKS, target_margins, target_found, unit->values + AT_PARAMETERS, message);
 }
 
 /* Compute constants and tolerance from the parameters. */

@@ -59,6 +59,7 @@ typedef struct {
     bool initialised;            /* constants, state and integrators belong to the parameters */
     bool outputs_current;        /* outputs belong to the state */
     bool rates_current;          /* derivatives belong to the state and the inputs */
+    bool states_unchecked;       /* some were set one by one: the equations may have no value */
     bool integrators_stale;      /* state or inputs were set since the last step */
     bool ramping;                /* some input has a rate */
     bool inputs_changing;        /* they were set right before this step, and may be again after it */
@@ -69,6 +70,12 @@ static void unit_reset(Unit *unit);
 
 /* Set one value, an input, a parameter or a state. */
 static void unit_set(Unit *unit, int index, double value);
+
+/* Set all states, or none if the equations have no value there: `message` holds the reason. */
+static bool unit_set_states(Unit *unit, const double states[N_STATES], char message[MESSAGE_SIZE]);
+
+/* Whether the equations have a value at states that were set one by one. If not, `message` holds the reason. */
+static bool unit_check_states(Unit *unit, char message[MESSAGE_SIZE]);
 
 /* Bring outputs, derivatives or both up to date, by their kinds; to be called before they are read. */
 static void unit_update(Unit *unit, unsigned kinds);

@@ -59,8 +59,8 @@ static Status instance_get(void *component, const char *function, Type type, Sel
         return refuse(instance, "%s: in state Instantiated only inputs, parameters and states can be read", function);
     const bool computed = instance->core.state == INITIALIZATION || (instance->core.state == INSTANTIATED && kinds & STATE);
     if (computed && initialise(instance, function) != OK) return ERROR;
-    Unit *unit = &instance->core.unit;
-    unit_update(unit, kinds);
+    if (update(instance, function, kinds) != OK) return ERROR;
+    const Unit *unit = &instance->core.unit;
     double *real = values;
     bool *boolean = values;
     for (size_t i = 0; i < selection.count; i++) {
@@ -213,7 +213,7 @@ static Status instance_derivative(void *component, const char *function, bool re
         !of_kinds(instance, function, unknowns, at_start ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE,
                   at_start ? "an output, state or derivative among the unknowns" : "an output or a derivative among the unknowns"))
         return ERROR;
-    if (at_start && initialise(instance, function) != OK) return ERROR;
+    if ((at_start ? initialise : check_states)(instance, function) != OK) return ERROR;
 
     double seeds[N_VALUES] = {0.0}, images[N_VALUES];
     for (size_t i = 0; i < from.count; i++) {
@@ -270,8 +270,8 @@ static Status instance_output_derivatives(void *component, const char *function,
     if (!request_fits(instance, function, REAL, selection, values, n_values, &kinds)) return ERROR;
     if (!of_kinds(instance, function, selection, OUTPUT, "an output")) return ERROR;
     if (!of_first_order(instance, function, orders, count)) return ERROR;
+    if (update(instance, function, DERIVATIVE) != OK) return ERROR;
     Unit *unit = &instance->core.unit;
-    unit_update(unit, DERIVATIVE);
     double seeds[N_VALUES] = {0.0}, images[N_VALUES];
     memcpy(seeds + AT_STATES, unit->values + AT_DERIVATIVES, N_STATES * sizeof *seeds);
     unit_derivative(unit, false, false, seeds, images);

@@ -39,6 +39,8 @@ def model_source(system: TumblingTarget) -> str:
         system.initial_reverse,
         system.checks.margins,
         system.checks.found,
+        system.state_checks.margins,
+        system.state_checks.found,
     ):
         generator.add(function)
     # Its helpers would have external linkage, and two units in one program would define them twice.
@@ -93,6 +95,7 @@ def tables_header(
             f"    N_SERIES_CONSTANTS = {system.series_constants.numel_out()},",
             f"    N_WEIGHTS = {system.free_attitude_form.weights.numel_out()},",
             f"    N_CHECKS = {len(system.checks.checks)},",
+            f"    N_STATE_CHECKS = {len(system.state_checks.checks)},",
             f"    N_REFERENCES = {len(rows)}",
             "};",
             "static const Variable VARIABLES[N_REFERENCES] = {",
@@ -100,6 +103,9 @@ def tables_header(
             "};",
             "static const Check CHECKS[N_CHECKS] = {",
             *(_check_row(check) for check in system.checks.checks),
+            "};",
+            "static const Check STATE_CHECKS[N_STATE_CHECKS] = {",
+            *(_check_row(check) for check in system.state_checks.checks),
             "};",
             f"static const double STARTS[N_INPUTS + N_PARAMETERS] = {_numbers(starts)};",
             "",

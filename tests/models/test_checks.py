@@ -143,3 +143,20 @@ def test_each_check_names_a_variable_and_a_field_that_exist():
         annotation = Scenario.model_fields[table].annotation
         tables = get_args(annotation) or (OrbitTable if table == "orbit" else annotation,)
         assert field in tables[0].model_fields
+
+
+@pytest.mark.parametrize(
+    "first, values, words",
+    [
+        (0, [0.0] * 4, "state.attitude: found length 0, expected a quaternion with a direction"),
+        (0, [np.inf] * 4, "state.attitude: found length inf"),
+        (8, [0.0] * 3, "state.orbitPosition: found distance in m 0"),
+        (11, [0.0] * 3, "state.orbitVelocity: found area rate in m²/s 0"),
+        (0, [0.0, -3e-40, 0.0, 0.0], None),
+    ],
+)
+def test_states_without_a_value_of_the_equations(first, values, words):
+    states = np.concatenate([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01, 0.5], [7e6, 0.0, 0.0, 0.0, 7e3, 0.0], np.ones(6)])
+    states[first : first + len(values)] = values
+    found = tumbling_target(COUNT, frozenset({Force.J2})).state_checks.failure(states)
+    assert (found is None) if words is None else found.startswith(words)

@@ -119,6 +119,19 @@ static void set_logging(Slot *slot)
 
 /* ---- values ---- */
 
+/* Whether a quaternion has a direction. */
+static bool directed(const double *q)
+{
+    const double length = hypot(hypot(q[0], q[1]), hypot(q[2], q[3]));
+    return length > 1e-50 && length < 1e50;
+}
+
+/* Whether there are outputs at the present states; before initialization has computed them, nobody can tell. */
+static bool evaluable(const Slot *slot)
+{
+    return in(slot, INSTANTIATED | INITIALIZATION) || directed(slot->instance->core.unit.values + AT_STATES);
+}
+
 static void get_reals(Slot *slot)
 {
     uint32_t references[MOST];
@@ -130,7 +143,8 @@ static void get_reals(Slot *slot)
     const bool null = one_in(20) && length;
     const unsigned modes = INITIALIZATION | RUN_MODES | TERMINATED | (ARRAYS ? INSTANTIATED : 0);
     const bool computed = in(slot, INITIALIZATION) || (in(slot, INSTANTIATED) && has_kind(references, count, STATE));
-    TRY(slot, both(!in(slot, modes) ? ILLEGAL : computed ? OPEN : LEGAL, fit && !null),
+    const bool possible = evaluable(slot) || !has_kind(references, count, OUTPUT | DERIVATIVE);
+    TRY(slot, both(!in(slot, modes) ? ILLEGAL : computed ? OPEN : LEGAL, fit && !null && possible),
         call_get_real(slot->instance, references, count, null ? NULL : values, length));
     free(values);
 }
@@ -239,6 +253,7 @@ static void model_exchange(Slot *slot)
     const size_t size = wrong_size ? below(N_STATES) : N_STATES;
     bool finite;
     double *values = numbers(size, &finite, 0.02);
+    if (one_in(8) && finite && size >= 4) memset(values, 0, 4 * sizeof *values);
     const bool fits = !wrong_size && !null, readable = in(slot, INITIALIZATION | EVENT | CONTINUOUS | TERMINATED);
     const Verdict reading = both(in(slot, INITIALIZATION) ? OPEN : LEGAL, fits && readable);
     const double time = one_in(6) ? any_number() : 100.0 * uniform();
@@ -249,9 +264,9 @@ static void model_exchange(Slot *slot)
     case 3: TRY(slot, in(slot, EVENT | CONTINUOUS) && isfinite(time) ? LEGAL : ILLEGAL, CALL(SetTime)(c, time)); break;
     case 4: TRY(slot, in(slot, CONTINUOUS) ? LEGAL : ILLEGAL, call_completed(c)); break;
     case 5: TRY(slot, reading, CALL(GetContinuousStates)(c, null ? NULL : values, size)); break;
-    case 6: TRY(slot, reading, call_rates(c, null ? NULL : values, size)); break;
+    case 6: TRY(slot, both(reading, evaluable(slot)), call_rates(c, null ? NULL : values, size)); break;
     case 7: TRY(slot, reading, CALL(GetNominalsOfContinuousStates)(c, null ? NULL : values, size)); break;
-    case 8: TRY(slot, both(in(slot, CONTINUOUS) ? LEGAL : ILLEGAL, fits && finite),
+    case 8: TRY(slot, both(in(slot, CONTINUOUS) ? LEGAL : ILLEGAL, fits && finite && directed(values)),
                 CALL(SetContinuousStates)(c, null ? NULL : values, size)); break;
     default: TRY(slot, readable && !size ? LEGAL : ILLEGAL, CALL(GetEventIndicators)(c, values, size));
     }
@@ -339,7 +354,8 @@ static void derivatives(Slot *slot)
     n_seed = told(n_seed, &fit);
     double *seed = numbers(n_seed, &finite, 0.1), *result = numbers(n_result, &finite, 1.0);
     const bool null = one_in(20) && n_seed;
-    const Verdict verdict = both(early ? OPEN : in(slot, RUN_MODES | TERMINATED) ? LEGAL : ILLEGAL, fit && !null);
+    const Verdict verdict = both(early ? OPEN : in(slot, RUN_MODES | TERMINATED) ? LEGAL : ILLEGAL,
+                                 fit && !null && evaluable(slot));
     TRY(slot, verdict, call_derivative(slot->instance, unknowns, count, knowns, n_knowns, null ? NULL : seed, n_seed, result,
                                        n_result));
 #if ARRAYS
@@ -363,7 +379,7 @@ static void output_derivatives(Slot *slot)
     }
     double *values = numbers(length, &finite, 1.0);
     const bool null = one_in(20) && count;
-    TRY(slot, both(in(slot, STEPPING | TERMINATED) ? LEGAL : ILLEGAL, fit && first && !null),
+    TRY(slot, both(in(slot, STEPPING | TERMINATED) ? LEGAL : ILLEGAL, fit && first && !null && evaluable(slot)),
         call_output_derivatives(slot->instance, references, count, null ? NULL : orders, values, length));
     free(values);
 }
