@@ -14,8 +14,10 @@ from baryscope.fmu.check.description import interfaces, read_description
 from baryscope.fmu.check.finding import Finding, error
 from baryscope.fmu.check.instance import RefusedError
 from baryscope.fmu.check.ours import is_ours, model_findings
+from baryscope.fmu.check.ramps import ramp_findings
 
 ALL_PROBES = PROBES | {
+    "derivatives of inputs": ramp_findings,
     "dependencies at the start": start_dependency_findings,
     "dependencies in a run": run_dependency_findings,
     "agreement with the model": model_findings,

@@ -147,12 +147,11 @@ def duration(description: Any) -> float:
 
 
 def step_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
-    """Steps of unequal length, interpolated inputs and output derivatives, where they are declared."""
+    """Steps of unequal length and output derivatives, where they are declared."""
     if name != "CoSimulation":
         return
     flags, h = description.coSimulation, duration(description)
     outputs = [v for v in description.modelVariables if v.causality == "output" and is_float(v)]
-    inputs = [v for v in continuous_inputs(description) if is_float(v)]
     with Instance(folder, description, name) as instance:
         instance.initialise()
         instance.run()
@@ -164,10 +163,6 @@ def step_findings(folder: Path, description: Any, name: str) -> Iterator[Finding
             yield from _callable(f"{name}/maxOutputDerivativeOrder", instance.output_derivatives, outputs, each)
         if order and outputs:
             yield from _rate_findings(instance, outputs, h)
-        if flags.canInterpolateInputs and inputs and instance.fmi2:
-            references = [variable.valueReference for variable in inputs]
-            arguments = references, [1] * len(references), [0.0] * len(references)
-            yield from _callable(f"{name}/canInterpolateInputs", instance.call, "setRealInputDerivatives", *arguments)
 
 
 def _unequal_steps(instance: Instance, h: float) -> None:

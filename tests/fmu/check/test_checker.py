@@ -9,6 +9,10 @@ from fmpy.validation import validate_fmu
 from baryscope.fmu.check.checker import check_unit
 from baryscope.fmu.check.finding import Severity
 from baryscope.fmu.check.units import exponents_of_name
+from baryscope.fmu.generate.build import describe_unit
+from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
+from baryscope.fmu.generate.sources import MAIN, interface_headers
+from baryscope.fmu.layout.platforms import host_platform
 from baryscope.models.errors import InputError
 from baryscope.models.variables import UNITS
 from baryscope.scripts.cli.app import main
@@ -52,6 +56,37 @@ def test_declarations_that_cannot_be_checked_are_reported(small_fmu3, tmp_path):
     assert [str(f) for f in check_unit(unit)] == [
         "warning: CoSimulation/hasEventMode: is declared, and cannot be checked here"
     ]
+
+
+RATE = b"unit_set_rate(&instance->core.unit, VARIABLES[selection.references[i]].offset - AT_INPUTS, values[i]);"
+NOT_FOLLOWED = r"with derivative 1 found .* after a step, expected .* \(canInterpolateInputs is declared\)"
+
+
+@pytest.mark.parametrize(
+    "source, words, count",
+    [
+        (
+            b'return refuse(instance, "%s: inputs are held", function);',
+            "canInterpolateInputs: is declared, but .* held",
+            1,
+        ),
+        (RATE.replace(b"values[i]", b"-values[i]"), NOT_FOLLOWED, 6),
+        (b"if (selection.references[i] < 3) " + RATE, NOT_FOLLOWED, 3),
+    ],
+    ids=["refused", "turned over", "of the torque ignored"],
+)
+def test_a_library_that_does_not_follow_derivatives_of_inputs_is_caught(
+    small, small_fmu, tmp_path, source, words, count
+):
+    _, sources = describe_unit(small, 2)
+    assert sources["values.c"].count(RATE) == 1
+    sources |= {"values.c": sources["values.c"].replace(RATE, source)} | interface_headers(2)
+    job = Job(sources, MAIN, "TumblingTarget.so", host_platform(), tuple(find_compiler()))
+    [library] = compile_all([job]).values()
+    unit = rewritten(small_fmu, tmp_path / "m.fmu", lambda name, c: library if name.startswith("binaries/") else c)
+    found = errors_of(unit)
+    assert len(found) == count
+    assert all(re.search(words, line) for line in found), found
 
 
 def test_a_fixed_parameter_may_be_a_known_of_a_run_in_fmi_3_only(small_fmu, small_fmu3, tmp_path):
