@@ -9,7 +9,7 @@ Its derivative by the logarithm of an unknown's variance is 1 − Pᵢ (Mᵢᵢ 
 mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bounds, that is, log-uniform in the density.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,10 +200,10 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
         total += _positive(grown, np.diag(covariance))
-    if np.any(prior.scatter):
+    if prior.scatter is not None:
         untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
-        wider = replace(prior, offset=prior.offset + prior.scatter * untold)
-        total += _positive(conditional(linear, wider, theta)[1] - covariance, np.diag(covariance))
+        wider = conditional(linear, prior.scattered(untold), theta)[1]
+        total += _positive(wider - covariance, np.diag(covariance))
     return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
 
 

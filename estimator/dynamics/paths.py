@@ -22,7 +22,7 @@ FIXED = "fixed"
 DECAY = "decay"
 LEAST_DECAY = 1e-8
 POWERS = (-6.0, 2.0)  # of a coefficient's number, in its variance
-SCATTER = 2.0  # of the logarithm of a coefficient's variance that the tracks do not tell: the law is but a trend
+SCATTER = 2.0  # of the logarithm of the variances from a coefficient on that the tracks do not tell: the law is a trend
 
 
 class Path(Protocol):
@@ -214,7 +214,9 @@ class Smooth(Polynomial):
     Those of a function that is analytic around the time span do (Trefethen, Approximation Theory and Approximation
     Practice, theorem 8.1), but for a power of j that depends on its nearest singularity. The prior variance of
     coefficient j ≥ 1 is that of the first times decay^(j − 1) j^power; all three are hyperparameters. It takes the
-    place of the choice of a degree, with its uncertainty.
+    place of the choice of a degree, with its uncertainty. A singularity that is near but weak, as that of a passage of
+    the periapsis, shows in high coefficients only: each one that the tracks do not tell may break the law, for all that
+    follow.
     """
 
     @property
@@ -232,7 +234,8 @@ class Smooth(Polynomial):
             Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
             Hyperparameter("power", *POWERS),
         )
-        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters, SCATTER))
+        scatter = np.asarray(SCATTER * np.kron(np.tri(self.degree), np.eye(3)), dtype=np.float64)
+        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters, scatter))
 
     def omitted_variance(self, theta: FloatArray) -> float:
         """The mean variance of a coordinate, m², due to degrees beyond the highest, for the prior's parameters (3,)."""

@@ -10,6 +10,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MOST = 600.0  # logarithm of a precision, which does not overflow in products with lengths
+MOST_SCATTER = 6.0  # of the logarithm of a variance
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,14 @@ class Hyperparameter:
 class Prior:
     """Independent unknowns x (p,) with mean zero and variances exp(offset + slopes θ), θ (h,) the hyperparameters.
 
-    offset (p,): infinite for an unknown without a prior; slopes (p, h); scatter: how far the logarithms of the
-    variances may lie above that law, where the observations do not tell.
+    offset (p,): infinite for an unknown without a prior; slopes (p, h). scatter (p, p), None if there is none: how far
+    the logarithms of the variances may lie above that law, for each unknown that the observations do not tell.
     """
 
     offset: FloatArray
     slopes: FloatArray
     hyperparameters: tuple[Hyperparameter, ...] = ()
-    scatter: FloatArray | float = 0.0
+    scatter: FloatArray | None = None
 
     @classmethod
     def none(cls, size: int) -> "Prior":
@@ -60,6 +61,12 @@ class Prior:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
         return np.asarray(np.exp(np.minimum(-(self.offset + self.slopes @ theta), MOST)))
 
+    def scattered(self, untold: FloatArray) -> "Prior":
+        """The prior with its scatter, for the shares (p,) of the variances that the observations do not tell."""
+        if self.scatter is None:
+            return self
+        return replace(self, offset=self.offset + np.minimum(self.scatter @ untold, MOST_SCATTER))
+
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
         rate = np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
@@ -68,12 +75,16 @@ class Prior:
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""
-        scatters = [np.broadcast_to(one.scatter, one.offset.shape) for one in (self, other)]
+        sizes = (len(self.offset), len(other.offset))
+        scatters = [
+            np.zeros((size, size)) if one.scatter is None else one.scatter
+            for one, size in zip((self, other), sizes, strict=True)
+        ]
         return Prior(
             np.concatenate([self.offset, other.offset]),
             block_diag(self.slopes, other.slopes),
             self.hyperparameters + other.hyperparameters,
-            np.concatenate(scatters),
+            None if self.scatter is None and other.scatter is None else block_diag(*scatters),
         )
 
     def index(self, name: str) -> int | None:

@@ -133,6 +133,6 @@ def test_scatter_widens_what_the_observations_do_not_tell():
     linear = Linear(H.T @ H, H.T @ (H @ rng.normal(size=12) + rng.normal(size=60)), np.zeros(12))
     theta = maximise(linear, law)
     plain = np.diag(posterior(linear, law, theta).covariance)
-    wider = np.diag(posterior(linear, replace(law, scatter=1.5), theta).covariance)
+    wider = np.diag(posterior(linear, replace(law, scatter=1.5 * np.eye(12)), theta).covariance)
     assert wider[:10] == pytest.approx(plain[:10], rel=0.1)
     assert wider[10:] - plain[10:] == pytest.approx(np.exp(theta[0]) * np.expm1(1.5) * np.ones(2), rel=0.01)

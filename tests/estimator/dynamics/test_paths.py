@@ -5,6 +5,7 @@ import pytest
 from numpy.polynomial import Chebyshev
 
 from baryscope.estimator.dynamics.paths import Polynomial, Smooth
+from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
 from baryscope.models.errors import InputError
@@ -101,3 +102,22 @@ def test_impossible_trajectories_are_refused():
         trajectory_of("polynomial:21", None)
     with pytest.raises(InputError, match="needs the target's orbit; expected an orbit"):
         trajectory_of("relative-orbit", None)
+
+
+def test_a_coefficient_that_is_not_told_loosens_the_law_for_all_higher_ones():
+    """By e² each, up to e⁶, in its own coordinate."""
+    prior = Smooth(6, 0.0, 1.0).prior
+    untold = np.zeros((7, 3))
+    untold[3:, 0] = 1.0
+    untold[6, 1] = 0.5
+    wider = (prior.scattered(untold.ravel()).offset[3:] - prior.offset[3:]).reshape(6, 3)
+    np.testing.assert_allclose(wider[:, 0], [0, 0, 2, 4, 6, 6])
+    np.testing.assert_allclose(wider[:, 1], [0, 0, 0, 0, 0, 1])
+    assert not wider[:, 2].any()
+
+
+def test_only_a_smooth_path_has_a_scattered_law():
+    noise = Prior.known(np.ones(2))
+    both = Smooth(2, 0.0, 1.0).prior.joined(noise).scattered(np.ones(11))
+    np.testing.assert_allclose(both.offset[3:], [2, 2, 2, 4, 4, 4, 0, 0])
+    assert noise.scattered(np.ones(2)) is noise
