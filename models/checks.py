@@ -249,7 +249,7 @@ def state_checks(attitude: Symbol, place: Symbol) -> tuple[Check, ...]:
         return Check(name, name, expected, quantity, found, margin)
 
     length = ca.norm_2(attitude)
-    expected = "a quaternion with a direction (length between 1e-50 and 1e50)"
+    expected = f"a quaternion with a direction (length between {DIRECTED:g} and {1 / DIRECTED:g})"
     turning = check("state.attitude", expected, "length", length, ca.fmin(length - DIRECTED, 1 / DIRECTED - length))
     if place.numel() == 1:
         return (turning,)

@@ -38,7 +38,7 @@ static void unit_set_rate(Unit *unit, int index, double rate)
 
 /* ---- the equations ---- */
 
-/* The inputs at a time of the integrators; `changing` is room for them. */
+/* The inputs at a time of the integrators; `changing` is where they are written if they change. */
 static inline const double *inputs_at(const Unit *unit, double time, double changing[N_INPUTS])
 {
     if (!unit->ramping) return unit->values + AT_INPUTS;
@@ -84,7 +84,7 @@ static void free_attitude_products(const void *unit, const double *products, dou
     target_free_attitude_products(arguments, results, NULL, NULL, 0);
 }
 
-/* Without gravity gradient and eddy currents, the torque input is the only external torque, constant over a step. */
+/* Without gravity gradient and eddy currents, the torque input is the only external torque. */
 static bool attitude_is_free(const Unit *unit) { return !ALWAYS_TURNED && unit->values[AT_GRAVITY_GRADIENT] == 0.0; }
 
 static void update_rates(Unit *unit)
@@ -363,10 +363,7 @@ static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE])
     }
     unit->integrators_stale = false;
     unit->time = time;
-    if (unit->ramping) {
-        double *inputs = unit->values + AT_INPUTS;
-        for (int i = 0; i < N_INPUTS; i++) inputs[i] = unit->first_inputs[i] + unit->input_rates[i] * (time - unit->started);
-    }
+    inputs_at(unit, time - unit->started, unit->values + AT_INPUTS);
     unit->outputs_current = unit->rates_current = false;
     return true;
 }

@@ -44,25 +44,25 @@ typedef struct {
     double values[N_VALUES];
     double constants[N_CONSTANTS];
     double series_constants[N_SERIES_CONSTANTS];
-    double series_torque[3];     /* the torque input in the axes of the attitude's series, N m */
+    double series_torque[3];       /* the torque input in the axes of the attitude's series, N m */
     double input_rates[N_INPUTS];  /* time derivatives of the inputs, which go on until they are set again, 1/s */
     double first_inputs[N_INPUTS]; /* at time 0 of the integrators */
     double series_torque_rate[3];  /* N m/s */
     double attitude_ramp[WIDTH];   /* the time derivative of the attitude's rates by that of the torque */
-    double weights[N_WEIGHTS];   /* of the products in the rates of the free attitude */
-    double scale[N_STATES];      /* nominal sizes of the states */
+    double weights[N_WEIGHTS];     /* of the products in the rates of the free attitude */
+    double scale[N_STATES];        /* nominal sizes of the states */
     Integrator attitude, orbit;
-    double time;                 /* s */
-    double started;              /* time 0 of the integrators, s */
-    double tolerance;            /* the smaller of the parameter's and the importer's */
-    double experiment_tolerance; /* 0 for none */
-    bool initialised;            /* constants, state and integrators belong to the parameters */
-    bool outputs_current;        /* outputs belong to the state */
-    bool rates_current;          /* derivatives belong to the state and the inputs */
-    bool states_unchecked;       /* some were set one by one: the equations may have no value */
-    bool integrators_stale;      /* state or inputs were set since the last step */
-    bool ramping;                /* some input has a rate */
-    bool inputs_changing;        /* they were set right before this step, and may be again after it */
+    double time;                   /* s */
+    double started;                /* time 0 of the integrators, s */
+    double tolerance;              /* the smaller of the parameter's and the importer's */
+    double experiment_tolerance;   /* 0 for none */
+    bool initialised;              /* constants, state and integrators belong to the parameters */
+    bool outputs_current;          /* outputs belong to the state */
+    bool rates_current;            /* derivatives belong to the state and the inputs */
+    bool states_unchecked;         /* some were set one by one: the equations may have no value */
+    bool integrators_stale;        /* state or inputs were set since the last step */
+    bool ramping;                  /* some input has a rate */
+    bool inputs_changing;          /* they were set right before this step, and may be again after it */
 } Unit;
 
 /* Back to the start values of the table. */
@@ -89,7 +89,8 @@ static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE]);
 /* Set the time derivative of an input. */
 static void unit_set_rate(Unit *unit, int index, double rate);
 
-/* Advance to `time` with the inputs held, or changing at their rates. On failure the unit is unchanged and `message` holds the reason. */
+/* Advance to `time` with the inputs held, or changing at their rates. On failure the unit is unchanged and `message` holds the
+   reason. */
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
 /* Image of a seed under the Jacobian of (outputs, states, derivatives) by (inputs, parameters) at the start, or of
