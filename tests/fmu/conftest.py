@@ -1,9 +1,11 @@
 import pytest
+from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 
 import forces
 from baryscope.fmu import build_fmu
 from baryscope.models.scenario import load_scenario, preset_names
+from importer import Importer
 from importer3 import Importer3
 
 
@@ -40,6 +42,18 @@ def small_fmu(small, tmp_path_factory):
 def small_fmu3(small, tmp_path_factory):
     """The same unit for FMI 3, with arrays."""
     return build_fmu(small, tmp_path_factory.mktemp("small") / "small3.fmu", fmi=3)
+
+
+class Model(Importer):
+    kind = FMU2Model
+
+
+@pytest.fixture
+def model(envisat_fmu, tmp_path):
+    """A Model Exchange instance by FMI 2."""
+    model = Model(envisat_fmu, tmp_path / "model")
+    yield model
+    model.fmu.freeInstance()
 
 
 class Model3(Importer3):

@@ -11,7 +11,6 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Model
 from scipy.integrate import solve_ivp
 
 import oracles
@@ -264,17 +263,6 @@ def test_impossible_tuning_is_refused_and_undone(importer):
 
 
 # ---- Model Exchange ----
-
-
-class Model(Importer):
-    kind = FMU2Model
-
-
-@pytest.fixture
-def model(envisat_fmu, tmp_path):
-    model = Model(envisat_fmu, tmp_path / "model")
-    yield model
-    model.fmu.freeInstance()
 
 
 def array(values):

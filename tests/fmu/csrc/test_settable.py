@@ -2,20 +2,6 @@
 
 import numpy as np
 import pytest
-from fmpy.fmi2 import FMU2Model
-
-from importer import Importer
-
-
-class Model(Importer):
-    kind = FMU2Model
-
-
-@pytest.fixture
-def model(envisat_fmu, tmp_path):
-    model = Model(envisat_fmu, tmp_path / "model")
-    yield model
-    model.fmu.freeInstance()
 
 
 def test_parameters_can_be_set_to_what_they_are_in_every_state(model):

@@ -4,20 +4,8 @@ import ctypes
 
 import numpy as np
 import pytest
-from fmpy.fmi2 import FMU2Model
 
 from importer import Importer
-
-
-class Model(Importer):
-    kind = FMU2Model
-
-
-@pytest.fixture
-def model(envisat_fmu, tmp_path):
-    model = Model(envisat_fmu, tmp_path / "model")
-    yield model
-    model.fmu.freeInstance()
 
 
 @pytest.mark.parametrize(
