@@ -187,6 +187,8 @@ static double *numbers(size_t count, bool *finite, double share)
     return values;
 }
 
+#include "fuzz_values.h"
+
 #include "fuzz_operations.h"
 
 int main(int argc, char **argv)
