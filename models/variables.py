@@ -215,6 +215,19 @@ _ORBIT_OUTPUTS = (
     ),
     Variable("orbit.velocity", Kind.OUTPUT, "m/s", "Velocity of the target's CoM, inertial axes", (3,), display="km/s"),
 )  # fmt: skip
+
+
+def _area_parameters(name: str, coefficient: str) -> tuple[Variable, ...]:
+    """What target and chaser show to the air or the light, by their mass."""
+    return tuple(
+        Variable(
+            f"{body}.{name}", Kind.PARAMETER, "m2/kg", f"{body.title()}'s {coefficient} times area over mass",
+            limits=NOT_NEGATIVE,
+        )
+        for body in ("target", "chaser")
+    )  # fmt: skip
+
+
 FORCE_PARAMETERS = {
     Force.J2: (
         Variable("orbit.j2", Kind.PARAMETER, "1", "Second zonal coefficient of the central body, pole along z"),
@@ -237,13 +250,7 @@ FORCE_PARAMETERS = {
             display="km", limits=NOT_NEGATIVE,
         ),
         Variable("atmosphere.rotationRate", Kind.PARAMETER, "rad/s", "Rotation of the air about the inertial z axis"),
-        *(
-            Variable(
-                f"{name}.drag", Kind.PARAMETER, "m2/kg", f"{name.title()}'s drag coefficient times area over mass",
-                limits=NOT_NEGATIVE,
-            )
-            for name in ("target", "chaser")
-        ),
+        *_area_parameters("drag", "drag coefficient"),
     ),
     Force.LIGHT: (
         Variable("sun.direction", Kind.PARAMETER, "1", "Unit vector towards the Sun, inertial axes", (3,)),
@@ -255,14 +262,7 @@ FORCE_PARAMETERS = {
             "sun.shadowRadius", Kind.PARAMETER, "m", "Radius of the sphere that casts the shadow",
             display="km", limits=NOT_NEGATIVE,
         ),
-        *(
-            Variable(
-                f"{name}.light", Kind.PARAMETER, "m2/kg",
-                f"{name.title()}'s radiation coefficient times area over mass",
-                limits=NOT_NEGATIVE,
-            )
-            for name in ("target", "chaser")
-        ),
+        *_area_parameters("light", "radiation coefficient"),
     ),
     Force.EDDY_CURRENTS: (
         *(
