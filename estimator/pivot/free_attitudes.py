@@ -109,10 +109,7 @@ class Linearised:
             moved.append(body.moved(inverse @ points_rhs - by_path @ change))
         unknowns = np.concatenate([self.x + change, *(body.points.ravel() for body in moved)])
         if not np.abs(unknowns).max() <= MAX_LENGTH:
-            raise ComputationError(
-                "the least squares of path and points diverge: the features do not move as rigid bodies or hardly turn",
-                Reason.DIVERGED,
-            )
+            raise diverged()
         alone = Solution(
             bodies=tuple(moved),
             x=self.x + change,
@@ -127,6 +124,14 @@ class Linearised:
             step=decrease,
         )
         return alone.with_covariance(covariance, self.bodies)
+
+
+def diverged() -> ComputationError:
+    """The error of a solution that is beyond MAX_LENGTH, or as uncertain."""
+    return ComputationError(
+        "the least squares of path and points diverge: the features do not move as rigid bodies or hardly turn",
+        Reason.DIVERGED,
+    )
 
 
 def gauss_newton_step(

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import (
+    REJECTED,
     attitude_series,
     cluster_of,
     covered_by,
@@ -29,9 +30,10 @@ from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
-from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, trajectory_of
+from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
+from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
@@ -70,6 +72,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
+SELF_CHECKING = 5  # features of a frame: without any one of them, four still show whether they fit
 WRONG_SIGMA = 0.25  # relative error of an a priori deviation that is named; outliers alone make up a tenth
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
@@ -93,6 +96,8 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     if errors is not None and errors.scale is not None:
         offsets = _of_true_size(found, errors_in(found.path).start + errors.scale, of_x, offsets)
     covariance = path.covariance(of_x)
+    if not np.abs(covariance).max() <= MAX_LENGTH**2:
+        raise diverged()
     clusters = tuple(
         cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
     )
@@ -245,9 +250,15 @@ def _findings(found: Pivot, noise: float, sigma: float | None, tracks: FeatureTr
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
-    if frames < unknowns:
+    if frames < unknowns and not _frames_check_themselves(found):
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
+
+
+def _frames_check_themselves(found: Pivot) -> bool:
+    """Whether half of the frames show enough features to tell a displaced one, and the path has no model to misfit."""
+    features = (found.observations.weight >= REJECTED).sum(axis=1)
+    return smooth_in(found.path) is not None and bool(np.median(features[features >= 3]) >= SELF_CHECKING)
 
 
 def _is_wrong(sigma: float, shown: float, found: Pivot) -> bool:

@@ -151,6 +151,16 @@ def test_fewer_frames_than_unknowns_check_nothing(tumbling, count, checked):
     assert found.status is (Status.GOOD if checked else Status.NOT_CHECKED)
 
 
+@pytest.mark.parametrize(("features", "checked"), [(4, False), (10, True)])
+def test_frames_of_many_features_check_themselves(features, checked):
+    """Six frames for a smooth path and an offset: outliers in frames of five features and more are seen."""
+    spin = Rotation.from_rotvec(np.outer(0.5 * np.arange(6), [0.6, 0, 0.8])).as_matrix()
+    case = make_case(np.arange(6.0), spin, at_rest(np.arange(6.0)), TEN[:features], noise=0.02)
+    found = estimate(case.tracks, method="pivot")
+    few = [one for one in found.findings if isinstance(one, FewFrames)]
+    assert [one.frames for one in few] == ([] if checked else [6])
+
+
 def test_unknowns_that_only_a_prior_holds_are_not_counted():
     """A body at rest: three unknowns are told, whatever the law of the other 96 coefficients and noises may be."""
     spin = Rotation.from_rotvec(np.outer(0.06 * np.arange(100), [0.6, 0, 0.8])).as_matrix()
