@@ -137,7 +137,7 @@ def _judged(label: str, scenario: Scenario, flight: Flight, wall: dict[str, floa
         "max_error": _finite(distance.max()),
         "predicted_rmse": _finite(result.predicted_rmse),
         "nees": None if result.covariance is None else _nees(error, result.covariance),
-        "converged": None if result.covariance is None else result.status.trustworthy,
+        "trustworthy": None if result.covariance is None else result.status.trustworthy,
         "rejected_share": result.rejected_share,
     }
     if judged["rmse"] is None:

@@ -47,7 +47,8 @@ def write_summary(summary: CampaignSummary, path: Path) -> None:
     lines += [
         *LEGEND,
         summary.about_nees(),
-        "failed: how many draws gave no result, + how many did not converge. time is the median, with one thread.",
+        "failed: how many draws gave no result, + how many were announced as not to be trusted.",
+        "time is the median, with one thread.",
         "",
         *_remark_lines(summary.remarks),
     ]
@@ -57,7 +58,7 @@ def write_summary(summary: CampaignSummary, path: Path) -> None:
 
 def _remark_lines(found: list[Remark]) -> list[str]:
     if not found:
-        return ["No single draw failed, did not converge or is off by more than chance allows."]
+        return ["No single draw failed, was announced or is off by more than chance allows."]
     more = [f"- and {len(found) - MOST_REMARKS} more"] if len(found) > MOST_REMARKS else []
     return [
         "## Draws to look at",

@@ -29,13 +29,13 @@ class Row:
     rmse: of the path over all frames and draws, m; predicted_rmse: the same as the method's covariances predict it;
     ratio: RMSE/CRB, the RMSE over the Cramér–Rao bound, with its standard error; target: what the ratio is to be at
     most; nees: mean at the first, middle and last frame; body_nees: of the CoM in the features' axes; draws, and of
-    these failed and not converged; time: median, s.
+    these failed and announced as not to be trusted; time: median, s.
     """
 
     method: str
     draws: int
     failed: int
-    not_converged: int
+    announced: int
     rmse: float | None
     predicted_rmse: float | None
     ratio: float | None
@@ -82,7 +82,7 @@ def nees_band(draws: int) -> tuple[float, float]:
 
 
 def remarks(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[Remark]:
-    """Draws that failed, did not converge, or are off by more than chance allows; of methods that have covariances."""
+    """Draws that failed, were announced, or are off by more than chance allows; of methods that have covariances."""
     found = []
     for run in (runs[key] for key in sorted(runs)):
         name, case = run["scenario"], run["case"]
@@ -102,7 +102,7 @@ def _about(outcome: dict[str, Any], bound: float | None) -> str:
         return f"failed: {outcome['failure']}"
     if outcome["predicted_rmse"] is None:
         return ""
-    notes = [] if outcome["converged"] in (True, None) else ["did not converge"]
+    notes = [] if outcome["trustworthy"] in (True, None) else ["was announced"]
     if bound and outcome["rmse"] > LARGE_RATIO * bound:
         notes.append(f"{outcome['rmse'] / bound:.1f} × CRB")
     nees = [value for value in outcome["nees"] or () if value is not None]
@@ -134,7 +134,7 @@ def _row(method: str, runs: Sequence[Run], target: float | None) -> Row:
         method=method,
         draws=len(runs),
         failed=len(runs) - len(good),
-        not_converged=sum(one["converged"] is False for one in outcomes),
+        announced=sum(one["trustworthy"] is False for one in outcomes),
         rmse=_root_mean_square([one["rmse"] for one in outcomes]),
         predicted_rmse=_root_mean_square(
             [one["predicted_rmse"] for one in outcomes if one["predicted_rmse"] is not None]

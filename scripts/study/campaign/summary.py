@@ -36,7 +36,7 @@ class CampaignSummary:
 
     @cached_property
     def remarks(self) -> list[Remark]:
-        """Draws that failed, did not converge, or are off by more than chance allows."""
+        """Draws that failed, were announced, or are off by more than chance allows."""
         return remarks(self.plan, self.runs)
 
     @property
@@ -107,7 +107,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         _number(row.ratio_error),
         "" if row.target is None else f"{row.target:g} {'ok' if row.reached else 'no'}",
         *(_nees(value, row.draws - row.failed) for value in (*row.nees, row.body_nees)),
-        f"{row.failed}+{row.not_converged}" if row.not_converged else str(row.failed),
+        f"{row.failed}+{row.announced}" if row.announced else str(row.failed),
         "-" if row.time is None else f"{row.time:.2f}",
     )
 

@@ -74,7 +74,7 @@ def test_draws_on_which_the_peer_took_a_poor_inertia_for_path_noise(scenario, nu
     build_fmu(drawn(case), tmp_path / "unit.fmu")
     run = run_one(case)
     assert run["methods"]["ekf"]["rmse"] < 3 * run["bound"]["path_rmse"]
-    assert run["methods"]["ekf"]["converged"]
+    assert run["methods"]["ekf"]["trustworthy"]
 
 
 def test_a_method_that_fails_is_a_value(plan, unit, monkeypatch):

@@ -27,11 +27,11 @@ def synthetic(folder, plan, errors):
     lines = []
     for number, error in enumerate(errors):
         path = 0.001 * (number + 1)
-        good = {"rmse": error, "max_error": 0.1, "predicted_rmse": 0.002, "converged": number != 2}
+        good = {"rmse": error, "max_error": 0.1, "predicted_rmse": 0.002, "trustworthy": number != 2}
         nees = {"nees": [number + 1.0, 2 * number + 2.0, 3 * number + 3.0], "body_error": 0.1, "body_nees": 4.0}
         lossy = {"path_rmse": 2 * path, "path_rmse_clean": path, "verdict": "observable: ±1 m"}
         pivot = {"failure": "too little turns"} if error is None else good | nees
-        gpa = good | {"rmse": 1.0, "predicted_rmse": None, "nees": None, "converged": None}
+        gpa = good | {"rmse": 1.0, "predicted_rmse": None, "nees": None, "trustworthy": None}
         methods = {"screw-gpa": gpa, "screw-gpa-lvlh": gpa, "pivot": pivot}
         wall = {"flight": 0.1, "bound": 0.1, **dict.fromkeys(methods, number + 1.0)}
         lines.append({"scenario": "small", "case": number, "bound": lossy, "methods": methods, "wall": wall})
@@ -55,10 +55,10 @@ def test_the_rows_are_those_of_a_calculation_by_hand(targeted, tmp_path):
     assert pivot.ratio_error == pytest.approx(deviation / np.sqrt(3) / (14 / 3) / (2 * np.sqrt(29 / 14)))
     assert pivot.nees == pytest.approx((2, 4, 6))
     assert pivot.body_nees == pytest.approx(4)
-    assert (pivot.draws, pivot.failed, pivot.not_converged, pivot.time) == (4, 1, 1, 2.0)
+    assert (pivot.draws, pivot.failed, pivot.announced, pivot.time) == (4, 1, 1, 2.0)
     assert (pivot.target, pivot.reached) == (1.25, False)
     assert gpa.ratio == pytest.approx(np.sqrt(4 / 30e-6))
-    assert (gpa.predicted_rmse, gpa.nees, gpa.reached, gpa.not_converged) == (None, (None, None, None), None, 0)
+    assert (gpa.predicted_rmse, gpa.nees, gpa.reached, gpa.announced) == (None, (None, None, None), None, 0)
     assert bound_of(targeted.entries[0], runs) == pytest.approx((np.sqrt(30 / 4) * 1e-3, np.sqrt(30) * 1e-3))
 
 
@@ -87,7 +87,7 @@ def test_draws_to_look_at_are_named(plan, tmp_path):
     found = [(one.case, one.method, one.text) for one in remarks(plan, runs)]
     assert found == [
         (1, "pivot", "5.0 × CRB"),
-        (2, "pivot", "did not converge"),
+        (2, "pivot", "was announced"),
         (3, "pivot", "failed: too little turns"),
     ]
 
