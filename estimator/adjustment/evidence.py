@@ -200,7 +200,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
         total += _positive(grown, np.diag(covariance))
-    if prior.scatter is not None:
+    if np.any(prior.scatter):
         untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
         wider = conditional(linear, prior.scattered(untold), theta)[1]
         total += _positive(wider - covariance, np.diag(covariance))

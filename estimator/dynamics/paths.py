@@ -234,8 +234,7 @@ class Smooth(Polynomial):
             Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
             Hyperparameter("power", *POWERS),
         )
-        scatter = np.asarray(SCATTER * np.kron(np.tri(self.degree), np.eye(3)), dtype=np.float64)
-        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters, scatter))
+        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters, SCATTER))
 
     def omitted_variance(self, theta: FloatArray) -> float:
         """The mean variance of a coordinate, m², due to degrees beyond the highest, for the prior's parameters (3,)."""

@@ -33,14 +33,15 @@ class Hyperparameter:
 class Prior:
     """Independent unknowns x (p,) with mean zero and variances exp(offset + slopes θ), θ (h,) the hyperparameters.
 
-    offset (p,): infinite for an unknown without a prior; slopes (p, h). scatter (p, p), None if there is none: how far
-    the logarithms of the variances may lie above that law, for each unknown that the observations do not tell.
+    offset (p,): infinite for an unknown without a prior; slopes (p, h). scatter (p,): how far the logarithms of the
+    variances may lie above that law from an unknown on that the observations do not tell; other than zero only for the
+    three coordinates of one coefficient after the other.
     """
 
     offset: FloatArray
     slopes: FloatArray
     hyperparameters: tuple[Hyperparameter, ...] = ()
-    scatter: FloatArray | None = None
+    scatter: FloatArray | float = 0.0
 
     @classmethod
     def none(cls, size: int) -> "Prior":
@@ -63,9 +64,12 @@ class Prior:
 
     def scattered(self, untold: FloatArray) -> "Prior":
         """The prior with its scatter, for the shares (p,) of the variances that the observations do not tell."""
-        if self.scatter is None:
+        if not np.any(self.scatter):
             return self
-        return replace(self, offset=self.offset + np.minimum(self.scatter @ untold, MOST_SCATTER))
+        above = self.scatter * untold
+        own = np.broadcast_to(self.scatter, above.shape) > 0
+        above[own] = np.minimum(above[own].reshape(-1, 3).cumsum(axis=0), MOST_SCATTER).ravel()
+        return replace(self, offset=self.offset + above)
 
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
@@ -75,16 +79,12 @@ class Prior:
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""
-        sizes = (len(self.offset), len(other.offset))
-        scatters = [
-            np.zeros((size, size)) if one.scatter is None else one.scatter
-            for one, size in zip((self, other), sizes, strict=True)
-        ]
+        scatters = [np.broadcast_to(one.scatter, one.offset.shape) for one in (self, other)]
         return Prior(
             np.concatenate([self.offset, other.offset]),
             block_diag(self.slopes, other.slopes),
             self.hyperparameters + other.hyperparameters,
-            None if self.scatter is None and other.scatter is None else block_diag(*scatters),
+            np.concatenate(scatters),
         )
 
     def index(self, name: str) -> int | None:
