@@ -50,8 +50,7 @@ def implausible_columns(
     """
     lengths, radii = np.transpose([_distance_and_radius(points) for points in bodies])
     far = lengths > IMPLAUSIBLE_RADII * radii
-    columns = np.diag(np.repeat(lengths, 3))[:, np.repeat(far, 3)]
-    return columns, crossed.T @ np.linalg.pinv(offset, hermitian=True) @ columns
+    return _with_others(np.diag(np.repeat(lengths, 3))[:, np.repeat(far, 3)], offset, crossed)
 
 
 def spurious_information_columns(
@@ -75,7 +74,11 @@ def spurious_information_columns(
     directions = root @ along  # of one standard deviation each
     length = np.sqrt((directions.reshape(-1, 3, directions.shape[1]) ** 2).sum(axis=1).max(axis=0))
     remaining = np.maximum(1 - share, np.minimum(length * np.sqrt(least), 1.0))
-    columns = directions * np.sqrt(np.maximum(remaining**-2.0 - 1, 0.0))
+    return _with_others(directions * np.sqrt(np.maximum(remaining**-2.0 - 1, 0.0)), offset, crossed)
+
+
+def _with_others(columns: FloatArray, offset: FloatArray, crossed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Columns (3 k, d) of the offsets, and what the other unknowns (p, d) do with them, by their joint covariance."""
     return columns, crossed.T @ np.linalg.pinv(offset, hermitian=True) @ columns
 
 
