@@ -89,7 +89,11 @@ def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
 
 
 def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin: float) -> Estimate:
-    """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter."""
+    """The estimate for a solution from these tracks; begin: when the work on it began, s of the performance counter.
+
+    Raises:
+        ComputationError: the covariance is that of a solution that has diverged.
+    """
     errors, x = errors_of(tracks), found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
     of_x, offsets = without_spurious_information(found)
@@ -250,15 +254,11 @@ def _findings(found: Pivot, noise: float, sigma: float | None, tracks: FeatureTr
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
-    if frames < unknowns and not _frames_check_themselves(found):
+    checked = np.count_nonzero((found.observations.weight >= REJECTED).sum(axis=1) >= SELF_CHECKING)
+    # A smooth path has no misfit but that of its law, which the covariance has.
+    if frames < unknowns and (smooth_in(found.path) is None or 2 * checked < frames):
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
-
-
-def _frames_check_themselves(found: Pivot) -> bool:
-    """Whether half of the frames show enough features to tell a displaced one, and the path has no model to misfit."""
-    features = (found.observations.weight >= REJECTED).sum(axis=1)
-    return smooth_in(found.path) is not None and bool(np.median(features[features >= 3]) >= SELF_CHECKING)
 
 
 def _is_wrong(sigma: float, shown: float, found: Pivot) -> bool:

@@ -151,6 +151,14 @@ def test_fewer_frames_than_unknowns_check_nothing(tumbling, count, checked):
     assert found.status is (Status.GOOD if checked else Status.NOT_CHECKED)
 
 
+def test_a_solution_as_uncertain_as_nothing_can_be_has_diverged(monkeypatch, tumbling):
+    case = make_case(TIME[:30], tumbling[:30], np.tile(START, (30, 1)), FEATURES, noise=0.02)
+    assert estimate(case.tracks, method="pivot").predicted_rmse > 1e-4
+    monkeypatch.setattr("baryscope.estimator.pivot.method.MAX_LENGTH", 1e-4)
+    with pytest.raises(ComputationError, match="diverge"):
+        estimate(case.tracks, method="pivot")
+
+
 @pytest.mark.parametrize(("features", "checked"), [(4, False), (10, True)])
 def test_frames_of_many_features_check_themselves(features, checked):
     """Six frames for a smooth path and an offset: outliers in frames of five features and more are seen."""
