@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from baryscope.models.attitude import inertia_tensor, symmetric_tensor
 from baryscope.models.frames import Symbol
 from baryscope.models.keplerian import Elements
+from baryscope.models.variables import TOLERANCES
 
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
 COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
@@ -175,7 +176,7 @@ def orbit_checks(elements: Elements) -> tuple[Check, ...]:
 def _other_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     length = ca.norm_2(parameters["target.attitude0"])
     reach = ca.norm_2(parameters["chaser.position0"])
-    tolerance = parameters["solver.tolerance"]
+    tolerance, (smallest, largest) = parameters["solver.tolerance"], TOLERANCES
     return (
         Check(
             "target.attitude0",
@@ -196,10 +197,10 @@ def _other_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
         Check(
             "solver.tolerance",
             "run.tolerance",
-            "a value between 1e-15 and 1e-3",
+            f"a value between {smallest:g} and {largest:g}",
             "value",
             tolerance,
-            ca.fmin(tolerance - 0.999e-15, 1.001e-3 - tolerance),
+            ca.fmin(tolerance - 0.999 * smallest, 1.001 * largest - tolerance),
         ),
     )
 

@@ -39,6 +39,7 @@ QUATERNION = ("w", "x", "y", "z")
 NO_LIMITS = (-inf, inf)
 NOT_NEGATIVE = (0.0, inf)
 BELOW_ONE = (0.0, nextafter(1.0, 0.0))
+TOLERANCES = (1e-15, 1e-3)  # relative, of the integrators
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,8 @@ class Variable:
     @property
     def display_unit(self) -> str:
         """The unit in which people read it; its own unit if that is no other one."""
-        return self.display or _DEGREES.get(self.unit, self.unit)
+        degrees = (display for display in DISPLAY_UNITS.get(self.unit, ()) if display.startswith("deg"))
+        return self.display or next(degrees, self.unit)
 
     def scalar_description(self, element: int, labels: Sequence[str]) -> str:
         """The description of one of its scalars, counted row by row from 0: with the feature's label and the axis."""
@@ -135,7 +137,6 @@ DISPLAY_UNITS: dict[str, dict[str, float]] = {
     "m/s": {"km/s": 1e-3},
     "m3/s2": {"km3/s2": 1e-9},
 }
-_DEGREES = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
 AXES = ("xx", "yy", "zz", "xy", "xz", "yz")  # elements of a symmetric tensor
 
 
@@ -181,7 +182,7 @@ def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Vari
         Variable("gravityGradient", PAR, "1", "Whether the gravity gradient acts", boolean=True, tunable=True),
         Variable(
             "solver.tolerance", PAR, "1", "Relative tolerance of the unit's integrators",
-            tunable=True, limits=(1e-15, 1e-3),
+            tunable=True, limits=TOLERANCES,
         ),
         *(variable for force in Force if force in forces for variable in FORCE_PARAMETERS[force]),
         Variable("features", OUT, "m", "Positions of the features, frame C (chaser, inertial axes)", (n, 3)),
@@ -313,8 +314,11 @@ _BY_THE_SECOND = {"1": "1/s", "m": "m/s", "m/s": "m/s2", "rad": "rad/s", "rad/s"
 
 def _rate_of(state: Variable) -> Variable:
     """The derivative of a state."""
-    text = f"Derivative of the state: {state.description.removeprefix('State: ')}"
-    rate = Variable(
-        f"der({state.name})", Kind.DERIVATIVE, _BY_THE_SECOND[state.unit], text, state.shape, axes=state.axes
+    return replace(
+        state,
+        name=f"der({state.name})",
+        kind=Kind.DERIVATIVE,
+        unit=_BY_THE_SECOND[state.unit],
+        description=state.description.replace("State", "Derivative of the state", 1),
+        display="km/s" if state.display == "km" else "",
     )
-    return replace(rate, display="km/s") if state.display == "km" else rate
