@@ -52,7 +52,9 @@ class Variable:
         unit: a key of UNITS; "1" for pure numbers.
         description: one line; states the frame and, for quaternions, the order.
         shape: () for a scalar; arrays are flattened row by row. The rows of a matrix belong to the features.
+        per_feature: the elements of a vector belong to the features, too.
         boolean: true for a Boolean, false for a Real.
+        discrete: whether an input or output changes at sample times only, as Booleans do.
         tunable: whether a parameter may be changed in mid-run.
         axes: names of the elements of a vector, or of the columns of a matrix; by the shape unless given.
         display: unit in which people read it, of DISPLAY_UNITS; "" for degrees for angles and rates, else for `unit`.
@@ -65,6 +67,8 @@ class Variable:
     description: str
     shape: tuple[int, ...] = ()
     boolean: bool = False
+    discrete: bool = False
+    per_feature: bool = False
     tunable: bool = False
     axes: tuple[str, ...] = ()
     display: str = ""
@@ -74,6 +78,11 @@ class Variable:
     def size(self) -> int:
         """Number of scalars."""
         return prod(self.shape)
+
+    @property
+    def is_of_features(self) -> bool:
+        """Whether it has a row for every feature."""
+        return self.per_feature or len(self.shape) > 1
 
     @property
     def scalar_names(self) -> list[str]:
@@ -94,14 +103,16 @@ class Variable:
         """The description of one of its scalars, counted row by row from 0: with the feature's label and the axis."""
         if not self.shape:
             return self.description
+        if self.per_feature:
+            return f"{self.description}: {labels[element]}"
         axes = self.axes or (QUATERNION if self.shape[-1] == len(QUATERNION) else XYZ)
         row, column = divmod(element, self.shape[-1])
         label = f"{labels[row]}, " if len(self.shape) > 1 else ""
         return f"{self.description}: {label}{axes[column]}"
 
     def whole_description(self, labels: Sequence[str]) -> str:
-        """The description of the variable as a whole; of a matrix with the labels of its rows."""
-        if len(self.shape) > 1:
+        """The description of the variable as a whole; with the labels of its rows where they are features."""
+        if self.is_of_features:
             return f"{self.description}; rows: {', '.join(labels)}"
         return f"{self.description}: {'; '.join(self.axes)}" if self.axes else self.description
 

@@ -17,7 +17,7 @@ LAYERS = [
     ["models.scenario"],
     ["models.sensor"],
     ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],
-    ["estimator.thrust"],
+    ["fmu.units", "estimator.thrust"],
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],
     ["fmu.check", "estimator.camera"],
     ["estimator.tracks"],

@@ -1,6 +1,5 @@
-"""Checks of our own units, baryscope's TumblingTarget, against the table of variables and the equations."""
+"""Checks of our own units against their tables of variables, and of TumblingTarget against the equations."""
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,10 +11,13 @@ from baryscope.fmu.check.description import is_float, limits_of, size_of
 from baryscope.fmu.check.finding import Finding, error
 from baryscope.fmu.check.instance import FloatArray, Instance
 from baryscope.fmu.check.units import display_unit_of, exponents_of_definition, unit_of
-from baryscope.fmu.layout.archive import MODEL_NAME
+from baryscope.fmu.layout.references import variability_of
+from baryscope.fmu.units import UNITS as KINDS
+from baryscope.fmu.units.target import TARGET
 from baryscope.models.target import tumbling_target
-from baryscope.models.variables import DISPLAY_UNITS, UNITS, Forces, Kind, Variable, forces_of, variable_table
+from baryscope.models.variables import DISPLAY_UNITS, UNITS, Kind, Variable, forces_of
 
+_TABLES = {kind.name: kind.table for kind in KINDS.values()}
 _CAUSALITY = {Kind.INPUT: "input", Kind.PARAMETER: "parameter", Kind.OUTPUT: "output"}
 AGREEMENT = 1e-9  # of an array's largest element: libraries round differently
 
@@ -23,7 +25,7 @@ AGREEMENT = 1e-9  # of an array's largest element: libraries round differently
 def is_ours(description: Any) -> bool:
     """Whether baryscope made the unit."""
     tool = str(description.generationTool or "")
-    return description.modelName == MODEL_NAME and tool.startswith("baryscope")
+    return description.modelName in _TABLES and tool.startswith("baryscope")
 
 
 def table_findings(description: Any) -> Iterator[Finding]:
@@ -41,14 +43,14 @@ def table_findings(description: Any) -> Iterator[Finding]:
     expected = [entry for variable in _table(description) for entry in _entries(variable, description)]
     names = [name for name, _, _ in expected]
     for stray in [v.name for v in variables if v.name not in set(names)]:
-        yield error(stray, "is not a variable of baryscope's TumblingTarget")
+        yield error(stray, f"is not a variable of baryscope's {description.modelName}")
     there = {variable.name: variable for variable in variables}
     for name, variable, size in expected:
         if name not in there:
             yield error(name, "is missing, expected as in baryscope's table of variables")
             continue
         found = there[name]
-        kind = _CAUSALITY.get(variable.kind, "local"), _variability(variable)
+        kind = _CAUSALITY.get(variable.kind, "local"), variability_of(variable)
         if (found.causality, found.variability) != kind:
             yield error(name, f"is a {found.variability} {found.causality}, expected a {kind[1]} {kind[0]}")
         if not variable.boolean and unit_of(found) != variable.unit:
@@ -65,7 +67,11 @@ def table_findings(description: Any) -> Iterator[Finding]:
 
 def model_findings(folder: Path, description: Any, name: str) -> Iterator[Finding]:
     """The binary computes from the start values in the XML what the equations give, variable by variable."""
-    system = tumbling_target(_feature_count(description), _forces(description))
+    if description.modelName != TARGET.name:
+        return
+    table = _table(description)
+    count = next(variable.shape[0] for variable in table if variable.name == "features")
+    system = tumbling_target(count, forces_of(variable.name for variable in table))
     with Instance(folder, description, name) as instance:
         instance.initialise()
         there = {variable.name: variable for variable in description.modelVariables}
@@ -102,18 +108,9 @@ def model_findings(folder: Path, description: Any, name: str) -> Iterator[Findin
                 )
 
 
-def _feature_count(description: Any) -> int:
-    """The number of features, from the normals: three scalars each, or one array."""
-    counts = [size_of(v) for v in description.modelVariables if re.match(r"normals(\[|$)", v.name)]
-    return max(3, round(sum(counts) / 3))
-
-
-def _forces(description: Any) -> Forces:
-    return forces_of(variable.name for variable in description.modelVariables)
-
-
 def _table(description: Any) -> tuple[Variable, ...]:
-    return variable_table(_feature_count(description), _forces(description))
+    shapes = {v.name: (size_of(v) // 3, 3) if v.dimensions else () for v in description.modelVariables}
+    return _TABLES[description.modelName](shapes)
 
 
 def _entries(variable: Variable, description: Any) -> list[tuple[str, Variable, int]]:
@@ -122,9 +119,3 @@ def _entries(variable: Variable, description: Any) -> list[tuple[str, Variable, 
     if whole:
         return [(variable.name, variable, variable.size)]
     return [(name, variable, 1) for name in variable.scalar_names]
-
-
-def _variability(variable: Variable) -> str:
-    if variable.kind != Kind.PARAMETER:
-        return "continuous"
-    return "tunable" if variable.tunable else "fixed"

@@ -78,8 +78,9 @@ static void report(const Instance *instance, const char *event)
 {
     char message[MESSAGE_SIZE];
     if (!instance->log_events) return;
-    snprintf(message, sizeof message, "%s at %.17g s, tolerance %g", event, instance->core.unit.time,
-             instance->core.unit.tolerance);
+    const Unit *unit = &instance->core.unit;
+    const int length = snprintf(message, sizeof message, "%s at %.17g s", event, unit->time);
+    if (unit->tolerance > 0.0) snprintf(message + length, sizeof message - (size_t)length, ", tolerance %g", unit->tolerance);
     instance->log(instance, OK, "logEvents", message);
 }
 
@@ -95,8 +96,9 @@ static Instance *enter(void *component, Call call, const char *function)
 /* ---- creation and destruction ---- */
 
 /* Why an instance cannot be created, or NULL. */
-static const char *creation_fault(const char *name, const char *token)
+static const char *creation_fault(const char *name, Interface interface, const char *token)
 {
+    if (interface == FOR_MODEL_EXCHANGE && N_STATES == 0) return "the unit is sampled: expected Co-Simulation";
     if (!name || !*name) return "the instance name is empty, expected a name";
     if (!token || strcmp(token, MODEL_TOKEN) != 0)
         return "the token is not this library's: modelDescription.xml and binary are of different builds";
@@ -115,7 +117,7 @@ static Instance *instance_create(const char *name, Interface interface, const ch
     instance->environment = environment;
     instance->log_errors = true;
     instance->log_events = log_events;
-    const char *fault = creation_fault(name, token);
+    const char *fault = creation_fault(name, interface, token);
     if (fault) {
         refuse(instance, "instantiation: %s", fault);
         free(instance);

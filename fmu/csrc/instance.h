@@ -88,6 +88,13 @@ static Status instance_set(void *component, const char *function, Type type, Sel
                            size_t n_values);
 /* The unit has no variables of other types: every request but the empty one is refused. */
 static Status instance_none(void *component, Call call, const char *function, const char *type, size_t count);
+
+/* ---- stepping (step.c) ---- */
+
+static Status instance_step(void *component, const char *function, double point, double step);
+
+/* ---- derivatives, and continuous states for Model Exchange (continuous_calls.c; sampled_calls.c refuses them) ---- */
+
 /* The image of a seed under the Jacobian of unknowns by knowns, or with `reverse` under its transpose. */
 typedef struct {
     const double *values;
@@ -103,10 +110,6 @@ static Status instance_set_input_derivatives(void *component, const char *functi
                                              const double *values);
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                           double *values, size_t n_values);
-
-/* ---- stepping, and continuous states for Model Exchange (step.c) ---- */
-
-static Status instance_step(void *component, const char *function, double point, double step);
 static Status instance_set_time(void *component, const char *function, double time);
 static Status instance_set_states(void *component, const char *function, const double *states, size_t count);
 static Status instance_get_states(void *component, const char *function, unsigned kind, double *values, size_t count);

@@ -1,4 +1,4 @@
-/* Getting and setting values, and their derivatives, by value references. */
+/* Getting and setting values by value references. */
 
 #include "instance.h"
 
@@ -65,9 +65,10 @@ static Status instance_get(void *component, const char *function, Type type, Sel
     bool *boolean = values;
     for (size_t i = 0; i < selection.count; i++) {
         const Variable *one = &VARIABLES[selection.references[i]];
-        if (type == BOOLEAN) *boolean++ = unit->values[one->offset] != 0.0;
-        else
-            for (int k = 0; k < one->size; k++) *real++ = unit->values[one->offset + k];
+        for (int k = 0; k < one->size; k++) {
+            if (type == BOOLEAN) *boolean++ = unit->values[one->offset + k] != 0.0;
+            else *real++ = unit->values[one->offset + k];
+        }
     }
     return OK;
 }
@@ -171,110 +172,4 @@ static Status instance_none(void *component, Call call, const char *function, co
     Instance *instance = enter(component, call, function);
     if (!instance) return ERROR;
     return count ? refuse(instance, "%s: the unit has no %s variables, %zu were asked for", function, type, count) : OK;
-}
-
-/* ---- derivatives ---- */
-
-/* Whether all references are Reals of these kinds; if not, names the first that is not. */
-static bool of_kinds(const Instance *instance, const char *function, Selection selection, unsigned kinds, const char *expected)
-{
-    for (size_t i = 0; i < selection.count; i++) {
-        const Variable *one = variable(instance, function, selection.references[i], REAL);
-        if (!one) return false;
-        if (one->kind & kinds) continue;
-        refuse(instance, "%s: found %s, expected %s", function, one->name, expected);
-        return false;
-    }
-    return true;
-}
-
-/* Copy what belongs to the selected variables from an array laid out as the unit's values, one after the other. */
-static void pick(const double values[N_VALUES], Selection selection, double *to)
-{
-    for (size_t i = 0; i < selection.count; i++) {
-        const Variable *one = &VARIABLES[selection.references[i]];
-        for (int k = 0; k < one->size; k++) *to++ = values[one->offset + k];
-    }
-}
-
-static Status instance_derivative(void *component, const char *function, bool reverse, Selection unknowns, Selection knowns,
-                                  Seed seed, Image image)
-{
-    Instance *instance = enter(component, GET_DERIVATIVES, function);
-    if (!instance) return ERROR;
-    const bool at_start = instance->core.state == INITIALIZATION;
-    const Selection from = reverse ? unknowns : knowns, to = reverse ? knowns : unknowns;
-    unsigned kinds;
-    if (!request_fits(instance, function, REAL, from, seed.values, seed.count, &kinds)) return ERROR;
-    if (!request_fits(instance, function, REAL, to, image.values, image.count, &kinds)) return ERROR;
-    if (!of_kinds(instance, function, knowns, at_start ? INPUT | PARAMETER | TUNABLE : INPUT | TUNABLE | STATE,
-                  at_start ? "an input or a parameter among the knowns"
-                           : "an input, a tunable parameter or a state among the knowns") ||
-        !of_kinds(instance, function, unknowns, at_start ? OUTPUT | STATE | DERIVATIVE : OUTPUT | DERIVATIVE,
-                  at_start ? "an output, state or derivative among the unknowns" : "an output or a derivative among the unknowns"))
-        return ERROR;
-    if ((at_start ? initialise : check_states)(instance, function) != OK) return ERROR;
-
-    double seeds[N_VALUES] = {0.0}, images[N_VALUES];
-    for (size_t i = 0; i < from.count; i++) {
-        const Variable *one = &VARIABLES[from.references[i]];
-        for (int k = 0; k < one->size; k++) seeds[one->offset + k] += *seed.values++;
-    }
-    unit_derivative(&instance->core.unit, at_start, reverse, seeds, images);
-    pick(images, to, image.values);
-    return OK;
-}
-
-/* Whether all orders are 1; if not, says so. */
-static bool of_first_order(const Instance *instance, const char *function, const int32_t *orders, size_t count)
-{
-    if (count && !orders) refuse(instance, "%s: found a null pointer, expected %zu orders", function, count);
-    for (size_t i = 0; i < count && orders; i++) {
-        if (orders[i] == 1) continue;
-        refuse(instance, "%s: found order %d, expected 1", function, (int)orders[i]);
-        return false;
-    }
-    return !count || orders;
-}
-
-/* The inputs go on at these rates until they or their rates are set again. */
-static Status instance_set_input_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
-                                             const double *values)
-{
-    Instance *instance = enter(component, SET_INPUT_DERIVATIVES, function);
-    const size_t count = selection.count;
-    unsigned kinds;
-    if (!instance) return ERROR;
-    if (instance->core.interface != FOR_CO_SIMULATION)
-        return refuse(instance, "%s: the instance is for Model Exchange, expected one for Co-Simulation", function);
-    if (!request_fits(instance, function, REAL, selection, values, count, &kinds)) return ERROR;
-    if (!of_kinds(instance, function, selection, INPUT, "an input") || !of_first_order(instance, function, orders, count))
-        return ERROR;
-    for (size_t i = 0; i < count; i++)
-        if (!isfinite(values[i]))
-            return refuse(instance, "%s: the derivative of %s is %g, expected a finite value", function,
-                          VARIABLES[selection.references[i]].name, values[i]);
-    for (size_t i = 0; i < count; i++)
-        unit_set_rate(&instance->core.unit, VARIABLES[selection.references[i]].offset - AT_INPUTS, values[i]);
-    return OK;
-}
-
-/* Outputs change as the states do, with the inputs held: ẏ = ∂y/∂x ẋ. */
-static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
-                                          double *values, size_t n_values)
-{
-    Instance *instance = enter(component, GET_OUTPUT_DERIVATIVES, function);
-    const size_t count = selection.count;
-    unsigned kinds;
-    if (!instance) return ERROR;
-    if (!request_fits(instance, function, REAL, selection, values, n_values, &kinds)) return ERROR;
-    if (!of_kinds(instance, function, selection, OUTPUT, "an output")) return ERROR;
-    if (!of_first_order(instance, function, orders, count)) return ERROR;
-    if (update(instance, function, DERIVATIVE) != OK) return ERROR;
-    Unit *unit = &instance->core.unit;
-    double seeds[N_VALUES] = {0.0}, images[N_VALUES];
-    memcpy(seeds + AT_STATES, unit->values + AT_DERIVATIVES, N_STATES * sizeof *seeds);
-    unit_derivative(unit, false, false, seeds, images);
-    pick(images, selection, values);
-    return OK;
 }

@@ -5,17 +5,15 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from baryscope.fmu.generate.codegen import integrator_header, model_source, tables_header
+from baryscope.fmu.generate.codegen import generated_sources, token_header
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_compiler, find_cross_compiler
 from baryscope.fmu.generate.description import model_description
 from baryscope.fmu.generate.documentation import documents
-from baryscope.fmu.generate.series import series_source
 from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
-from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import X86_64_WINDOWS, FmiVersion, Selection, binary_members, selected
+from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
-from baryscope.models.target import PLACE_START
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
@@ -24,12 +22,13 @@ def build_fmu(
     scenario: Scenario,
     path: AnyPath,
     *,
+    unit: str = "target",
     fmi: FmiVersion = 2,
     scalar: bool = False,
     platforms: Selection = "host",
     progress: Progress | None = None,
 ) -> Path:
-    """Build the unit of a scenario for Co-Simulation and Model Exchange, with its sources.
+    """Build a unit of a scenario for Co-Simulation, the target also for Model Exchange, with its sources.
 
     The number of features and the forces are built in; every other number of the scenario becomes a start value, which
     importers can change before initialization. Equal scenarios give equal files, whatever the folder; with "linux"
@@ -37,6 +36,7 @@ def build_fmu(
 
     Args:
         scenario: gives the start values.
+        unit: which one, a key of `baryscope.fmu.units.UNITS`.
         path: where to write; an existing file is replaced when the build has succeeded.
         fmi: the version, 2.0 or 3.0.
         scalar: in FMI 3, describe every scalar by itself, for importers that trip over arrays.
@@ -49,46 +49,53 @@ def build_fmu(
         The path written.
 
     Raises:
-        InputError: the path cannot be written.
+        InputError: the path cannot be written, or there is no such unit.
         ComputationError: there is no C compiler, or no ziglang for other platforms, or it fails.
     """
+    return pack_unit(blueprint_of(unit, scenario), path, fmi=fmi, scalar=scalar, platforms=platforms, progress=progress)
+
+
+def pack_unit(
+    unit: Blueprint,
+    path: AnyPath,
+    *,
+    fmi: FmiVersion = 2,
+    scalar: bool = False,
+    platforms: Selection = "host",
+    progress: Progress | None = None,
+) -> Path:
+    """Build the unit of a blueprint; arguments, result and errors are those of `build_fmu`."""
     path = Path(path)
-    description, sources = describe_unit(scenario, fmi, scalar=scalar)
+    description, sources = describe_unit(unit, fmi, scalar=scalar)
     with replacing(path) as temporary:
         headers = interface_headers(fmi)
         compiler = tuple(find_compiler() if platforms == "host" else find_cross_compiler())
         jobs = [
-            Job(sources | headers, MAIN, f"{MODEL_NAME}{platform.suffix}", platform, compiler)
+            Job(sources | headers, MAIN, f"{unit.name}{platform.suffix}", platform, compiler)
             for platform in selected(platforms)
         ]
         libraries = compile_all(jobs, progress)
         windows_by_zig = any(job.by_zig and job.platform == X86_64_WINDOWS for job in jobs)
         members = licences(headers, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
-        members |= documents(scenario, fmi, scalar=scalar)
-        _pack(temporary, members, sources, binary_members(libraries, MODEL_NAME, fmi), fmi)
+        members |= documents(unit, fmi, scalar=scalar)
+        if fmi == 3:
+            members["sources/buildDescription.xml"] = build_description(unit.name)
+        _pack(temporary, members, sources, binary_members(libraries, unit.name, fmi))
     return path
 
 
 def describe_unit(
-    scenario: Scenario, fmi: FmiVersion, *, scalar: bool = False, main: str = MAIN
+    unit: Blueprint, fmi: FmiVersion, *, scalar: bool = False, main: str = MAIN
 ) -> tuple[bytes, dict[str, bytes]]:
     """A unit's modelDescription.xml, and its C sources by name: `main` and the files that it includes, but FMI's."""
-    system = scenario.system
-    parameters = scenario.flat_parameters()
-    equations, integrator = model_source(system), integrator_header(system)
-    turned = series_source(system.series_rates, PLACE_START)
+
+    generated = generated_sources(unit, fmi, scalar)
 
     def sources(token: str) -> dict[str, bytes]:
-        tables = tables_header(system, parameters, token, fmi, scalar)
-        return unit_sources(
-            {"model.c": equations, "dop853.h": integrator, "tables.h": tables, "turned.c": turned}, fmi, main
-        )
+        return unit_sources(generated | {"token.h": token_header(token)}, fmi, main)
 
-    def description(token: str) -> bytes:
-        return model_description(system, parameters, scenario, token, fmi, scalar)
-
-    token = _token(sources(""), description(""))
-    return description(token), sources(token)
+    token = _token(sources(""), model_description(unit, "", fmi, scalar))
+    return model_description(unit, token, fmi, scalar), sources(token)
 
 
 def _token(sources: Mapping[str, bytes], description: bytes) -> str:
@@ -105,11 +112,8 @@ def _pack(
     documents: Mapping[str, bytes],
     sources: Mapping[str, bytes],
     binaries: Mapping[str, bytes],
-    fmi: FmiVersion,
 ) -> None:
     members = dict(documents) | {f"sources/{name}": content for name, content in sources.items()}
-    if fmi == 3:
-        members["sources/buildDescription.xml"] = build_description(MODEL_NAME)
     with zipfile.ZipFile(path, "w") as archive:
         for name, content in (members | dict(binaries)).items():
             member = zipfile.ZipInfo(name, date_time=_EPOCH)

@@ -6,21 +6,14 @@ Names of elements and the form of variables differ; they are in description2.py 
 import xml.etree.ElementTree as ET
 from importlib.metadata import version
 
-import numpy as np
-from numpy.typing import NDArray
-
 import baryscope.fmu.generate.description2 as description2
 import baryscope.fmu.generate.description3 as description3
-from baryscope.fmu.generate.identity import AUTHOR, COPYRIGHT, DESCRIPTION, LICENCE, labels_of
-from baryscope.fmu.generate.structure import structure_of
-from baryscope.fmu.layout.archive import MODEL_NAME
+from baryscope.fmu.generate.identity import AUTHOR, COPYRIGHT, LICENCE
 from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference, reference_table
-from baryscope.models.scenario import Scenario
-from baryscope.models.target import TumblingTarget
-from baryscope.models.variables import DISPLAY_UNITS, UNITS, Kind
-
-EXPERIMENT_TOLERANCE = 1e-6  # for the importer's own solver in Model Exchange; the unit keeps solver.tolerance
+from baryscope.fmu.units import Blueprint
+from baryscope.fmu.units.structure import structure_of
+from baryscope.models.variables import DISPLAY_UNITS, UNITS
 
 LOG_CATEGORIES = {
     "logStatusError": "Why a call was refused or failed; on by default",
@@ -28,32 +21,22 @@ LOG_CATEGORIES = {
 }
 
 
-def model_description(
-    system: TumblingTarget,
-    parameters: NDArray[np.float64],
-    scenario: Scenario,
-    token: str,
-    fmi: FmiVersion = 2,
-    scalar: bool = False,
-) -> bytes:
-    """The XML file of an FMU for Co-Simulation and Model Exchange.
+def model_description(unit: Blueprint, token: str, fmi: FmiVersion = 2, scalar: bool = False) -> bytes:
+    """The XML file of an FMU for Co-Simulation and, unless the unit is sampled, Model Exchange.
 
     Value references are the places in the table of references.
 
     Args:
-        system: the symbolic system.
-        parameters: start values, flat.
-        scenario: gives the default experiment.
+        unit: the unit.
         token: the GUID, which FMI 3 calls instantiation token.
         fmi: the version.
         scalar: in FMI 3, describe every scalar by itself, not arrays.
     """
-    references = reference_table(system.variables, fmi, scalar)
-    structure = structure_of(system, references, fmi)
+    references = reference_table(unit.variables, fmi, scalar)
     root = ET.Element(
         "fmiModelDescription",
-        modelName=MODEL_NAME,
-        description=DESCRIPTION,
+        modelName=unit.name,
+        description=unit.summary,
         author=AUTHOR,
         copyright=COPYRIGHT,
         license=LICENCE,
@@ -62,50 +45,42 @@ def model_description(
         variableNamingConvention="structured",
     )
     writer = description3 if fmi == 3 else description2
-    writer.add_interfaces(root, MODEL_NAME, token)
-    _add_units(root, system, fmi)
+    writer.add_interfaces(root, unit, token)
+    _add_units(root, unit, fmi)
     categories = ET.SubElement(root, "LogCategories")
     for name, text in LOG_CATEGORIES.items():
         ET.SubElement(categories, "Category", name=name, description=text)
-    ET.SubElement(
-        root,
-        "DefaultExperiment",
-        startTime="0.0",
-        stopTime=repr(float(scenario.duration)),
-        tolerance=repr(max(EXPERIMENT_TOLERANCE, scenario.run.tolerance)),
-        stepSize=repr(scenario.run.sample_time),
-    )
-    writer.add_variables(root, references, _starts(references, system, parameters), labels_of(scenario))
-    writer.add_structure(root, references, structure)
+    experiment = {"startTime": 0.0, "stopTime": unit.stop_time, "tolerance": unit.tolerance, "stepSize": unit.step_size}
+    given = {name: repr(float(value)) for name, value in experiment.items() if value is not None}
+    ET.SubElement(root, "DefaultExperiment", given)
+    writer.add_variables(root, references, _starts(references, unit), unit.labels)
+    writer.add_structure(root, references, structure_of(unit, references, fmi))
     ET.indent(root)
     document: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return document
 
 
-def _add_units(root: ET.Element, system: TumblingTarget, fmi: FmiVersion) -> None:
+def _add_units(root: ET.Element, unit: Blueprint, fmi: FmiVersion) -> None:
     definitions = ET.SubElement(root, "UnitDefinitions")
-    used = {variable.unit for variable in system.variables} | ({description3.TIME_UNIT} if fmi == 3 else set())
-    displayed = {(variable.unit, variable.display_unit) for variable in system.variables}
+    floats = [variable for variable in unit.variables if not variable.boolean]
+    used = {variable.unit for variable in floats} | ({description3.TIME_UNIT} if fmi == 3 else set())
+    displayed = {(variable.unit, variable.display_unit) for variable in floats}
     for name, exponents in UNITS.items():
         if name in used:
-            unit = ET.SubElement(definitions, "Unit", name=name)
-            ET.SubElement(unit, "BaseUnit", {base: str(power) for base, power in exponents.items()})
+            element = ET.SubElement(definitions, "Unit", name=name)
+            ET.SubElement(element, "BaseUnit", {base: str(power) for base, power in exponents.items()})
             for display, factor in DISPLAY_UNITS.get(name, {}).items():
                 if (name, display) in displayed:
-                    ET.SubElement(unit, "DisplayUnit", name=display, factor=repr(factor))
+                    ET.SubElement(element, "DisplayUnit", name=display, factor=repr(factor))
 
 
-def _starts(references: list[Reference], system: TumblingTarget, parameters: NDArray[np.float64]) -> dict[int, str]:
-    """The start attributes of inputs, parameters and states, with all digits, by value reference.
-
-    The parameters tell the states; their starts are for importers that evaluate the unit before it is initialised.
-    """
-    inputs, outputs = (sum(v.size for v in system.of_kind(kind)) for kind in (Kind.INPUT, Kind.OUTPUT))
-    states = np.array(system.initial(parameters)).ravel()
-    values = np.concatenate([np.zeros(inputs), parameters, np.zeros(outputs), states]).tolist()
+def _starts(references: list[Reference], unit: Blueprint) -> dict[int, str]:
+    """The start attributes, with all digits, by value reference."""
     starts = {}
     for place, reference in enumerate(references):
-        if reference.variable.kind in (Kind.INPUT, Kind.PARAMETER, Kind.STATE):
-            own = values[reference.offset : reference.offset + reference.size]
-            starts[place] = " ".join(str(bool(v)).lower() if reference.variable.boolean else repr(v) for v in own)
+        variable = reference.variable
+        if variable.name in unit.starts:
+            values = unit.starts[variable.name].ravel().tolist()
+            own = values if reference.element is None else [values[reference.element]]
+            starts[place] = " ".join(str(bool(v)).lower() if variable.boolean else repr(v) for v in own)
     return starts

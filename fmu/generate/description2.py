@@ -4,32 +4,33 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from baryscope.fmu.generate.sources import MAIN
-from baryscope.fmu.generate.structure import Structure
 from baryscope.fmu.layout.references import Reference, attributes_of, quantity_of, state_of
+from baryscope.fmu.units import Blueprint
+from baryscope.fmu.units.structure import Structure
 from baryscope.models.variables import Kind
 
 
-def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
+def add_interfaces(root: ET.Element, unit: Blueprint, token: str) -> None:
     """Version, token and capabilities."""
-    root.attrib |= {"fmiVersion": "2.0", "guid": token, "numberOfEventIndicators": "0"}
+    root.attrib |= {"fmiVersion": "2.0", "guid": token}
     offered = {
-        "modelIdentifier": model_identifier,
+        "modelIdentifier": unit.name,
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": "true",
     }
-    exchange = ET.SubElement(root, "ModelExchange", offered, completedIntegratorStepNotNeeded="true")
-    simulation = ET.SubElement(
-        root,
-        "CoSimulation",
-        offered,
-        canHandleVariableCommunicationStepSize="true",
-        canInterpolateInputs="true",
-        maxOutputDerivativeOrder="1",
-    )
-    for interface in (exchange, simulation):
-        ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=MAIN)
+    stepped = {"canHandleVariableCommunicationStepSize": "true"}
+    if not unit.is_sampled:
+        root.set("numberOfEventIndicators", "0")
+        offered["providesDirectionalDerivative"] = "true"
+        stepped |= {"canInterpolateInputs": "true", "maxOutputDerivativeOrder": "1"}
+        _add_interface(root, "ModelExchange", offered | {"completedIntegratorStepNotNeeded": "true"})
+    _add_interface(root, "CoSimulation", offered | stepped)
+
+
+def _add_interface(root: ET.Element, name: str, attributes: Mapping[str, str]) -> None:
+    interface = ET.SubElement(root, name, dict(attributes))
+    ET.SubElement(ET.SubElement(interface, "SourceFiles"), "File", name=MAIN)
 
 
 def add_variables(
@@ -58,8 +59,8 @@ def add_structure(root: ET.Element, references: Sequence[Reference], structure: 
         ("Derivatives", {Kind.DERIVATIVE}, structure.running),
         ("InitialUnknowns", {Kind.OUTPUT, Kind.STATE, Kind.DERIVATIVE}, structure.initially),
     ):
-        unknowns = ET.SubElement(parent, element)
-        for place, reference in enumerate(references):
-            if reference.variable.kind in kinds:
-                text = " ".join(str(known + 1) for known in depends[place])
-                ET.SubElement(unknowns, "Unknown", index=str(place + 1), dependencies=text)
+        places = [place for place, reference in enumerate(references) if reference.variable.kind in kinds]
+        unknowns = ET.SubElement(parent, element) if places else parent  # the schema wants none that is empty
+        for place in places:
+            text = " ".join(str(known + 1) for known in depends[place])
+            ET.SubElement(unknowns, "Unknown", index=str(place + 1), dependencies=text)

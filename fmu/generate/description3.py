@@ -3,34 +3,27 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
-from baryscope.fmu.generate.structure import Structure
 from baryscope.fmu.layout.references import Reference, attributes_of, quantity_of, state_of
+from baryscope.fmu.units import Blueprint
+from baryscope.fmu.units.structure import Structure
 from baryscope.models.variables import Kind
 
 TIME_UNIT = "s"
 
 
-def add_interfaces(root: ET.Element, model_identifier: str, token: str) -> None:
+def add_interfaces(root: ET.Element, unit: Blueprint, token: str) -> None:
     """Version, token and capabilities.
 
     No Event Mode of Co-Simulation, no early return, no intermediate update, no dependencies of single elements.
     """
     root.attrib |= {"fmiVersion": "3.0", "instantiationToken": token}
-    offered = {
-        "modelIdentifier": model_identifier,
-        "canGetAndSetFMUState": "true",
-        "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": "true",
-        "providesAdjointDerivatives": "true",
-    }
-    ET.SubElement(root, "ModelExchange", offered)
-    ET.SubElement(
-        root,
-        "CoSimulation",
-        offered,
-        canHandleVariableCommunicationStepSize="true",
-        maxOutputDerivativeOrder="1",
-    )
+    offered = {"modelIdentifier": unit.name, "canGetAndSetFMUState": "true", "canSerializeFMUState": "true"}
+    stepped = {"canHandleVariableCommunicationStepSize": "true"}
+    if not unit.is_sampled:
+        offered |= {"providesDirectionalDerivatives": "true", "providesAdjointDerivatives": "true"}
+        stepped["maxOutputDerivativeOrder"] = "1"
+        ET.SubElement(root, "ModelExchange", offered)
+    ET.SubElement(root, "CoSimulation", offered | stepped)
 
 
 def add_variables(

@@ -5,10 +5,9 @@ from pathlib import Path
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
-from baryscope.fmu.generate.identity import labels_of
 from baryscope.fmu.generate.sources import interface_headers
-from baryscope.fmu.layout.archive import MODEL_NAME
 from baryscope.fmu.layout.platforms import Platform
+from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
 
@@ -23,7 +22,7 @@ WASM = Platform(
 )
 
 
-def build_wasm(scenario: Scenario, path: AnyPath, *, progress: Progress | None = None) -> Path:
+def build_wasm(scenario: Scenario, path: AnyPath, *, unit: str = "target", progress: Progress | None = None) -> Path:
     """Build a scenario's unit as a WebAssembly module, with a table of its variables beside it.
 
     The module imports nothing, and exports its memory, `malloc`, `free`, `_initialize` (to be called first), the
@@ -34,37 +33,41 @@ def build_wasm(scenario: Scenario, path: AnyPath, *, progress: Progress | None =
     Args:
         scenario: gives the number of features and the start values.
         path: the module to write.
+        unit: which one, a key of `baryscope.fmu.units.UNITS`.
         progress: told what is being compiled.
 
     Returns:
         The module's path.
 
     Raises:
-        InputError: a path cannot be written.
+        InputError: a path cannot be written, or there is no such unit.
         ComputationError: ziglang is not installed, or fails.
     """
     path = Path(path)
-    _, sources = describe_unit(scenario, 2, main="wasm.c")
+    blueprint = blueprint_of(unit, scenario)
+    _, sources = describe_unit(blueprint, 2, main="wasm.c")
     with replacing(path) as module, replacing(path.with_suffix(".json")) as table:
-        job = Job(sources | interface_headers(2), "wasm.c", f"{MODEL_NAME}.wasm", WASM, tuple(find_cross_compiler()))
+        job = Job(
+            sources | interface_headers(2), "wasm.c", f"{blueprint.name}.wasm", WASM, tuple(find_cross_compiler())
+        )
         module.write_bytes(compile_all([job], progress)[WASM])
-        table.write_text(_variables(scenario), encoding="utf-8")
+        table.write_text(_variables(blueprint), encoding="utf-8")
     return path
 
 
-def _variables(scenario: Scenario) -> str:
+def _variables(unit: Blueprint) -> str:
     variables, reference = [], 0
-    for variable in scenario.system.variables:
+    for variable in unit.variables:
         variables.append(
             {
                 "name": variable.name,
                 "kind": variable.kind.value,
                 "unit": variable.unit,
-                "description": variable.whole_description(labels_of(scenario)),
+                "description": variable.whole_description(unit.labels),
                 "shape": list(variable.shape),
                 "reference": reference,
             }
         )
         reference += variable.size
-    experiment = {"stopTime": scenario.duration, "stepSize": scenario.run.sample_time}
-    return json.dumps({"model": MODEL_NAME, "experiment": experiment, "variables": variables}, indent=1)
+    experiment = {"stopTime": unit.stop_time, "stepSize": unit.step_size}
+    return json.dumps({"model": unit.name, "experiment": experiment, "variables": variables}, indent=1)

@@ -53,11 +53,11 @@ def state_of(references: Sequence[Reference], place: int) -> int:
 
 
 _ATTRIBUTES = {
-    Kind.INPUT: {"causality": "input", "variability": "continuous"},
-    Kind.PARAMETER: {"causality": "parameter", "variability": "fixed", "initial": "exact"},
-    Kind.OUTPUT: {"causality": "output", "variability": "continuous", "initial": "calculated"},
-    Kind.STATE: {"causality": "local", "variability": "continuous", "initial": "approx"},
-    Kind.DERIVATIVE: {"causality": "local", "variability": "continuous", "initial": "calculated"},
+    Kind.INPUT: {"causality": "input"},
+    Kind.PARAMETER: {"causality": "parameter", "initial": "exact"},
+    Kind.OUTPUT: {"causality": "output", "initial": "calculated"},
+    Kind.STATE: {"causality": "local", "initial": "approx"},
+    Kind.DERIVATIVE: {"causality": "local", "initial": "calculated"},
 }
 
 
@@ -69,7 +69,14 @@ def attributes_of(reference: Reference, labels: Sequence[str]) -> dict[str, str]
     else:
         description = variable.scalar_description(element, labels)
     attributes = {"description": description} | _ATTRIBUTES[variable.kind]
-    return attributes | ({"variability": "tunable"} if variable.tunable else {})
+    return attributes | {"variability": variability_of(variable)}
+
+
+def variability_of(variable: Variable) -> str:
+    """FMI's variability of a variable."""
+    if variable.kind == Kind.PARAMETER:
+        return "tunable" if variable.tunable else "fixed"
+    return "discrete" if variable.discrete else "continuous"
 
 
 def quantity_of(variable: Variable) -> dict[str, str]:

@@ -12,6 +12,7 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.sources import interface_headers
+from baryscope.fmu.units.target import target_blueprint
 from fuzz_machine import Machine
 from importer import Importer
 
@@ -38,7 +39,7 @@ def sanitizing_compiler(tmp_path_factory):
 @pytest.mark.parametrize("fmi, scalar", [(2, True), (3, False), (3, True)])
 def test_a_million_random_calls_in_c(sanitizing_compiler, small, tmp_path, fmi, scalar, request):
     """The harness has its own model of what is legal; see fuzz_harness.c."""
-    _, sources = describe_unit(small, fmi, scalar=scalar)
+    _, sources = describe_unit(target_blueprint(small), fmi, scalar=scalar)
     for name, content in (sources | interface_headers(fmi)).items():
         (tmp_path / name).write_bytes(content)
     here = request.path.parent

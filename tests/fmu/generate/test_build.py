@@ -22,6 +22,7 @@ from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import find_compiler
 from baryscope.fmu.generate.sources import build_description
+from baryscope.fmu.units.target import target_blueprint
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.target import tumbling_target
 from baryscope.models.variables import Kind
@@ -144,7 +145,7 @@ def test_two_builds_are_equal_and_without_a_compiler_warning(envisat, envisat_fm
 def test_units_of_different_scenarios_have_different_tokens(envisat):
     run = envisat.run.model_copy(update={"tolerance": 1e-10})
     scenarios = (envisat, envisat, envisat.model_copy(update={"run": run}))
-    tokens = [ET.fromstring(describe_unit(scenario, 2)[0]).get("guid") for scenario in scenarios]  # noqa: S314  our own
+    tokens = [ET.fromstring(describe_unit(target_blueprint(scenario), 2)[0]).get("guid") for scenario in scenarios]  # noqa: S314  our own
     assert tokens[0] == tokens[1] != tokens[2]
 
 

@@ -12,13 +12,14 @@ from fmpy.validation import validate_fmu
 from baryscope.fmu import build_fmu
 from baryscope.fmu.check.checker import check_unit
 from baryscope.fmu.generate.build import describe_unit
+from baryscope.fmu.units.target import target_blueprint
 
 ROOT = Path(__file__).parents[3]
 KINDS = [(2, False), (3, False), (3, True)]
 
 
 def described(scenario, fmi, scalar):
-    return ET.fromstring(describe_unit(scenario, fmi, scalar=scalar)[0])  # noqa: S314  our own
+    return ET.fromstring(describe_unit(target_blueprint(scenario), fmi, scalar=scalar)[0])  # noqa: S314  our own
 
 
 @pytest.mark.parametrize("fmi, scalar", KINDS)

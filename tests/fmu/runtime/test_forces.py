@@ -10,7 +10,7 @@ import oracles
 from baryscope.fmu import Session, build_fmu, simulate
 from baryscope.fmu.check.checker import check_unit
 from baryscope.fmu.check.finding import Severity
-from baryscope.fmu.generate.series import series_source
+from baryscope.fmu.units.series import series_source
 from baryscope.models.orbit import orbit_parameters
 from baryscope.models.target import PLACE_START, tumbling_target
 from baryscope.models.variables import AXES, Force, Kind, forces_of

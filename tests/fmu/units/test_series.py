@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.fmu import Session
-from baryscope.fmu.generate.series import series_source
+from baryscope.fmu.units.series import series_source
 from baryscope.models.target import PLACE_START
 
 X, C = ca.SX.sym("x", 3), ca.SX.sym("c", 2)

@@ -46,8 +46,6 @@ static inline const double *inputs_at(const Unit *unit, double time, double chan
     return changing;
 }
 
-typedef int Equations(const double **arguments, double **results, int *iw, double *w, int memory);
-
 static void evaluate_rates(Equations *rates, const Unit *unit, const double *inputs, const double *state, double *result)
 {
     const double *arguments[] = {state, inputs, unit->constants};
@@ -113,23 +111,6 @@ static void unit_update(Unit *unit, unsigned kinds)
 
 /* ---- checks ---- */
 
-/* Whether all checks of some values hold; if not, `message` names the first that fails. */
-static bool all_hold(const Check *checks, int count, Equations *to_margins, Equations *to_found, const double *values,
-                     char message[MESSAGE_SIZE])
-{
-    double margins[N_CHECKS + N_STATE_CHECKS], found[N_CHECKS + N_STATE_CHECKS];
-    double *margins_result[] = {margins}, *found_result[] = {found};
-    to_margins(&values, margins_result, NULL, NULL, 0);
-    for (int i = 0; i < count; i++) {
-        if (margins[i] > 0.0) continue;
-        to_found(&values, found_result, NULL, NULL, 0);
-        snprintf(message, MESSAGE_SIZE, "%s: found %s %g, expected %s", checks[i].variable, checks[i].quantity, found[i],
-                 checks[i].expected);
-        return false;
-    }
-    return true;
-}
-
 static bool states_hold(const double *states, char message[MESSAGE_SIZE])
 {
     return all_hold(STATE_CHECKS, N_STATE_CHECKS, target_state_margins, target_state_found, states, message);
@@ -141,6 +122,8 @@ static bool unit_check_states(Unit *unit, char message[MESSAGE_SIZE])
     unit->states_unchecked = false;
     return true;
 }
+
+static const double *unit_nominals(const Unit *unit) { return unit->scale; }
 
 static bool unit_set_states(Unit *unit, const double states[N_STATES], char message[MESSAGE_SIZE])
 {

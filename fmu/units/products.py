@@ -1,4 +1,4 @@
-"""Products of the fast values of a Taylor series as C code, for baryscope.fmu.generate.series."""
+"""Products of the fast values of a Taylor series as C code, for baryscope.fmu.units.series."""
 
 from collections import Counter
 from dataclasses import dataclass

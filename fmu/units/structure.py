@@ -1,17 +1,15 @@
-"""Dependencies between the unit's values, by CasADi's sparsity: the content of FMI's ModelStructure."""
+"""Dependencies between a unit's values: the content of FMI's ModelStructure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 
 from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference
+from baryscope.fmu.units.blueprint import Blueprint, Dependencies
 from baryscope.models.target import TumblingTarget
-from baryscope.models.variables import Kind
-
-Dependencies = Mapping[int, Sequence[int]]
-"""For each unknown, the places of the knowns that it depends on, in increasing order."""
+from baryscope.models.variables import Kind, Variable
 
 
 @dataclass(frozen=True)
@@ -27,10 +25,10 @@ class Structure:
     initially: Dependencies
 
 
-def structure_of(system: TumblingTarget, references: Sequence[Reference], fmi: FmiVersion) -> Structure:
+def structure_of(unit: Blueprint, references: Sequence[Reference], fmi: FmiVersion) -> Structure:
     """The dependencies between value references; an array depends on what any of its scalars depends on."""
     owner = [place for place, reference in enumerate(references) for _ in range(reference.size)]
-    running, initially = dependencies(system, fmi)
+    running, initially = unit.dependencies(fmi)
     return Structure(_gathered(running, owner), _gathered(initially, owner))
 
 
@@ -39,6 +37,13 @@ def _gathered(of_scalars: Dependencies, owner: Sequence[int]) -> dict[int, list[
     for unknown, knowns in of_scalars.items():
         found.setdefault(owner[unknown], set()).update(owner[known] for known in knowns)
     return {unknown: sorted(knowns) for unknown, knowns in found.items()}
+
+
+def sampled_dependencies(variables: Sequence[Variable]) -> tuple[Dependencies, Dependencies]:
+    """Those of a sampled unit: its outputs are of steps done, so that nothing that is set changes them at once."""
+    scalars = [variable for variable in variables for _ in range(variable.size)]
+    free: Dependencies = {place: [] for place, variable in enumerate(scalars) if variable.kind == Kind.OUTPUT}
+    return free, free
 
 
 def dependencies(system: TumblingTarget, fmi: FmiVersion) -> tuple[Dependencies, Dependencies]:
