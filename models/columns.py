@@ -24,6 +24,7 @@ OPERATIONS: dict[int, Callable[..., Any]] = {
     ca.OP_SQ: np.square,
     ca.OP_TWICE: lambda a, out: np.add(a, a, out),
     ca.OP_SQRT: np.sqrt,
+    ca.OP_LOG: np.log,
     ca.OP_FABS: np.abs,
     ca.OP_FMIN: np.fmin,
     ca.OP_FMAX: np.fmax,

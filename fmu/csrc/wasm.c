@@ -2,6 +2,10 @@
    the host reads it. All else goes through the fmi2* functions. */
 
 #include "all.c"
+#include "dialect.h"
+
+#include <stdio.h>
+#include <stdlib.h>
 
 static char last_message[MESSAGE_SIZE];
 

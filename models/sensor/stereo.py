@@ -50,27 +50,37 @@ def _of_each(function: ColumnFunction, values: FloatArray, rig: StereoRig) -> Fl
 def _projection() -> ColumnFunction:
     """(point in V, rig) → u_l, v_l, u_r."""
     point, rig = ca.SX.sym("point", 3), ca.SX.sym("rig", 3)
-    f, baseline, _ = ca.vertsplit(rig)
-    x, y, z = ca.vertsplit(point)
-    return ColumnFunction("projection", [point, rig], f / z * ca.vertcat(x, y, x - baseline))
+    return ColumnFunction("projection", [point, rig], projection(point, rig[0], rig[1]))
 
 
 @cache
 def _triangulation() -> ColumnFunction:
     """(u_l, v_l, u_r; rig) → point in V."""
     pixels, rig = ca.SX.sym("pixels", 3), ca.SX.sym("rig", 3)
-    return ColumnFunction("triangulation", [pixels, rig], _point(pixels, rig))
+    return ColumnFunction("triangulation", [pixels, rig], triangulation(pixels, rig[0], rig[1]))
 
 
 @cache
 def _spread() -> ColumnFunction:
-    """(u_l, v_l, u_r; rig) → J σ: how the point in V moves for one standard deviation of each pixel coordinate."""
+    """(u_l, v_l, u_r; rig) → J σ."""
     pixels, rig = ca.SX.sym("pixels", 3), ca.SX.sym("rig", 3)
-    return ColumnFunction("spread", [pixels, rig], ca.jacobian(_point(pixels, rig), pixels) * rig[2])
+    return ColumnFunction("spread", [pixels, rig], spread(pixels, rig[0], rig[1], rig[2]))
 
 
-def _point(pixels: Symbol, rig: Symbol) -> Symbol:
-    """Z = f B / (u_l − u_r), X = Z u_l / f, Y = Z v_l / f."""
-    f, baseline, _ = ca.vertsplit(rig)
+def projection(point_V: Symbol, focal_length: Symbol, baseline: Symbol) -> Symbol:
+    """u_l = f X/Z, v_l = f Y/Z, u_r = f (X − B)/Z."""
+    x, y, z = ca.vertsplit(point_V)
+    return focal_length / z * ca.vertcat(x, y, x - baseline)
+
+
+def triangulation(pixels: Symbol, focal_length: Symbol, baseline: Symbol) -> Symbol:
+    """Z = f B/(u_l − u_r), X = Z u_l/f, Y = Z v_l/f."""
     u_l, v_l, u_r = ca.vertsplit(pixels)
-    return baseline / (u_l - u_r) * ca.vertcat(u_l, v_l, f)
+    return baseline / (u_l - u_r) * ca.vertcat(u_l, v_l, focal_length)
+
+
+def spread(pixels: Symbol, focal_length: Symbol, baseline: Symbol, noise: Symbol) -> Symbol:
+    """J σ: how the triangulated point moves for one standard deviation of each pixel coordinate."""
+    free = ca.SX.sym("pixels", 3)
+    jacobian = ca.jacobian(triangulation(free, focal_length, baseline), free)
+    return ca.substitute(jacobian, free, pixels) * noise

@@ -18,18 +18,22 @@ from baryscope.study.progress import stage
 def build(
     *,
     scenario: str = "envisat",
+    unit: Literal["target", "rig"] = "target",
     fmi: Literal[2, 3] = 2,
     platforms: Literal["host", "linux", "all", "wasm"] = "host",
     scalar: Annotated[bool, Parameter(negative=())] = False,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
-    """Build the co-simulation unit (FMU) of a scenario, for this machine or for others; it has Model Exchange, too.
+    """Build a co-simulation unit (FMU) of a scenario, for this machine or others; the target has Model Exchange, too.
 
     Parameters
     ----------
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
+    unit
+        `target`: the tumbling target and the motion of the chaser, TumblingTarget. `rig`: a pair of cameras that sees
+        the target's features, StereoRig.
     fmi
         Version of FMI: 2 for 2.0, 3 for 3.0.
     platforms
@@ -40,12 +44,12 @@ def build(
     scalar
         One variable for each scalar in FMI 3, for importers that cannot read arrays. FMI 2 has no arrays.
     output
-        The FMU to write. Default: the scenario's name with .fmu (.wasm for `wasm`).
+        The FMU to write. Default: the scenario's name, followed by -rig for the rig, with .fmu (.wasm for `wasm`).
     """
     show = show or Show()
     flown = load_scenario(scenario)
     suffix = ".wasm" if platforms == "wasm" else ".fmu"
-    path = output or Path(f"{flown.name}{suffix}")
+    path = output or Path(f"{flown.name}{'' if unit == 'target' else f'-{unit}'}{suffix}")
     if path.suffix != suffix:
         raise InputError(f"{path}: ends in {path.suffix!r}, expected {suffix}")
     if platforms == "wasm" and fmi != 2:
@@ -60,9 +64,9 @@ def build(
                 show.remark(f"compiling for {', '.join(left)}")
 
         if platforms == "wasm":
-            build_wasm(flown, path, progress=compiling)
+            build_wasm(flown, path, unit=unit, progress=compiling)
         else:
-            build_fmu(flown, path, fmi=fmi, scalar=scalar, platforms=platforms, progress=compiling)
+            build_fmu(flown, path, unit=unit, fmi=fmi, scalar=scalar, platforms=platforms, progress=compiling)
     features, size = len(flown.features.points), path.stat().st_size
     data = {"version": __version__, "file": str(path), "fmi": fmi, "features": features, "bytes": size}
     show.result(data, f"{path}: {features} features, {size / 1000:.0f} kB")

@@ -8,7 +8,7 @@ from baryscope.models.columns import BLOCK, FEW, LONG, OPERATIONS, ColumnFunctio
 
 A, B = ca.SX.sym("a"), ca.SX.sym("b", 2)
 ONE_OF_EACH = ca.vertcat(
-    A + B[0], A - B[0], A * B[0], A / B[0], -A, 1 / A, A**2, 2 * A, ca.sqrt(A), ca.fabs(B[1]), ca.sign(B[1]),
+    A + B[0], A - B[0], A * B[0], A / B[0], -A, 1 / A, A**2, 2 * A, ca.sqrt(A), ca.log(A), ca.fabs(B[1]), ca.sign(B[1]),
     ca.floor(B[1]), ca.sin(A), ca.cos(A), ca.atan2(B[1], A), ca.hypot(A, B[1]),
     ca.fmin(A, B[1]), ca.fmax(A, B[1]),
 )  # fmt: skip

@@ -73,3 +73,11 @@ def test_the_command_line_builds_it(module, tmp_path, capsys):
     assert (tmp_path / "unit.wasm").read_bytes() == module.read_bytes()
     with pytest.raises(InputError, match=r"'\.fmu', expected \.wasm"):
         build(scenario="envisat", platforms="wasm", output=tmp_path / "unit.fmu")
+
+
+def test_a_sampled_unit_is_a_module_too(small, tmp_path):
+    module = build_wasm(small, tmp_path / "rig.wasm", unit="rig")
+    assert module.read_bytes()[:4] == b"\0asm"
+    described = json.loads((tmp_path / "rig.json").read_text())
+    assert described["model"] == "StereoRig"
+    assert [v["name"] for v in described["variables"] if v["kind"] == "input"][:2] == ["features", "normals"]
