@@ -92,11 +92,14 @@ def rig_blueprint(scenario: Scenario) -> Blueprint:
 def _starts(scenario: Scenario, system: StereoSystem) -> dict[str, FloatArray]:
     sensor, tracking, light = scenario.sensor, scenario.tracking, scenario.light
     rig = sensor.stereo or USUAL
+    resolution = np.array(rig.resolution or (0, 0))
     facing = tracking.visibility == "facing"
     given = {
         "camera.attitude": (1.0, 0.0, 0.0, 0.0),
         "sun.direction": (1.0, 0.0, 0.0) if light is None else light.sun,
         "camera.focalLength": rig.focal_length,
+        "camera.principalPoint": resolution / 2,
+        "camera.resolution": resolution,
         "camera.baseline": rig.baseline,
         "camera.pixelNoise": rig.pixel_noise,
         "sampling.period": scenario.run.sample_time,

@@ -142,16 +142,21 @@ class Tracking(FileModel):
     max_incidence_deg: Annotated[float, Unit("deg"), Field(gt=0, le=90)] = 75.0
 
 
+Pixels = Annotated[int, Field(ge=1, le=1_000_000)]
+
+
 class StereoRig(FileModel):
     """[sensor.stereo]: a rectified pair of cameras at the chaser that points at the target's CoM.
 
     `pixel_noise` is the standard deviation of each pixel coordinate. The baseline is normal to the boresight; its
-    direction is that of `baryscope.models.directions.axes_along`.
+    direction is that of `baryscope.models.directions.axes_along`. `resolution` is the images' size, with the principal
+    point in the middle; without it they have no edges.
     """
 
     focal_length: Annotated[float, Unit("px"), Field(ge=1, le=1e9)]
     baseline: Annotated[float, Unit("m"), Field(ge=1e-6, le=1e6)]
     pixel_noise: Annotated[float, Unit("px"), Field(ge=1e-9, le=1e6)]
+    resolution: Annotated[tuple[Pixels, Pixels] | None, Unit("px")] = None
 
 
 class Outliers(FileModel):

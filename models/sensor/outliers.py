@@ -11,13 +11,14 @@ from baryscope.models.columns import ColumnFunction
 from baryscope.models.directions import axes_along
 from baryscope.models.frames import rotation_from_quaternion
 from baryscope.models.scenario import Outliers, Scenario
+from baryscope.models.sensor.draws import Purpose, standard_normals
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 
-def blunders(outliers: Outliers, shape: tuple[int, int], seed: SeedSequence) -> FloatArray:
+def blunders(outliers: Outliers, fate: FloatArray, seed: int) -> FloatArray:
     """Position errors of single observations, (n, m, 3), m in C.
 
     Each observation is a blunder with the probability `outliers.share`. Its error is normal, isotropic and of rms
@@ -25,15 +26,13 @@ def blunders(outliers: Outliers, shape: tuple[int, int], seed: SeedSequence) -> 
 
     Args:
         outliers: share and size.
-        shape: (n, m), frames and features.
-        seed: of the random numbers.
+        fate: (n, m), uniform numbers; an observation is a blunder where they are below the share.
+        seed: of the errors.
     """
     if outliers.share == 0:
-        return np.zeros((*shape, 3))
-    which, where = (np.random.default_rng(part) for part in seed.spawn(2))
-    wrong = which.random(shape) < outliers.share
-    offset = outliers.size / np.sqrt(3) * where.standard_normal((*shape, 3))
-    return np.where(wrong[..., None], offset, 0.0)
+        return np.zeros((*fate.shape, 3))
+    offset = outliers.size / np.sqrt(3) * standard_normals(seed, Purpose.BLUNDER, fate.shape)
+    return np.where(fate[..., None] < outliers.share, offset, 0.0)
 
 
 def slides(scenario: Scenario, time: FloatArray, attitude: FloatArray | None, seed: SeedSequence) -> FloatArray:

@@ -16,14 +16,20 @@ from baryscope.models.checks import UNIT_TOLERANCE, Check, CheckSet
 from baryscope.models.forces import Sunlight, sunlit_share
 from baryscope.models.frames import Symbol, quaternion_product, rotation_from_quaternion
 from baryscope.models.sensor.draws import normals_of
-from baryscope.models.sensor.stereo import projection, spread, triangulation
+from baryscope.models.sensor.stereo import (
+    FACING_TOLERANCE,
+    facing_cosine,
+    image_margins,
+    projection,
+    spread,
+    triangulation,
+)
 from baryscope.models.variables import BELOW_ONE, NOT_NEGATIVE, Kind, Variable
 
 MOST_PENDING = 16  # samples that wait for their latency
 SHORTEST_PERIOD = 1e-6  # s
 LARGEST_SEED = 2.0**53 - 1
 LIT = 0.5  # share of the Sun's disc that is needed
-FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit counts as seen
 UV = ("u", "v")
 PIXELS = ("u, left", "v", "u, right")
 CAMERA = ("x, along the baseline", "y", "z, boresight")
@@ -91,12 +97,14 @@ def _sight(
     covariance = root @ root.T
     centre = ca.vertcat(given["camera.principalPoint"], given["camera.principalPoint"][0])
     in_image = pixels + centre
+    resolution = given["camera.resolution"]
+    sizes, margins = (resolution[0], resolution[1], resolution[0]), image_margins(in_image, resolution)
     distance = ca.norm_2(true_V)
     conditions = [
         there_V[2] > 0,
         pixels[0] > pixels[2],
-        *_inside(in_image, given["camera.resolution"]),
-        incidence_cosine(true_V, normal_V) >= ca.cos(given["visibility.maxIncidence"]) - FACING_TOLERANCE,
+        *(ca.logic_or(size == 0, margin >= 0) for size, margin in zip(sizes, ca.vertsplit(margins), strict=True)),
+        facing_cosine(true_V, normal_V) >= ca.cos(given["visibility.maxIncidence"]) - FACING_TOLERANCE,
         distance >= given["visibility.minRange"],
         distance <= given["visibility.maxRange"],
         fate[0] >= given["dropout"],
@@ -106,20 +114,6 @@ def _sight(
         seen = ca.logic_and(seen, condition)
     upper = ca.vertcat(*(covariance[i, j] for i in range(3) for j in range(i, 3)))
     return [in_image, point_V, upper, ca.if_else(seen, 1, 0)]
-
-
-def _inside(pixels: Symbol, resolution: Symbol) -> list[Symbol]:
-    """Whether pixels from the corner are in both images; without a limit where the resolution is 0."""
-    found = []
-    for value, size in ((pixels[0], resolution[0]), (pixels[1], resolution[1]), (pixels[2], resolution[0])):
-        found.append(ca.logic_or(size == 0, ca.logic_and(value >= 0, value <= size)))
-    return found
-
-
-def incidence_cosine(point: Symbol, normal: Symbol) -> Symbol:
-    """Cosine of the angle between a normal and the direction from the point to the origin; 0 at the origin."""
-    reach = ca.norm_2(point)
-    return -ca.dot(point, normal) / ca.if_else(reach > 0, reach, 1)
 
 
 def _attitude(q: Symbol, p: Symbol, given: Mapping[str, Symbol]) -> ca.Function:

@@ -15,6 +15,9 @@ from baryscope.models.frames import Symbol
 from baryscope.models.scenario import StereoRig
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+TINY = 1e-300  # m
+FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit counts as seen
 
 
 def project(rig: StereoRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArray:
@@ -38,6 +41,15 @@ def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[
     position_V = _of_each(_triangulation(), usable, rig)
     spread_C = R_C_V[:, None] @ _of_each(_spread(), usable, rig)
     return position_V @ np.swapaxes(R_C_V, 1, 2), spread_C @ np.swapaxes(spread_C, -1, -2)
+
+
+def in_images(rig: StereoRig, pixels: FloatArray) -> BoolArray:
+    """Whether pixels (n, m, 3) lie in both images, (n, m); everything that is a number does if they have no edges."""
+    if rig.resolution is None:
+        return np.isfinite(pixels[..., 0])
+    corner = pixels + np.array(rig.resolution)[[0, 1, 0]] / 2
+    inside = _margins()(corner.reshape(-1, 3).T, np.array(rig.resolution, dtype=float)).reshape(pixels.shape)
+    return np.asarray(np.all(inside >= 0, axis=-1))
 
 
 def _of_each(function: ColumnFunction, values: FloatArray, rig: StereoRig) -> FloatArray:
@@ -67,6 +79,13 @@ def _spread() -> ColumnFunction:
     return ColumnFunction("spread", [pixels, rig], spread(pixels, rig[0], rig[1], rig[2]))
 
 
+@cache
+def _margins() -> ColumnFunction:
+    """(pixels from the corner, resolution) → distances from the edges."""
+    pixels, resolution = ca.SX.sym("pixels", 3), ca.SX.sym("resolution", 2)
+    return ColumnFunction("margins", [pixels, resolution], image_margins(pixels, resolution))
+
+
 def projection(point_V: Symbol, focal_length: Symbol, baseline: Symbol) -> Symbol:
     """u_l = f X/Z, v_l = f Y/Z, u_r = f (X − B)/Z."""
     x, y, z = ca.vertsplit(point_V)
@@ -84,3 +103,14 @@ def spread(pixels: Symbol, focal_length: Symbol, baseline: Symbol, noise: Symbol
     free = ca.SX.sym("pixels", 3)
     jacobian = ca.jacobian(triangulation(free, focal_length, baseline), free)
     return ca.substitute(jacobian, free, pixels) * noise
+
+
+def image_margins(pixels: Symbol, resolution: Symbol) -> Symbol:
+    """Distances of u_l, v and u_r, from the corner, to the nearer edge of their images, px; below 0 outside."""
+    size = ca.vertcat(resolution, resolution[0])
+    return ca.fmin(pixels, size - pixels)
+
+
+def facing_cosine(point: Symbol, normal: Symbol) -> Symbol:
+    """Cosine of the angle between a normal and the direction from the point to the origin; 0 at the origin."""
+    return -ca.dot(point, normal) / ca.fmax(ca.norm_2(point), TINY)

@@ -1,19 +1,21 @@
 """The sensor: which features are seen when, and their measured positions with noise and gross errors."""
 
 from dataclasses import dataclass
+from functools import cache
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.models.columns import ColumnFunction
 from baryscope.models.directions import axes_along
 from baryscope.models.scenario import Scenario
+from baryscope.models.sensor.draws import Purpose, standard_normals, uniforms
 from baryscope.models.sensor.outliers import blunders, slides, swaps
-from baryscope.models.sensor.stereo import project, triangulate
+from baryscope.models.sensor.stereo import FACING_TOLERANCE, facing_cosine, in_images, project, triangulate
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-
-FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit counts as seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +47,9 @@ def observe(
     """Simulate the scenario's tracking and sensor on the true positions of the features.
 
     A feature is seen while a tracking interval names it, while it faces the chaser (if the scenario asks for that),
-    unless the observation is dropped, and if a rig measures a positive disparity. Noise, dropout and gross errors are
-    drawn from separate streams of the scenario's seed, for every feature at every time: a change of one of them, or of
-    the intervals, leaves the others as they were. Only swaps depend on which features are seen.
+    unless the observation is dropped, and if a rig measures a positive disparity within its images. Noise, dropout and
+    blunders are drawn by counter (`draws`) for every feature at every time, as in the unit StereoRig: a change of one
+    of them, or of the intervals, leaves the others as they were. Only swaps depend on which features are seen.
 
     Args:
         scenario: gives intervals, visibility, sensor and seed.
@@ -64,15 +66,16 @@ def observe(
     if features_C.shape != shape or normals_C.shape != shape:
         raise ValueError(f"features {features_C.shape} and normals {normals_C.shape}, expected {shape} for both")
 
-    noise_seed, dropout_seed, *outlier_seeds = np.random.SeedSequence(scenario.run.seed).spawn(5)
-    noise = np.random.default_rng(noise_seed).standard_normal(shape)
-    kept = np.random.default_rng(dropout_seed).random(shape[:2]) >= scenario.sensor.dropout
-    outliers = scenario.sensor.outliers
-    error_C = blunders(outliers, shape[:2], outlier_seeds[0]) + slides(scenario, time, attitude, outlier_seeds[1])
+    seed, outliers = scenario.run.seed, scenario.sensor.outliers
+    noise = standard_normals(seed, Purpose.NOISE, shape[:2])
+    dropping, blundering = np.moveaxis(uniforms(seed, Purpose.FATE, shape[:2])[..., :2], -1, 0)
+    kept = dropping >= scenario.sensor.dropout
+    slide_seed, swap_seed = np.random.SeedSequence(seed).spawn(2)
+    error_C = blunders(outliers, blundering, seed) + slides(scenario, time, attitude, slide_seed)
 
     measured, covariance = _measured(scenario, features_C + error_C, target_C, noise)
     seen = visible(scenario, time, features_C, normals_C) & kept & np.isfinite(measured[..., 0])
-    frame, source = np.arange(time.size)[:, None], swaps(outliers, time, seen, outlier_seeds[2])
+    frame, source = np.arange(time.size)[:, None], swaps(outliers, time, seen, swap_seed)
     return Observations(
         position=np.where(seen[..., None], measured[frame, source], np.nan),
         seen=seen,
@@ -89,7 +92,8 @@ def _measured(
     if rig is None:
         return points_C + scenario.sensor.noise * noise, None
     R_C_V = _rig_axes(target_C)
-    return triangulate(rig, R_C_V, project(rig, R_C_V, points_C) + rig.pixel_noise * noise)
+    pixels = project(rig, R_C_V, points_C) + rig.pixel_noise * noise
+    return triangulate(rig, R_C_V, np.where(in_images(rig, pixels)[..., None], pixels, np.nan))
 
 
 def _rig_axes(target_C: FloatArray | None) -> FloatArray:
@@ -110,7 +114,7 @@ def observation_covariance(
         target_C: (n, 3), m, the target's CoM, at which a stereo rig points; needed with a rig.
 
     Returns:
-        (n, m, 3, 3), m² in frame C; NaN where a point is not in front of the rig.
+        (n, m, 3, 3), m² in frame C; NaN where a point is not in front of the rig or not in its images.
 
     Raises:
         ValueError: the scenario has a rig and `target_C` is missing.
@@ -119,7 +123,8 @@ def observation_covariance(
     if rig is None:
         return np.broadcast_to(scenario.sensor.noise**2 * np.eye(3), (*features_C.shape, 3))
     R_C_V = _rig_axes(target_C)
-    return triangulate(rig, R_C_V, project(rig, R_C_V, features_C))[1]
+    pixels = project(rig, R_C_V, features_C)
+    return triangulate(rig, R_C_V, np.where(in_images(rig, pixels)[..., None], pixels, np.nan))[1]
 
 
 def visible(scenario: Scenario, time: FloatArray, features_C: FloatArray, normals_C: FloatArray) -> BoolArray:
@@ -157,5 +162,11 @@ def tracked(scenario: Scenario, time: FloatArray) -> BoolArray:
 
 def incidence_cosine(features_C: FloatArray, normals_C: FloatArray) -> FloatArray:
     """Cosine of the angle between each normal and the direction to the chaser, the origin of C, (n, m)."""
-    reach = np.linalg.norm(features_C, axis=2)
-    return np.asarray(-np.einsum("nmi,nmi->nm", features_C, normals_C) / np.where(reach > 0, reach, 1.0))
+    found = _incidence()(features_C.reshape(-1, 3).T, normals_C.reshape(-1, 3).T)
+    return found.reshape(features_C.shape[:2])
+
+
+@cache
+def _incidence() -> ColumnFunction:
+    point, normal = ca.SX.sym("point", 3), ca.SX.sym("normal", 3)
+    return ColumnFunction("incidence", [point, normal], facing_cosine(point, normal))

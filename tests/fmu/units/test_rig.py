@@ -1,4 +1,4 @@
-"""StereoRig: against the campaigns' rig and plain numpy on the same draws; samples, latency, light, saved states."""
+"""StereoRig: against the campaigns' sensor on the same draws; samples, latency, light, saved states."""
 
 import fmpy
 import numpy as np
@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 import forces
 from baryscope.fmu import build_fmu
 from baryscope.fmu.check import check_unit
+from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Run, Sensor, StereoRig, Tracking
-from baryscope.models.sensor.draws import Purpose, standard_normals, uniforms
-from baryscope.models.sensor.stereo import project, triangulate
+from baryscope.models.sensor import observe
 from baryscope.scripts.cli.app import main
 from importer import Importer
 
@@ -95,40 +95,43 @@ def test_its_declarations_are_true(watched, tmp_path, fmi, scalar):
     assert check_unit(unit, isolated=False) == []
 
 
-def test_it_measures_what_a_campaign_does(rig):
-    """Features that turn, a camera that turns, noise, dropout, blunders and faces that look away."""
-    frames, share, size, dropout, limit = 40, 0.3, 1.5, 0.2, np.deg2rad(70)
-    one = rig(dropout=dropout, outliers__share=share, outliers__size=size, visibility__maxIncidence=limit)
-    turns = Rotation.from_rotvec(np.arange(frames)[:, None] * [0.02, -0.05, 0.03])
-    q = turns.as_quat(scalar_first=True)
-    R_C_V = turns.as_matrix()
-    normals_V = Rotation.from_rotvec(np.arange(frames)[:, None] * [0.0, 0.04, 0.0]).apply([0.0, 0.0, -1.0])
-    features_C = POINTS @ np.swapaxes(R_C_V, 1, 2)
-    normals_C = np.repeat(np.einsum("nij,nj->ni", R_C_V, normals_V)[:, None], COUNT, axis=1)
+def test_it_measures_what_a_campaign_does(watched, tmp_path):
+    """On the same draws: a camera that follows the target, noise, edges, dropout, blunders, faces that look away."""
+    frames, rng = 60, np.random.default_rng(1)
+    rig, outliers = RIG.model_copy(update={"resolution": (300, 200)}), {"share": 0.3, "size": 1.5}
+    sensor = Sensor.model_validate({"stereo": rig, "dropout": 0.2, "outliers": outliers})
+    tracking = Tracking(visibility="facing", max_incidence_deg=70.0)
+    flown = watched.model_copy(update={"sensor": sensor, "tracking": tracking})
+    one = Rig(build_fmu(flown, tmp_path / "rig.fmu", unit="rig"), tmp_path / "rig")
 
-    shape = frames, COUNT
-    fate = uniforms(12345, Purpose.FATE, shape)
-    offset = size / np.sqrt(3) * standard_normals(12345, Purpose.BLUNDER, shape) * (fate[..., 1:2] < share)
-    noisy = project(RIG, R_C_V, features_C + offset) + 0.4 * standard_normals(12345, Purpose.NOISE, shape)
-    points_C, covariances_C = triangulate(RIG, R_C_V, noisy)
-    facing = np.einsum("nmi,nmi->nm", -features_C, normals_C) / np.linalg.norm(POINTS, axis=1) >= np.cos(limit)
-    expected_seen = facing & (fate[..., 0] >= dropout) & np.isfinite(points_C[..., 0])
-    assert 0.3 < expected_seen.mean() < 0.8
+    target_C = Rotation.from_rotvec(np.arange(frames)[:, None] * [0.02, -0.05, 0.03]).apply([10.0, 3.0, -2.0])
+    features_C = target_C[:, None] + rng.uniform(-1, 1, (frames, COUNT, 3))
+    normals_C = Rotation.from_rotvec(rng.normal(0, 0.7, (frames * COUNT, 3))).apply(
+        -np.repeat(target_C, COUNT, axis=0) / np.linalg.norm([10.0, 3.0, -2.0])
+    )
+    normals_C = normals_C.reshape(features_C.shape)
+    expected = observe(flown, PERIOD * np.arange(frames), features_C, normals_C, target_C=target_C)
+    assert 0.3 < expected.seen.mean() < 0.8
+    assert expected.wrong[expected.seen].mean() > 0.1
 
-    for k in range(frames):
-        one.put(features_C[k], normals_C[k], 3.0 * q[k])  # of any length
+    for k, R in enumerate(axes_along(target_C)):
+        one.put(features_C[k], normals_C[k], 3.0 * Rotation.from_matrix(R).as_quat(scalar_first=True))  # of any length
         one.step()
-        seen, R = expected_seen[k], R_C_V[k]
+        seen = expected.seen[k]
         np.testing.assert_array_equal(one["seen"], seen)
-        np.testing.assert_allclose(one["pixels"][seen], noisy[k, seen], rtol=1e-11, atol=1e-9)
-        np.testing.assert_allclose(one["points"][seen], points_C[k, seen] @ R, rtol=1e-10, atol=1e-10)
-        covariances = R.T @ covariances_C[k, seen] @ R
+        np.testing.assert_allclose(one["points"][seen], expected.position[k, seen] @ R, rtol=1e-9, atol=1e-10)
+        covariances = R.T @ expected.covariance[k, seen] @ R
         upper = covariances[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-        np.testing.assert_allclose(one["covariances"][seen], upper, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(one["covariances"][seen], upper, rtol=1e-8, atol=1e-12)
+        u_l, v, u_r = one["pixels"][seen].T - [[150], [100], [150]]
+        np.testing.assert_allclose(
+            0.8 / (u_l - u_r) * np.array([u_l, v, 900 + 0 * v]), one["points"][seen].T, rtol=1e-9
+        )
         for name in ("pixels", "points", "covariances"):
             assert not one[name][~seen].any()
         assert one["sample.time"] == k * PERIOD
         assert one["sample.number"] == k + 1
+    one.fmu.freeInstance()
 
 
 def test_the_lever_arm_and_the_principal_point(rig):

@@ -39,17 +39,6 @@ def test_none_unless_asked_for():
     np.testing.assert_array_equal(seen.position, FEATURES_C)
 
 
-def test_draws_of_noise_and_dropout_are_what_they_were_before_there_were_outliers():
-    """Values written down from the version before."""
-    flown = BASE.model_copy(update={"tracking": Tracking(), "sensor": Sensor(noise=0.02, dropout=0.1)})
-    assert flown.run.seed == 5
-    features = np.broadcast_to([0.0, 10.0, 0.0], (5, COUNT, 3))
-    seen = observe(flown, np.arange(5.0), features, np.broadcast_to([0.0, -1.0, 0.0], features.shape))
-    assert np.argwhere(~seen.seen).tolist() == [[0, 1], [1, 2], [2, 6], [3, 1]]
-    expected = [float.fromhex(x) for x in ("0x1.7be24d0385d9bp-7", "0x1.40ed73c65ada3p+3", "0x1.6332f67f87fa1p-6")]
-    assert seen.position[4, 3].tolist() == expected
-
-
 @pytest.mark.parametrize(
     "outliers",
     [Outliers(share=0.2), Outliers(swapped=0.2), Outliers(sliding=3), Outliers(share=0.1, swapped=0.1, sliding=1)],

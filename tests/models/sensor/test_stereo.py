@@ -124,6 +124,20 @@ def test_what_is_behind_the_rig_or_without_disparity_is_not_seen():
     assert np.isnan(true_covariance(scenario(), -TARGET)).all()
 
 
+def test_images_have_edges():
+    """At 10 m with 1911 px: the left image of 800 px ends at 2.09 m, the right one begins at −2.09 + 1 m."""
+    edged = RIG.model_copy(update={"resolution": (800, 600), "pixel_noise": 1e-6})
+    R = axes_along(TARGET[None])[0]
+    ends = {"x": (-2.093 + 1, 2.093), "y": (-1.570, 1.570)}
+    for k, (low, high) in enumerate(ends.values()):
+        for value, inside in ((low - 0.01, False), (low + 0.01, True), (high - 0.01, True), (high + 0.01, False)):
+            point = np.array([0.5, 0.0, 10.0])
+            point[k] = value
+            assert measured(scenario(edged), R @ point, frames=2).seen.all() == inside
+            assert np.isfinite(true_covariance(scenario(edged), R @ point)).all() == inside
+            assert measured(scenario(), R @ point, frames=2).seen.all()
+
+
 def test_dropout_is_the_same_with_a_rig():
     lossy = measured(scenario(dropout=0.3), TARGET, frames=200)
     plain = BASE.model_copy(update={"tracking": Tracking(), "sensor": Sensor(noise=0.0, dropout=0.3)})

@@ -148,6 +148,23 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another():
     assert np.any(first.seen != other.seen)
 
 
+def test_draws_are_those_of_numpy_s_philox():
+    """Of key (seed, purpose) and counter (frame, feature); frames count from 1, which is where its first draw is."""
+    time, features, normals = still(20)
+    flown = scenario(sensor=Sensor(noise=0.02, dropout=0.3))
+    seen = observe(flown, time, features, normals)
+    for feature in range(COUNT):
+        noise, fate = (
+            np.random.Philox(key=(purpose << 64) + BASE.run.seed, counter=feature << 64).random_raw(80).reshape(20, 4)
+            for purpose in (0, 1)
+        )
+        u = ((noise >> np.uint64(12)) + 0.5) / 2**52
+        kept = ((fate[:, 0] >> np.uint64(12)) + 0.5) / 2**52 >= 0.3
+        np.testing.assert_array_equal(seen.seen[:, feature], kept)
+        third = 0.02 * np.sqrt(-2 * np.log(u[:, 2])) * np.cos(2 * np.pi * u[:, 3])
+        np.testing.assert_allclose((seen.position - features)[kept, feature, 2], third[kept], rtol=1e-9)
+
+
 def test_noise_and_dropout_are_separate_streams():
     """More noise loses the same observations, scaled; more dropout leaves the noise of what is seen as it was."""
     time, features, normals = still(500)
