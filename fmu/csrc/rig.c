@@ -20,7 +20,14 @@ static void model_tune(Model *model, const double *values) { (void)model, (void)
 
 /* ---- one sample ---- */
 
-/* Write the outputs of one feature, unless it is not seen: then they stay 0. */
+static bool all_finite(const double *values, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!isfinite(values[i])) return false;
+    return true;
+}
+
+/* Write the outputs of one feature, unless it is not seen, as one beyond all numbers is not: then they stay 0. */
 static void sight(const double *values, const double *attitude, uint64_t number, int feature, double *outputs)
 {
     double draws[3][4];
@@ -31,7 +38,7 @@ static void sight(const double *values, const double *attitude, uint64_t number,
                                  values + AT_PARAMETERS, draws[0], draws[1], draws[2]};
     double *results[] = {pixels, point, covariance, &seen};
     rig_sight(arguments, results, NULL, NULL, 0);
-    if (seen != 1.0) return;
+    if (seen != 1.0 || !all_finite(pixels, 3) || !all_finite(point, 3) || !all_finite(covariance, 6)) return;
     memcpy(outputs + AT_PIXELS - AT_OUTPUTS + 3 * feature, pixels, sizeof pixels);
     memcpy(outputs + AT_POINTS - AT_OUTPUTS + 3 * feature, point, sizeof point);
     memcpy(outputs + AT_COVARIANCES - AT_OUTPUTS + 6 * feature, covariance, sizeof covariance);

@@ -142,7 +142,7 @@ def rig_table(feature_count: int) -> tuple[Variable, ...]:
         Variable("camera.baseline", PAR, "m", "Distance of the right camera from the left one", limits=NOT_NEGATIVE),
         Variable("camera.leverArm", PAR, "m", "Left camera from the chaser's CoM, camera axes", (3,), axes=CAMERA),
         _noise("camera.pixelNoise", "1", "Standard deviation of a pixel coordinate, px"),
-        _noise("camera.attitudeNoise", "rad", "Standard deviation of the measured attitude, about each camera axis"),
+        _noise("camera.attitudeNoise", "rad", "Standard deviation of the measured attitude, each axis", (0.0, pi)),
         Variable("sampling.period", PAR, "s", "Time from sample to sample", limits=(SHORTEST_PERIOD, inf)),
         Variable("sampling.latency", PAR, "s", "Time from a sample to its output", limits=NOT_NEGATIVE),
         Variable(
@@ -186,11 +186,14 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
     def not_negative(name: str) -> Check:
         return check(name, "a value of at least 0", given[name], given[name] >= 0)
 
+    def angle(name: str) -> Check:
+        return check(name, "0 to pi rad", given[name], ca.logic_and(given[name] >= 0, given[name] <= pi))
+
     def share(name: str) -> Check:
         return check(name, "a share from 0 to below 1", given[name], ca.logic_and(given[name] >= 0, given[name] < 1))
 
     period, latency, seed = given["sampling.period"], given["sampling.latency"], given["seed"]
-    incidence, resolution = given["visibility.maxIncidence"], ca.mmin(given["camera.resolution"])
+    resolution = ca.mmin(given["camera.resolution"])
     nearest, farthest = given["visibility.minRange"], given["visibility.maxRange"]
     longest = MOST_PENDING - 1
     return (
@@ -198,13 +201,13 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
         check("camera.resolution", "sizes of at least 0 px", resolution, resolution >= 0),
         positive("camera.baseline", "length in m"),
         not_negative("camera.pixelNoise"),
-        not_negative("camera.attitudeNoise"),
+        angle("camera.attitudeNoise"),
         check("sampling.period", f"at least {SHORTEST_PERIOD:g} s", period, period >= SHORTEST_PERIOD),
         check(
             "sampling.latency", f"0 to {longest} periods", latency,
             ca.logic_and(latency >= 0, latency <= (longest + UNIT_TOLERANCE) * period),
         ),
-        check("visibility.maxIncidence", "0 to pi rad", incidence, ca.logic_and(incidence >= 0, incidence <= pi)),
+        angle("visibility.maxIncidence"),
         not_negative("visibility.minRange"),
         check("visibility.maxRange", "at least visibility.minRange", farthest, farthest >= nearest),
         share("dropout"),

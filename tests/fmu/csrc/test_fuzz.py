@@ -12,6 +12,7 @@ from hypothesis.stateful import run_state_machine_as_test
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.sources import interface_headers
+from baryscope.fmu.units import UNITS, blueprint_of
 from baryscope.fmu.units.target import target_blueprint
 from fuzz_machine import Machine
 from importer import Importer
@@ -55,6 +56,24 @@ def test_a_million_random_calls_in_c(sanitizing_compiler, small, tmp_path, fmi, 
     assert calls > refused > calls // 4  # both kinds of calls are plenty
     assert messages > 0
     assert failed > 0
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "target"])
+def test_random_calls_on_sampled_units(sanitizing_compiler, small, tmp_path, unit, request):
+    _, sources = describe_unit(blueprint_of(unit, small), 2)
+    for name, content in (sources | interface_headers(2)).items():
+        (tmp_path / name).write_bytes(content)
+    harness = str(request.path.with_name("fuzz_sampled.c"))
+    command = [sanitizing_compiler, "-std=c11", "-g", "-O1", "-w", *SANITIZERS, f"-I{tmp_path}", harness]
+    compiled = subprocess.run(
+        [*command, "-o", "fuzz", "-lm"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert compiled.returncode == 0, compiled.stderr
+    result = subprocess.run([tmp_path / "fuzz", "200000", "7"], capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    calls, refused, lives = map(int, re.findall(r"\d+", result.stdout))
+    assert calls > refused > calls // 20
+    assert lives > 20
 
 
 # ---- from Python ----
