@@ -22,6 +22,7 @@ from baryscope.estimator.result import (
     LackOfFit,
     Motion,
     Status,
+    WrongSigma,
 )
 
 FloatArray = NDArray[np.float64]
@@ -63,7 +64,8 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
 
 def _widening(result: Estimate) -> Widening:
     noise, variance = result.noise, 0.0
-    factor = 1.0 if noise.a_priori is None else max((noise.a_posteriori / noise.a_priori) ** 2, 1.0)
+    told = None if any(isinstance(one, WrongSigma) for one in result.findings) else noise.a_priori
+    factor = 1.0 if told is None else max((noise.a_posteriori / told) ** 2, 1.0)
     seen = np.isfinite(result.residuals[..., 0]) & ~result.rejected
     mean_square = float(np.mean(result.residuals[seen] ** 2)) if seen.any() else 0.0
     for finding in result.findings:

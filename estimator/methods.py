@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from baryscope.estimator.a_priori import with_credible_sigma
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.claims import claimed
 from baryscope.estimator.consider import considered
@@ -44,7 +45,12 @@ class Method:
         chosen = self.options() if options is None else options
         if not isinstance(chosen, self.options):
             raise InputError(f"{self.name} takes {self.options.__name__}, found {type(chosen).__name__}")
-        return claimed(considered(self.run(tracks, orbit, chosen, progress), tracks))
+
+        def fit(told: Options) -> Estimate:
+            return self.run(tracks, orbit, told, progress)
+
+        found = with_credible_sigma(fit, chosen) if isinstance(chosen, PathOptions) else fit(chosen)
+        return claimed(considered(found, tracks))
 
 
 def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:

@@ -86,8 +86,8 @@ def sentence(finding: Finding) -> str:
                 f"{AXES[finding.axes]}, which nothing told; the estimate allows for it"
             )
         case WrongSigma():
-            return f"sigma is {finding.given:.3g}, but the bodies alone show {finding.found:.3g}: " + (
-                "claims are widened to that" if finding.found > finding.given else "claims are too wide"
+            return f"sigma is {finding.given:.3g}, but the residuals show {finding.found:.3g}: " + (
+                "claims are made of that" if finding.found > finding.given else "claims may be too wide"
             )
         case FreeAttitudes():
             return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"

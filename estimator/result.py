@@ -181,7 +181,7 @@ class UnknownBurn:
 
 @dataclass(frozen=True)
 class WrongSigma:
-    """The deviation of a coordinate is `found`, from the registration of the bodies alone, but `given` a priori.
+    """The deviation of a coordinate is `given` a priori, but `found` by the residuals; covariances take the greater.
 
     Both in m, or as factors on the standard deviations of the tracks' covariances. No model is to blame.
     """
@@ -209,6 +209,7 @@ Finding = (
     | WrongSigma
     | FreeAttitudes
 )
+MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut
 
 
 @dataclass(frozen=True)
@@ -342,8 +343,7 @@ class Estimate:
         """Whether the estimate can be used: the most severe of its defects."""
         if not self.converged:
             return Status.NOT_CONVERGED
-        misfits = LackOfFit | ExcessResiduals | FramesLeftOut | WrongSigma
-        if any(isinstance(finding, misfits) for finding in self.findings):
+        if any(isinstance(finding, MISFITS) for finding in self.findings):
             return Status.MODEL_DOES_NOT_FIT
         if any(isinstance(finding, FewFrames) for finding in self.findings):
             return Status.NOT_CHECKED

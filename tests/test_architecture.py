@@ -30,6 +30,7 @@ LAYERS = [
     ["estimator.consider"],
     ["estimator.ml"],
     ["estimator.ekf"],
+    ["estimator.a_priori"],
     ["estimator.methods", "estimator.bound"],
     ["estimator", "fmu"],
     ["study"],

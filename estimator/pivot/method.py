@@ -44,7 +44,6 @@ from baryscope.estimator.pivot.refinement import (
     least_variance,
     refined,
     subsampled,
-    values_for_path,
 )
 from baryscope.estimator.pivot.start import linear_start
 from baryscope.estimator.pivot.strays import without_strays
@@ -61,7 +60,6 @@ from baryscope.estimator.result import (
     Finding,
     Motion,
     Noise,
-    WrongSigma,
 )
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
@@ -73,7 +71,6 @@ BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
 SELF_CHECKING = 5  # features of a frame: without any one of them, four still show whether they fit
-WRONG_SIGMA = 0.25  # relative error of an a priori deviation that is named; outliers alone make up a tenth
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
 
@@ -216,7 +213,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
     found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
-    findings = _findings(found, registered.noise, options.sigma, tracks) + wrong_orbit(found, orbit)
+    findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     return replace(found, findings=findings)
 
@@ -237,19 +234,16 @@ def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
         )
 
 
-def _findings(found: Pivot, noise: float, sigma: float | None, tracks: FeatureTracks) -> tuple[Finding, ...]:
-    """Findings against labels, path and sigma; noise: standard deviation of a coordinate from the registration, m."""
+def _findings(found: Pivot, noise: float, tracks: FeatureTracks) -> tuple[Finding, ...]:
+    """Findings against labels and path; noise: standard deviation of a coordinate from the registration, m."""
     findings: list[Finding] = [
         DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
         for points in found.refused
     ]
     measured = found.observations
-    shown = noise if measured.precision is None else float(np.sqrt(found.residual_variance))
     ratio = found.residual_variance / max(noise**2, 1e-300)
     if found.residual_variance > least_variance(measured, ROUNDING):
-        if sigma is not None and _is_wrong(sigma, shown, found):
-            findings.append(WrongSigma(sigma, shown))
-        elif measured.precision is None and ratio > MAX_VARIANCE_RATIO:
+        if measured.precision is None and ratio > MAX_VARIANCE_RATIO:
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
@@ -259,13 +253,6 @@ def _findings(found: Pivot, noise: float, sigma: float | None, tracks: FeatureTr
     if frames < unknowns and (smooth_in(found.path) is None or 2 * checked < frames):
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
-
-
-def _is_wrong(sigma: float, shown: float, found: Pivot) -> bool:
-    """Whether an a priori deviation is off by more than WRONG_SIGMA, and by more than noise explains."""
-    dof = max(values_for_path(found.bodies, found.observations) - found.path_unknowns, 1.0)
-    # The logarithm of a deviation from n values has the deviation 1/√(2 n).
-    return abs(float(np.log(max(shown, 1e-300) / sigma))) > max(WRONG_SIGMA, 5 / float(np.sqrt(2 * dof)))
 
 
 def _restricted(measured: Observations, bodies: tuple[Body, ...], inliers: BoolArray) -> Observations:

@@ -41,7 +41,8 @@ class PathChoices:
         at rest in inertial axes even with an orbit.
     sigma
         Standard deviation of an observation's coordinate (pivot, ml, ekf), m. If the tracks have covariances, a factor
-        on their standard deviations. Default: estimated from the residuals.
+        on their standard deviations. One that the residuals exceed is named and not used. Default: estimated from the
+        residuals.
     noise
         Covariances of the tracks (pivot, ml, ekf): stereo, evaluated again at the estimated point since they grow with
         range; or fixed, used as they are. Default: stereo.

@@ -67,8 +67,8 @@ def test_verdict_names_a_skew_axis():
             FramesLeftOut(3.0, 15.5, 13, 0.456),
             "nothing fits from 3.0 to 15.5 s: all 13 frames there are left out, off by 0.46 m",
         ),
-        (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the bodies alone show 0.0204: claims are widened to that"),
-        (WrongSigma(0.02, 0.0104), "sigma is 0.02, but the bodies alone show 0.0104: claims are too wide"),
+        (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the residuals show 0.0204: claims are made of that"),
+        (WrongSigma(0.02, 0.0104), "sigma is 0.02, but the residuals show 0.0104: claims may be too wide"),
         (
             FreeAttitudes("the steps to a tumble do not converge"),
             "the steps to a tumble do not converge: this is the estimate with free attitudes, as of pivot",

@@ -9,9 +9,9 @@ from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import FewFrames, Status, WrongSigma
+from baryscope.estimator.result import FewFrames, Status
 from baryscope.models.errors import ComputationError
-from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster, turning
+from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 
 RATE = np.deg2rad([2.4, 4.4, 4.8])
@@ -187,18 +187,3 @@ def test_a_body_seen_in_few_of_many_frames_is_kept(trajectory):
     assert sorted(len(cluster.frames) for cluster in found.clusters) == [16, 9000, 10_982]
     assert_good(found, case)
     assert squared_error_of_cluster(found, case, 2) < 4.5**2
-
-
-@pytest.mark.parametrize(("sigma", "named"), [(0.01, True), (0.04, True), (0.0201, False)])
-def test_a_wrong_sigma_is_named_and_not_the_path(sigma, named):
-    """Noise of 2 cm; a deviation from 300 × 8 × 3 values is known to a part in a hundred."""
-    time, R = turning(300)
-    case = make_case(time, R, at_rest(time), FEATURES, noise=0.02, seed=3)
-    found = estimate(case.tracks, method="pivot", options=PathOptions(trajectory="fixed", sigma=sigma))
-    wrong = [one for one in found.findings if isinstance(one, WrongSigma)]
-    assert list(found.findings) == wrong
-    assert bool(wrong) == named
-    if named:
-        assert wrong[0].given == sigma
-        assert wrong[0].found == pytest.approx(0.02, rel=0.04)
-        assert found.status is Status.MODEL_DOES_NOT_FIT
