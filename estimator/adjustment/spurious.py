@@ -12,6 +12,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 FARTHEST_RADII = 3.0  # standard deviation of an unobserved centre of mass from the features' centroid, in their radii
@@ -67,14 +68,44 @@ def spurious_information_columns(
     Returns columns A of the offsets (3 k, d) and B of the other unknowns (p, d): the covariances grow by A Aᵀ and B Bᵀ,
     the cross-covariance by A Bᵀ.
     """
-    values, axes = np.linalg.eigh((offset + offset.T) / 2)
-    seen = values > RANK * values[-1]
-    root = axes[:, seen] * np.sqrt(values[seen])
-    share, along = np.linalg.eigh(root.T @ spurious @ root)
-    directions = root @ along  # of one standard deviation each
-    length = np.sqrt((directions.reshape(-1, 3, directions.shape[1]) ** 2).sum(axis=1).max(axis=0))
-    remaining = np.maximum(1 - share, np.minimum(length * np.sqrt(least), 1.0))
-    return _with_others(directions * np.sqrt(np.maximum(remaining**-2.0 - 1, 0.0)), offset, crossed)
+    found = _Directions.of(offset, spurious, least)
+    return _with_others(found.columns * np.sqrt(np.maximum(found.remaining**-2.0 - 1, 0.0)), offset, crossed)
+
+
+def untold_decrease(change: FloatArray, offset: FloatArray, spurious: FloatArray, least: float) -> float:
+    """The predicted decrease of the cost by a change (3 k,) of the offsets where nothing but spurious information asks
+    for it, less the square of what the change is to the covariance there.
+
+    Steps in such a direction lead ever further, but not out of the standard deviation of the least information.
+    offset, spurious and least as of `spurious_information_columns`.
+    """
+    found = _Directions.of(offset, spurious, least)
+    deviations = np.linalg.lstsq(found.columns, change, rcond=None)[0]
+    return float(np.sum(np.where(found.untold, deviations**2 * (1 - found.remaining**2), 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Directions:
+    """Directions of offsets, columns (3 k, d) of one standard deviation each; spurious information is diagonal in them.
+
+    remaining (d,): the inverse of the factor on the deviation that is left without it; untold (d,): where that is the
+    deviation of the least information.
+    """
+
+    columns: FloatArray
+    remaining: FloatArray
+    untold: BoolArray
+
+    @classmethod
+    def of(cls, offset: FloatArray, spurious: FloatArray, least: float) -> "_Directions":
+        values, axes = np.linalg.eigh((offset + offset.T) / 2)
+        seen = values > RANK * values[-1]
+        root = axes[:, seen] * np.sqrt(values[seen])
+        share, along = np.linalg.eigh(root.T @ spurious @ root)
+        columns = root @ along
+        length = np.sqrt((columns.reshape(-1, 3, columns.shape[1]) ** 2).sum(axis=1).max(axis=0))
+        bounded = np.minimum(length * np.sqrt(least), 1.0)
+        return cls(columns, np.maximum(1 - share, bounded), 1 - share < bounded)
 
 
 def _with_others(columns: FloatArray, offset: FloatArray, crossed: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -125,6 +125,12 @@ class Linearised:
         )
         return alone.with_covariance(covariance, self.bodies)
 
+    def offset_change(self, solution: Solution) -> FloatArray:
+        """What a step changes the offsets of the k bodies by, (3 k,) m, in axes attached to the points."""
+        pairs = zip(self.bodies, solution.bodies, strict=True)
+        changes = [offset_by_points(own.points) @ (moved.points - own.points).ravel() for own, moved in pairs]
+        return np.concatenate(changes)
+
 
 def diverged() -> ComputationError:
     """The error of a solution that is beyond MAX_LENGTH, or as uncertain."""

@@ -6,11 +6,16 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
-from baryscope.estimator.adjustment.spurious import farthest, implausible_columns, spurious_information_columns
+from baryscope.estimator.adjustment.spurious import (
+    farthest,
+    implausible_columns,
+    spurious_information_columns,
+    untold_decrease,
+)
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
-from baryscope.estimator.pivot.refinement import Pivot, subsampled
+from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, Pivot, subsampled
 from baryscope.estimator.result import LackOfFit
 
 FloatArray = NDArray[np.float64]
@@ -91,6 +96,17 @@ def without_spurious_information(found: Pivot) -> tuple[FloatArray, FloatArray]:
         root = joint @ factor_of(_products(found, _diagonal_blocks(covariance[:k, :k])))
         covariance += root @ root.T
     return covariance[k:, k:], _diagonal_blocks(covariance[:k, :k])
+
+
+def is_at_rest(found: Pivot) -> bool:
+    """Whether the last step is small to the covariance without spurious information; the weights must have settled.
+
+    Where nothing tells the centre of mass, steps follow the noise of the attitudes, slowly and far, but within it.
+    """
+    last, offset = found.last, found.solution.offset_covariance
+    least = found.variance / max(farthest(body.points) for body in found.bodies) ** 2
+    untold = untold_decrease(last.offsets, offset, _spurious(found), least)
+    return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
 
 
 def _products(found: Pivot, offsets: FloatArray) -> FloatArray:

@@ -34,7 +34,7 @@ from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path,
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
-from baryscope.estimator.pivot.lack_of_fit import lack_of_fit, without_spurious_information
+from baryscope.estimator.pivot.lack_of_fit import is_at_rest, lack_of_fit, without_spurious_information
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
     SUBSAMPLE_FRAMES,
@@ -215,7 +215,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     found = with_corrected_orbit(found, orbit, start, options)
     findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
-    return replace(found, findings=findings)
+    return replace(found, converged=found.converged or is_at_rest(found), findings=findings)
 
 
 def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:

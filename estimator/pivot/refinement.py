@@ -68,6 +68,17 @@ class Start:
 
 
 @dataclass(frozen=True, eq=False)
+class LastStep:
+    """The last step of a solution: the decrease of the cost that it predicted, what it changed the bodies' offsets by,
+    (3 k,) m, and whether the weights had settled.
+    """
+
+    decrease: float
+    offsets: FloatArray
+    steady: bool
+
+
+@dataclass(frozen=True, eq=False)
 class Pivot:
     """The solution of `pivot`, from which `ml` starts.
 
@@ -95,6 +106,7 @@ class Pivot:
     slip: float
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]
+    last: LastStep
     shift: FloatArray | None = None
     findings: tuple[Finding, ...] = ()
 
@@ -171,10 +183,14 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             weight = np.sqrt(weight * observations.weight)
         least = max(variance, floor)
         unweighted = solution.squares / np.where(weight > 0, observations.weight, 1.0)
-        converged = solution.step <= STEP_TOLERANCE * least and abs(
-            float(np.vdot(unweighted, weight)) - cost
-        ) <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof)
-        converged = converged and rounds > 1  # the first knows neither weights nor variance
+        changed = abs(float(np.vdot(unweighted, weight)) - cost)
+        last = LastStep(
+            solution.step,
+            problem.offset_change(solution),
+            # The first round knows neither weights nor variance.
+            rounds > 1 and changed <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof),
+        )
+        converged = last.steady and last.decrease <= STEP_TOLERANCE * least
         observations = observations.weighted(weight)
         if simple is not None:
             simple, converged = (None if converged or rounds >= SIMPLE_ROUNDS else simple), False
@@ -209,6 +225,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         slip=float(np.sqrt(slip)),
         tie_points=tied,
         refused=refused,
+        last=last,
     )
 
 

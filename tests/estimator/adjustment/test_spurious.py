@@ -11,6 +11,7 @@ from baryscope.estimator.adjustment.spurious import (
     implausible_columns,
     spurious_information_columns,
     three_sigma_factor,
+    untold_decrease,
 )
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
@@ -87,6 +88,13 @@ def test_a_direction_without_information_gets_the_least():
     offset = np.diag([1.0, 1.0, 4.0])
     columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), np.diag([0.0, 0.0, 0.3]), 1e-4)
     np.testing.assert_allclose(np.diag(offset + columns @ columns.T), [1.0, 1.0, 1e4])
+
+
+def test_a_step_counts_where_the_tracks_tell_and_not_where_noise_leads():
+    """The third is spurious by more than its information: a step of 1 m there is one of a hundredth of a deviation."""
+    offset, spurious = np.diag([1.0, 1.0, 4.0]), np.diag([0.0, 0.5, 0.3])
+    assert untold_decrease(np.array([0.0, 0.0, 1.0]), offset, spurious, 1e-4) == pytest.approx(1 / 4 - 1e-4)
+    assert untold_decrease(np.array([3.0, 4.0, 0.0]), offset, spurious, 1e-4) == 0
 
 
 NEAR_SPINS = {"noisy": (0.1, 0.1), "mostly spurious": (0.1, 0.05), "20 cm at 1 m": (0.2, 0.2)}  # noise in m, wobble

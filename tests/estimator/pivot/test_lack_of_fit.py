@@ -1,0 +1,34 @@
+"""When the steps of `pivot` are at rest."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.lack_of_fit import is_at_rest
+from baryscope.estimator.pivot.method import solve_pivot
+from baryscope.estimator.pivot.refinement import LastStep
+from synthetic import make_case
+
+
+def test_steps_that_only_noise_asks_for_are_no_lack_of_convergence():
+    """A pure spin: a step of 30 cm along its axis is several deviations of its apparent information, which is noise."""
+    time = np.linspace(0.0, 270.0, 60)
+    spin = Rotation.from_rotvec(np.outer(0.07 * time, [0.6, 0.0, 0.8])).as_matrix()
+    points = np.random.default_rng(3).normal(size=(6, 3))
+    case = make_case(time, spin, np.tile([4.0, -19.0, 3.0], (60, 1)), points, noise=0.1, seed=1)
+    solved = solve_pivot(case.tracks, None, PathOptions(trajectory="fixed"))
+    information = np.linalg.inv(solved.solution.offset_covariance)
+    axis = np.linalg.eigh(information)[1][:, 0]
+
+    def stepped(offsets, steady=True):
+        last = LastStep(solved.last.decrease + offsets @ information @ offsets, offsets, steady)
+        return is_at_rest(replace(solved, last=last))
+
+    across = np.cross(axis, [1.0, 0.0, 0.0])
+    assert 0.3**2 * axis @ information @ axis > solved.variance
+    assert stepped(0.3 * axis)
+    assert not stepped(0.3 * axis, steady=False)
+    assert not stepped(0.3 * across)
+    assert not stepped(5.0 * axis)  # the covariance claims three radii
