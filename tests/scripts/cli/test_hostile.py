@@ -12,7 +12,7 @@ from hostile import commands, csv_of, hostile_tables, mangled, tables, tracks_fi
 
 SECONDS = 120  # after which a command has hung; the slowest examples take some ten
 SEPARATE = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much]
-PROGRESS = re.compile(r"(reading|estimating by) .*: \d+\.\d\d s")
+PROGRESS = re.compile(r"(reading|estimating by) .*: \d+\.\d\d s|  estimating by .*: \d+ %, about \d+ (s|min) left")
 FORBIDDEN = "internal error", "Traceback", "arning", "On entry to"
 
 
