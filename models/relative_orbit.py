@@ -14,7 +14,7 @@ from baryscope.models import differences as dif
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
 from baryscope.models.errors import ComputationError, Reason
-from baryscope.models.frames import Symbol
+from baryscope.models.frames import Symbol, cross_matrix, rotation_I_L
 from baryscope.models.keplerian import (
     Elements,
     Ellipse,
@@ -75,6 +75,31 @@ def relative_path(orbit: Orbit, state0: ArrayLike, time: ArrayLike, epoch: float
     return path
 
 
+def step_in_chaser_axes() -> ca.Function:
+    """The function (begin, end, elements, state) → (state, Φ) of the target's CoM seen from the chaser, in C.
+
+    The state is position and velocity (6,) in m and m/s, exact as in `relative_path` and NaN on an open orbit; Φ (6, 6)
+    is that of `relative_transition` in these axes.
+    """
+    begin, end, (column, elements) = ca.SX.sym("begin"), ca.SX.sym("end"), Elements.symbols()
+    state = ca.SX.sym("state", 6)
+    to_C, to_L = _chaser_axes(end, elements)[0], _chaser_axes(begin, elements)[1]
+    moved = to_C @ _path(end, begin, elements, to_L @ state)
+    transition = to_C @ _transition(end, begin, elements) @ to_L
+    return ca.Function("relative", [begin, end, column, state], [moved, ca.densify(transition)], {"cse": True})
+
+
+def _chaser_axes(time: Symbol, elements: Elements) -> tuple[Symbol, Symbol]:
+    """The matrix (6, 6) from [ρ; ρ̇] in LVLH to the target's position and velocity in C, and its inverse."""
+    anomaly = true_anomaly_after(time, elements)
+    R_I_L = rotation_I_L(elements.R_I_P, anomaly)
+    turning = cross_matrix(ca.vertcat(0, 0, conic(elements.ellipse, anomaly).anomaly_rate))
+    zero = ca.SX(3, 3)
+    to_C = ca.vertcat(ca.horzcat(-R_I_L, zero), ca.horzcat(-R_I_L @ turning, -R_I_L))
+    to_L = ca.vertcat(ca.horzcat(-R_I_L.T, zero), ca.horzcat(turning @ R_I_L.T, -R_I_L.T))
+    return to_C, to_L
+
+
 def _row(time: ArrayLike) -> FloatArray:
     return np.asarray(time, dtype=np.float64)[None, :]
 
@@ -83,15 +108,19 @@ def _row(time: ArrayLike) -> FloatArray:
 def _transition_function() -> ColumnFunction:
     """(time, epoch, elements) → Φ."""
     time, epoch, (column, elements) = ca.SX.sym("time"), ca.SX.sym("epoch"), Elements.symbols()
+    return ColumnFunction("relative_transition", [time, epoch, column], _transition(time, epoch, elements))
+
+
+def _transition(time: Symbol, epoch: Symbol, elements: Elements) -> Symbol:
+    """Φ from the epoch to the time."""
     e, orbit = elements.eccentricity, elements.ellipse
     start, end = (true_anomaly_after(t, elements) for t in (epoch, time))
-    transition = (
+    return (
         _unscaling(orbit, end)
         @ _modes(e, end, orbit.rate * (time - epoch))
         @ _mode_amplitudes(e, start)
         @ _scaling(orbit, start)
     )
-    return ColumnFunction("relative_transition", [time, epoch, column], transition)
 
 
 def _scaling(orbit: Ellipse, true_anomaly: Symbol) -> Symbol:
@@ -157,12 +186,17 @@ def _matrix(*rows: list[Symbol | float]) -> Symbol:
 
 @cache
 def _path_function() -> ColumnFunction:
-    """(time, epoch, elements, state at the epoch) → state at the time.
+    """(time, epoch, elements, state at the epoch) → state at the time."""
+    time, epoch = ca.SX.sym("time"), ca.SX.sym("epoch")
+    (column, elements), state = Elements.symbols(), ca.SX.sym("state", 6)
+    return ColumnFunction("relative_path", [time, epoch, column, state], _path(time, epoch, elements, state))
+
+
+def _path(time: Symbol, epoch: Symbol, elements: Elements, state: Symbol) -> Symbol:
+    """The state at the time, of that at the epoch.
 
     Everything is computed in the inertial axes that L has at the epoch; base is the target, other the chaser.
     """
-    time, epoch = ca.SX.sym("time"), ca.SX.sym("epoch")
-    (column, elements), state = Elements.symbols(), ca.SX.sym("state", 6)
     here = conic(elements.ellipse, true_anomaly_after(epoch, elements))
     offset, drift = target_from_chaser(state[:3], state[3:], here, ca.SX.eye(3))
     position = Pair(ca.vertcat(here.radius, 0, 0), -offset)
@@ -176,7 +210,7 @@ def _path_function() -> ColumnFunction:
     anomaly_rate = here.anomaly_rate * here.radius**2 / ca.dot(position.base, position.base)
     rho = R_L_K @ position.excess
     rho_rate = R_L_K @ velocity.excess - ca.cross(ca.vertcat(0, 0, anomaly_rate), rho)
-    return ColumnFunction("relative_path", [time, epoch, column, state], ca.vertcat(rho, rho_rate))
+    return ca.vertcat(rho, rho_rate)
 
 
 def _propagate(position: Pair, velocity: Pair, mu: Symbol, turn: Symbol, elapsed: Symbol) -> tuple[Pair, Pair]:

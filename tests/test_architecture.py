@@ -20,7 +20,7 @@ LAYERS = [
     ["fmu.units", "estimator.thrust"],
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],
     ["fmu.check", "estimator.camera"],
-    ["estimator.tracks"],
+    ["estimator.tracks", "estimator.online"],
     ["estimator.registration", "estimator.plausibility"],
     ["estimator.details", "estimator.dynamics"],
     ["estimator.prediction"],
@@ -118,7 +118,9 @@ def test_estimators_know_nothing_of_units_and_commands():
         package = name.split(".")[1]
         reached = {other.split(".")[1] for other in IMPORTS[name]}
         if package == "estimator":
-            assert reached <= {"estimator", "models"}, name
+            # The online estimator is C, which the units' compiler driver builds; nothing else of a unit is known there.
+            also = {"fmu"} if name == "baryscope.estimator.online.core" else set()
+            assert reached <= {"estimator", "models"} | also, name
         if package == "models":
             assert reached <= {"models"}, name
         if package == "fmu":

@@ -12,7 +12,7 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.keplerian import Ellipse, conic
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_motion import relative_acceleration
-from baryscope.models.relative_orbit import relative_path, relative_transition
+from baryscope.models.relative_orbit import relative_path, relative_transition, step_in_chaser_axes
 
 MU = 3.986004418e14
 PERIGEE = 7.0e6
@@ -226,3 +226,24 @@ def test_no_times():
 def test_a_chaser_on_no_ellipse(velocity):
     with pytest.raises(ComputationError, match=r"relative state \[3\.0, -20\.0.*open"):
         relative_path(orbit(0.1, 0.0), [*STATE[:3], *velocity], [10.0])
+
+
+@pytest.mark.parametrize("eccentricity", [0.0, 0.1, 0.7])
+def test_the_step_in_the_chasers_axes_is_the_difference_of_two_kepler_orbits(eccentricity):
+    """And its transition that of small changes, by differences of the same."""
+    target = orbit(eccentricity)
+    begin, end = 300.0, 900.0
+    mu = target.gravitational_parameter
+
+    def path(rho, rate, time):
+        first, second = oracles.inertial_states(target, rho, rate)
+        here, there = (oracles.propagate_kepler(*start, mu, time) for start in (first, second))
+        return np.concatenate([here[0] - there[0], here[1] - there[1]]).astype(float)
+
+    moved, transition = step_in_chaser_axes()(begin, end, target.elements, path(STATE[:3], STATE[3:], begin))
+    assert np.asarray(moved)[:3, 0] == pytest.approx(path(STATE[:3], STATE[3:], end)[:3], abs=PATH_TOLERANCE)
+    assert np.asarray(moved)[3:, 0] == pytest.approx(path(STATE[:3], STATE[3:], end)[3:], abs=PATH_TOLERANCE * 1e-2)
+    for k, size in enumerate([1.0] * 3 + [1e-3] * 3):  # from the target itself, where the motion is linear
+        change = np.eye(6)[k] * size
+        before, after = (path(change[:3], change[3:], time) for time in (begin, end))
+        assert np.asarray(transition) @ before == pytest.approx(after, abs=1e-6 * np.abs(after).max())

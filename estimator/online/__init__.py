@@ -1,0 +1,8 @@
+"""The online estimator: a Kalman filter in C (csrc/) that takes one frame after the other, and Python's way to it.
+
+`OnlineEstimator` is what users call; `core` compiles the C once and loads it.
+"""
+
+from baryscope.estimator.online.estimator import OnlineEstimator, OnlineFeatures, OnlineState, OnlineStatus
+
+__all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus"]

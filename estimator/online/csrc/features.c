@@ -1,0 +1,146 @@
+/* The map: features that are found by name or by place, come, are forgotten, and are measured afresh. */
+
+#define PLACED 16.3 /* chi-square of 3 degrees of freedom with p = 1e-3: within it a point is where a feature is */
+enum { TRUSTED = 3, STUBBORN = 5, HOPELESS = 10 };
+
+static int slot_of(const Online *filter, long long name) {
+    for (int f = 0; f < (int)filter->used; f++)
+        if (filter->feature[f].name == name) return f;
+    return -1;
+}
+
+/* The weight of a residual of a point that is a mean of `count`: a feature seen k times has 1/k of the noise, about. */
+static void weigh(const Online *filter, Frame *frame, int i, double inverse[3][3], double count) {
+    double k = frame->slot[i] < 0 ? 0.0 : filter->feature[frame->slot[i]].sightings;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) frame->W[i][a][b] = inverse[a][b] * (k / (k + count));
+}
+
+/* Take a feature out of the map; the last one takes its place. */
+static void forget(Online *filter, int slot) {
+    int last = (int)filter->used - 1, n = size_of(filter);
+    for (int k = 0; k < 3 && slot != last; k++) {
+        int from = BODY + 3 * last + k, to = BODY + 3 * slot + k;
+        filter->b[slot][k] = filter->b[last][k];
+        for (int j = 0; j < n; j++) filter->P[to][j] = filter->P[from][j];
+        for (int j = 0; j < n; j++) filter->P[j][to] = filter->P[j][from];
+    }
+    filter->feature[slot] = filter->feature[last];
+    filter->used = last;
+}
+
+static int is_in(const Online *filter, const Frame *frame, int slot) {
+    for (int i = 0; i < frame->count; i++)
+        if (frame->name[i] == filter->feature[slot].name) return 1;
+    return 0;
+}
+
+/* A slot for a new feature: a free one, or that of the one not seen for longest; -1 if all are seen now. */
+static int free_slot(Online *filter, const Frame *frame) {
+    if ((int)filter->used == MOST_FEATURES) {
+        int oldest = -1;
+        for (int f = 0; f < MOST_FEATURES; f++)
+            if (!is_in(filter, frame, f) && (oldest < 0 || filter->feature[f].last < filter->feature[oldest].last))
+                oldest = f;
+        if (oldest < 0) return -1;
+        forget(filter, oldest);
+    }
+    filter->used += 1.0;
+    return (int)filter->used - 1;
+}
+
+/* Put a point into the map: b = R' (y - shift - r + lag v), with the errors of all of these. */
+static void add(Online *filter, const Frame *frame, int i, double lag) {
+    int slot = free_slot(filter, frame);
+    if (slot < 0) return;
+    int at = BODY + 3 * slot, n = size_of(filter);
+    double arm[3], K[3][3], G[3][3], T[3][3], rows[3][MOST_ERRORS];
+    const double(*R)[3] = filter->R;
+    for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - filter->x[k];
+    transposed_times(R, arm, filter->b[slot]);
+    moved_by_turn(arm, K);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) G[a][b] = R[0][a] * K[0][b] + R[1][a] * K[1][b] + R[2][a] * K[2][b];
+    for (int a = 0; a < 3; a++)
+        for (int j = 0; j < at; j++) {
+            double sum = 0.0;
+            for (int k = 0; k < 3; k++)
+                sum -= R[k][a] * (filter->P[SHIFT + k][j] + filter->P[PLACE + k][j] - lag * filter->P[SPEED + k][j]) +
+                       G[a][k] * filter->P[TURN + k][j];
+            rows[a][j] = sum;
+        }
+    for (int j = 0; j < n; j++)
+        for (int a = 0; a < 3; a++) filter->P[at + a][j] = filter->P[j][at + a] = j < at ? rows[a][j] : 0.0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) T[a][b] = dot(frame->noise[i][a], (double[3]){R[0][b], R[1][b], R[2][b]});
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b <= a; b++) {
+            double sum = R[0][a] * T[0][b] + R[1][a] * T[1][b] + R[2][a] * T[2][b];
+            for (int k = 0; k < 3; k++)
+                sum -= R[k][b] * (rows[a][SHIFT + k] + rows[a][PLACE + k] - lag * rows[a][SPEED + k]) +
+                       G[b][k] * rows[a][TURN + k];
+            filter->P[at + a][at + b] = filter->P[at + b][at + a] = sum;
+        }
+    filter->feature[slot] = (Feature){frame->name[i], filter->time, 1.0, 0.0};
+}
+
+/* The feature out of sight whose place a point has, -1 if there is none or more than one. */
+static int recognised(const Online *filter, const Frame *frame, int i) {
+    int found = -1;
+    for (int f = 0; f < (int)filter->used; f++) {
+        if (is_in(filter, frame, f) || filter->feature[f].sightings < TRUSTED) continue;
+        int at = BODY + 3 * f;
+        double arm[3], e[3], S[3][3], inverse[3][3], J[9], weighted[3], K[3][3];
+        const int block[3] = {PLACE, TURN, at};
+        times(filter->R, filter->b[f], arm);
+        moved_by_turn(arm, K);
+        for (int c = 0; c < 3; c++) e[c] = frame->y[i][c] - filter->x[c] - arm[c];
+        for (int c = 0; c < 3; c++)
+            for (int d = 0; d < 3; d++) {
+                double sum = frame->noise[i][c][d] + filter->P[SHIFT + c][SHIFT + d];
+                sum += filter->P[SHIFT + c][PLACE + d] + filter->P[PLACE + c][SHIFT + d];
+                for (int p = 0; p < 3; p++)
+                    for (int q = 0; q < 3; q++)
+                        for (int u = 0; u < 3; u++)
+                            for (int w = 0; w < 3; w++) {
+                                J[0] = p == 0 ? (c == u) : p == 1 ? K[c][u] : filter->R[c][u];
+                                J[1] = q == 0 ? (d == w) : q == 1 ? K[d][w] : filter->R[d][w];
+                                sum += J[0] * filter->P[block[p] + u][block[q] + w] * J[1];
+                            }
+                for (int u = 0; u < 3; u++) {
+                    sum += filter->P[SHIFT + c][TURN + u] * K[d][u] + K[c][u] * filter->P[TURN + u][SHIFT + d];
+                    sum += filter->P[SHIFT + c][at + u] * filter->R[d][u] + filter->R[c][u] * filter->P[at + u][SHIFT + d];
+                }
+                S[c][d] = sum;
+            }
+        if (!inverted(S, inverse)) continue;
+        times(inverse, e, weighted);
+        if (dot(e, weighted) > PLACED) continue;
+        if (found >= 0) return -1;
+        found = f;
+    }
+    return found;
+}
+
+/* After a registered frame: what was seen, and what is not where it should be and is measured afresh. */
+static void note_sightings(Online *filter, Frame *frame) {
+    for (int i = 0; i < frame->count; i++) {
+        if (frame->slot[i] < 0) continue;
+        Feature *feature = &filter->feature[frame->slot[i]];
+        feature->last = filter->time;
+        if (frame->fits[i]) feature->sightings += 1.0, feature->refused = 0.0;
+        else feature->refused += 1.0;
+    }
+    for (int f = (int)filter->used - 1; f >= 0; f--) /* from the last, as `forget` moves that to f */
+        if (filter->feature[f].refused >= STUBBORN) forget(filter, f);
+}
+
+/* After an update: points that are features under a new name, and new features. */
+static void extend_map(Online *filter, const Frame *frame, double lag) {
+    for (int i = 0; i < frame->count; i++) {
+        if (slot_of(filter, frame->name[i]) >= 0) continue;
+        int known = recognised(filter, frame, i);
+        if (known >= 0) filter->feature[known].name = frame->name[i], filter->feature[known].last = filter->time;
+        else add(filter, frame, i, lag);
+    }
+}

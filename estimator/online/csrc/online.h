@@ -1,0 +1,116 @@
+/* The online estimator: a Kalman filter of the centre of mass, frame by frame, in fixed memory.
+
+State: the target's attitude R_C_B, the centre of mass (r, v) from the chaser in C, and the features b in B, from the
+centre of mass; C has inertial axes. A feature is seen at r + R b. The attitude is free in every frame: it is registered
+against the map of the features and its error eliminated with theirs, so nothing is taken for granted of the tumble.
+Frames between which the target turns less than their noise are taken together first: attitudes that differ by noise
+alone would seem to show the offset of the centre of mass.
+r moves on the orbit that is given, else in a straight line, with white acceleration of a density that a bank of small
+filters weighs by the likelihood of its innovations. Everything is in one struct without pointers: copying it saves the
+filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is needed. */
+#ifndef ONLINE_H
+#define ONLINE_H
+
+#if defined(_WIN32)
+#define ONLINE_EXPORT __declspec(dllexport)
+#elif defined(__GNUC__)
+#define ONLINE_EXPORT __attribute__((visibility("default")))
+#else
+#define ONLINE_EXPORT
+#endif
+
+enum {
+    MOST_FEATURES = 32,
+    /* Errors of the state, in this order: frame's shift, attitude (a rotation vector in C), r, v, features. */
+    SHIFT = 0,
+    TURN = 3,
+    PLACE = 6,
+    SPEED = 9,
+    BODY = 12,
+    MOST_ERRORS = BODY + 3 * MOST_FEATURES,
+    DENSITIES = 8,
+    SHADOW = DENSITIES,
+    LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the map is wrong by */
+    N_ELEMENTS = 7
+};
+
+typedef enum { WAITING, STARTING, TRACKING, DOUBTFUL, LOST } OnlineStatus;
+
+typedef enum { ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY } OnlineResult;
+
+typedef struct {
+    double sigma;          /* standard deviation of a coordinate, m, where a point has no covariance of its own */
+    double offset;         /* of the centre of mass from the features before the first frame, in radii of these */
+    double speed;          /* of its velocity, per axis, m/s */
+    double attitude_noise; /* of the camera, rad, per axis and frame */
+    double on_orbit;       /* 1: on the orbit of the elements; 0: in a straight line */
+    double elements[N_ELEMENTS];
+} OnlineOptions;
+
+typedef struct {
+    long long name;
+    double last; /* time of the last sighting, s */
+    double sightings;
+    double refused; /* sightings in a row that did not fit */
+} Feature;
+
+/* What frames of nearly the same attitude saw of a feature: sums over its sightings. */
+typedef struct {
+    long long name;
+    double count, times, squares, y[3]; /* y is from the foreseen centre of mass */
+    double noise[3][3];
+} Sum;
+
+/* Frames that are taken as one, from `begin` on: until the target has turned far beyond the noise of its attitude. */
+typedef struct {
+    double count, begin, times, squares, used;
+    double R[3][3], turn[3], turn_times[3]; /* first attitude, sums of rotation vectors in C from it */
+    double drift[3], drift_times[3];        /* of the map from the foreseen centre of mass */
+    double variance;                        /* of an attitude, rad2 per axis */
+    double residuals, freedom;
+    Sum seen[MOST_FEATURES];
+} Node;
+
+typedef struct {
+    double x[LEVEL];
+    double P[LEVEL][LEVEL];
+    double weight; /* logarithm, that of the best is 0 */
+} Member;
+
+typedef struct {
+    OnlineOptions options;
+    double time;
+    double frames; /* used */
+    double lost;   /* frames in a row that did not fit the map */
+    double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
+    double attitude[3][3], registered; /* of the last frame that fits, and its time */
+    double x[6];                       /* r, v at `time` */
+    double from[6], F[6][6], elapsed;  /* r, v at the time of the covariances, the transition since, s */
+    double density; /* of white acceleration, m2/s3 */
+    double squares, freedom; /* of the residuals of frames, in units of the noise */
+    double used;             /* features */
+    Node node;
+    Feature feature[MOST_FEATURES];
+    double b[MOST_FEATURES][3];
+    Member bank[DENSITIES + 1];
+    double P[MOST_ERRORS][MOST_ERRORS];
+} Online;
+
+typedef struct {
+    double time, status, features, density, noise_ratio;
+    double r[3], v[3], R[3][3];
+    double covariance[6][6]; /* of r and v */
+} OnlineState;
+
+ONLINE_EXPORT unsigned long long online_size(void);
+ONLINE_EXPORT void online_start(Online *filter, const OnlineOptions *options);
+/* points: count times x, y, z in C, m; covariances: count times xx, xy, xz, yy, yz, zz, m2, or NULL for sigma's;
+   acceleration: of the chaser in C since the last frame, m/s2. What is refused changes nothing. */
+ONLINE_EXPORT int online_update(Online *filter, double time, int count, const long long *names, const double *points,
+                                const double *covariances, const double *acceleration);
+/* The state at a time that is not before the last frame. */
+ONLINE_EXPORT int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state);
+/* Names, positions in B from the centre of mass and their covariances (3, 3); returns how many. */
+ONLINE_EXPORT int online_features(const Online *filter, long long *names, double *positions, double *covariances);
+
+#endif

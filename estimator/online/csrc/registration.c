@@ -1,0 +1,161 @@
+/* The pose of a frame: where the map of the features stands, and which points fit. */
+
+#define GATE 21.1        /* chi-square of 3 degrees of freedom with p = 1e-4 */
+#define ROUGHLY 9.0      /* a pose from three points has up to three times the noise */
+enum { ROUNDS = 6, TRIPLES = 60 };
+
+typedef struct {
+    int count;
+    double y[MOST_FEATURES][3];
+    double noise[MOST_FEATURES][3][3];
+    double W[MOST_FEATURES][3][3]; /* of a residual: noise and map */
+    long long name[MOST_FEATURES];
+    int slot[MOST_FEATURES]; /* of the map, -1: not in it */
+    int fits[MOST_FEATURES];
+} Frame;
+
+typedef struct {
+    double c[3], R[3][3];  /* a feature b is at c + R b */
+    double factor[36];     /* Cholesky's, of the normal equations of (c, rotation vector in C) */
+    double squares;        /* of the weighted residuals */
+    int count;             /* points that fit */
+} Pose;
+
+static double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3]) {
+    double We[3];
+    times(pose->R, filter->b[frame->slot[i]], arm);
+    for (int k = 0; k < 3; k++) e[k] = frame->y[i][k] - pose->c[k] - arm[k];
+    times(frame->W[i], e, We);
+    return dot(e, We);
+}
+
+/* Gauss and Newton's steps with the points that fit; 0 if these leave a direction free. */
+static int adjusted(const Online *filter, const Frame *frame, Pose *pose) {
+    for (int round = 0; round < ROUNDS; round++) {
+        double N[36] = {0}, step[6] = {0}, largest = 0.0, width = 0.0;
+        pose->count = 0;
+        for (int i = 0; i < frame->count; i++) {
+            if (!frame->fits[i]) continue;
+            double arm[3], e[3], We[3], K[3][3], WK[3][3];
+            residual(filter, frame, pose, i, arm, e);
+            times(frame->W[i], e, We);
+            moved_by_turn(arm, K);
+            product(frame->W[i], K, WK);
+            for (int a = 0; a < 3; a++) {
+                step[a] += We[a];
+                step[3 + a] += K[0][a] * We[0] + K[1][a] * We[1] + K[2][a] * We[2];
+                for (int b = 0; b < 3; b++) {
+                    N[6 * a + b] += frame->W[i][a][b];
+                    N[6 * (3 + a) + b] += WK[b][a];
+                    N[6 * (3 + a) + 3 + b] += K[0][a] * WK[0][b] + K[1][a] * WK[1][b] + K[2][a] * WK[2][b];
+                }
+            }
+            pose->count++;
+        }
+        if (pose->count < 3 || !factored(6, N)) return 0;
+        for (int k = 0; k < 36; k++) pose->factor[k] = N[k];
+        solved(6, N, step);
+        for (int k = 0; k < 3; k++) pose->c[k] += step[k];
+        for (int k = 0; k < 6; k++) largest = fmax(largest, fabs(step[k]));
+        width = fmax(fabs(step[3]), fmax(fabs(step[4]), fabs(step[5])));
+        if (!isfinite(largest)) return 0;
+        turn_left(step + 3, pose->R);
+        if (width < 1e-6) break;
+    }
+    pose->squares = 0.0;
+    for (int i = 0; i < frame->count; i++) {
+        double arm[3], e[3];
+        if (frame->fits[i]) pose->squares += residual(filter, frame, pose, i, arm, e);
+    }
+    return 1;
+}
+
+/* Marks the points that fit the pose; returns how many marks changed. */
+static int sorted_out(const Online *filter, Frame *frame, const Pose *pose, double gate) {
+    int changed = 0;
+    for (int i = 0; i < frame->count; i++) {
+        double arm[3], e[3];
+        int fits = frame->slot[i] >= 0 && residual(filter, frame, pose, i, arm, e) < gate;
+        changed += fits != frame->fits[i];
+        frame->fits[i] = fits;
+    }
+    return changed;
+}
+
+static int settled(const Online *filter, Frame *frame, Pose *pose) {
+    for (int round = 0; round < ROUNDS; round++) {
+        if (!adjusted(filter, frame, pose)) return 0;
+        if (!sorted_out(filter, frame, pose, GATE)) return 1;
+    }
+    return adjusted(filter, frame, pose);
+}
+
+/* The axes of a triangle as rows; 0 if its corners are nearly in a line. */
+static int triad(const double a[3], const double b[3], const double c[3], double axes[3][3]) {
+    double u[3], w[3];
+    for (int k = 0; k < 3; k++) u[k] = b[k] - a[k], w[k] = c[k] - a[k];
+    double length = sqrt(dot(u, u));
+    cross(u, w, axes[2]);
+    double area = sqrt(dot(axes[2], axes[2]));
+    if (!(area > 0.05 * length * sqrt(dot(w, w)))) return 0;
+    for (int k = 0; k < 3; k++) axes[0][k] = u[k] / length, axes[2][k] /= area;
+    cross(axes[2], axes[0], axes[1]);
+    return 1;
+}
+
+static int from_triple(const Online *filter, const Frame *frame, const int at[3], Pose *pose) {
+    double body[3][3], seen[3][3], arm[3];
+    const double(*b)[3] = filter->b;
+    if (!triad(b[frame->slot[at[0]]], b[frame->slot[at[1]]], b[frame->slot[at[2]]], body)) return 0;
+    if (!triad(frame->y[at[0]], frame->y[at[1]], frame->y[at[2]], seen)) return 0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            pose->R[i][j] = seen[0][i] * body[0][j] + seen[1][i] * body[1][j] + seen[2][i] * body[2][j];
+    for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
+    for (int p = 0; p < 3; p++) {
+        times(pose->R, b[frame->slot[at[p]]], arm);
+        for (int k = 0; k < 3; k++) pose->c[k] += (frame->y[at[p]][k] - arm[k]) / 3.0;
+    }
+    return 1;
+}
+
+/* The pose that most points agree on, by some of all triples. */
+static int agreed(const Online *filter, Frame *frame, Pose *best) {
+    int known[MOST_FEATURES], n = 0, number = 0, found = 0;
+    for (int i = 0; i < frame->count; i++)
+        if (frame->slot[i] >= 0) known[n++] = i;
+    int every = (n * (n - 1) * (n - 2) / 6 + TRIPLES - 1) / TRIPLES;
+    double least = 0.0;
+    for (int i = 0; i < n; i++)
+        for (int j = i + 1; j < n; j++)
+            for (int k = j + 1; k < n; k++) {
+                if (number++ % every) continue;
+                int at[3] = {known[i], known[j], known[k]};
+                Pose pose;
+                if (!from_triple(filter, frame, at, &pose)) continue;
+                double cost = 0.0;
+                for (int p = 0; p < n; p++) {
+                    double arm[3], e[3];
+                    cost += fmin(residual(filter, frame, &pose, known[p], arm, e), ROUGHLY * GATE);
+                }
+                if (!found || cost < least) *best = pose, least = cost, found = 1;
+            }
+    if (!found) return 0;
+    sorted_out(filter, frame, best, ROUGHLY * GATE);
+    return settled(filter, frame, best);
+}
+
+/* The pose of a frame near a foreseen attitude, or by agreement; 0 if fewer than three, or half of them, fit. */
+static int registered(const Online *filter, Frame *frame, const double foreseen[3][3], Pose *pose) {
+    int known = 0;
+    for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) pose->R[i][j] = foreseen[i][j];
+    for (int i = 0; i < frame->count; i++) {
+        frame->fits[i] = frame->slot[i] >= 0;
+        known += frame->fits[i];
+    }
+    if (known < 3) return 0;
+    if (adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE)) return 1;
+    return agreed(filter, frame, pose) && 2 * pose->count > known;
+}

@@ -1,0 +1,130 @@
+/* Algebra of 3-vectors and of small symmetric systems. */
+#ifndef SMALL_H
+#define SMALL_H
+
+#include <math.h>
+
+static void cross(const double a[3], const double b[3], double c[3]) {
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static void times(const double A[3][3], const double b[3], double c[3]) {
+    for (int i = 0; i < 3; i++) c[i] = dot(A[i], b);
+}
+
+static void transposed_times(const double A[3][3], const double b[3], double c[3]) {
+    for (int i = 0; i < 3; i++) c[i] = A[0][i] * b[0] + A[1][i] * b[1] + A[2][i] * b[2];
+}
+
+static void product(const double A[3][3], const double B[3][3], double C[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) C[i][j] = A[i][0] * B[0][j] + A[i][1] * B[1][j] + A[i][2] * B[2][j];
+}
+
+/* -[p]x: by what a rotation vector moves a point at p. */
+static void moved_by_turn(const double p[3], double C[3][3]) {
+    C[0][0] = C[1][1] = C[2][2] = 0.0;
+    C[0][1] = p[2], C[0][2] = -p[1];
+    C[1][0] = -p[2], C[1][2] = p[0];
+    C[2][0] = p[1], C[2][1] = -p[0];
+}
+
+/* The inverse of a symmetric positive definite matrix; 0 if it is not one. */
+static int inverted(const double A[3][3], double C[3][3]) {
+    double c00 = A[1][1] * A[2][2] - A[1][2] * A[2][1], c01 = A[0][2] * A[2][1] - A[0][1] * A[2][2],
+           c02 = A[0][1] * A[1][2] - A[0][2] * A[1][1];
+    double determinant = A[0][0] * c00 + A[1][0] * c01 + A[2][0] * c02;
+    if (!(A[0][0] > 0.0 && A[0][0] * A[1][1] - A[0][1] * A[1][0] > 0.0 && determinant > 0.0)) return 0;
+    double f = 1.0 / determinant;
+    C[0][0] = f * c00, C[0][1] = C[1][0] = f * c01, C[0][2] = C[2][0] = f * c02;
+    C[1][1] = f * (A[0][0] * A[2][2] - A[0][2] * A[2][0]);
+    C[1][2] = C[2][1] = f * (A[0][2] * A[1][0] - A[0][0] * A[1][2]);
+    C[2][2] = f * (A[0][0] * A[1][1] - A[0][1] * A[1][0]);
+    return isfinite(f) && f > 0.0;
+}
+
+/* The lower Cholesky factor in place; 0 if there is none. */
+static int factored(int n, double *A) {
+    for (int j = 0; j < n; j++) {
+        double d = A[j * n + j];
+        for (int k = 0; k < j; k++) d -= A[j * n + k] * A[j * n + k];
+        if (!(d > 1e-13 * A[j * n + j])) return 0;
+        d = sqrt(d);
+        A[j * n + j] = d;
+        for (int i = j + 1; i < n; i++) {
+            double s = A[i * n + j];
+            for (int k = 0; k < j; k++) s -= A[i * n + k] * A[j * n + k];
+            A[i * n + j] = s / d;
+        }
+    }
+    return 1;
+}
+
+/* L L' x = x in place. */
+static void solved(int n, const double *L, double *x) {
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++) x[i] -= L[i * n + k] * x[k];
+        x[i] /= L[i * n + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++) x[i] -= L[k * n + i] * x[k];
+        x[i] /= L[i * n + i];
+    }
+}
+
+/* The rotation by a rotation vector (Rodrigues). */
+static void rotation(const double turn[3], double C[3][3]) {
+    double square = dot(turn, turn), angle = sqrt(square);
+    double s = angle < 1e-4 ? 1.0 - square / 6.0 : sin(angle) / angle;
+    double half = angle < 1e-4 ? 1.0 - square / 24.0 : sin(angle / 2.0) / (angle / 2.0);
+    double c = 0.5 * half * half;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) C[i][j] = c * turn[i] * turn[j] + (i == j ? 1.0 - c * square : 0.0);
+    C[0][1] -= s * turn[2], C[1][0] += s * turn[2];
+    C[0][2] += s * turn[1], C[2][0] -= s * turn[1];
+    C[1][2] -= s * turn[0], C[2][1] += s * turn[0];
+}
+
+/* The rotation vector of a rotation. */
+static void rotation_vector(const double R[3][3], double turn[3]) {
+    double q[4], trace = R[0][0] + R[1][1] + R[2][2]; /* Shepperd (1978): the largest component first */
+    int largest = 3;
+    double best = trace;
+    for (int i = 0; i < 3; i++)
+        if (R[i][i] > best) best = R[i][i], largest = i;
+    if (largest == 3) {
+        q[3] = 1.0 + trace;
+        q[0] = R[2][1] - R[1][2], q[1] = R[0][2] - R[2][0], q[2] = R[1][0] - R[0][1];
+    } else {
+        int i = largest, j = (i + 1) % 3, k = (i + 2) % 3;
+        q[i] = 1.0 + 2.0 * R[i][i] - trace;
+        q[j] = R[i][j] + R[j][i], q[k] = R[i][k] + R[k][i];
+        q[3] = R[k][j] - R[j][k];
+    }
+    if (q[3] < 0.0)
+        for (int i = 0; i < 4; i++) q[i] = -q[i];
+    double sine = sqrt(dot(q, q)), factor = sine > 0.0 ? 2.0 * atan2(sine, q[3]) / sine : 0.0;
+    for (int i = 0; i < 3; i++) turn[i] = factor * q[i];
+}
+
+/* R = exp([turn]x) R, made orthonormal again. */
+static void turn_left(const double turn[3], double R[3][3]) {
+    double T[3][3], A[3][3];
+    rotation(turn, T);
+    product(T, R, A);
+    double x = 1.0 / sqrt(dot(A[0], A[0]));
+    for (int i = 0; i < 3; i++) A[0][i] *= x;
+    double along = dot(A[0], A[1]);
+    for (int i = 0; i < 3; i++) A[1][i] -= along * A[0][i];
+    double y = 1.0 / sqrt(dot(A[1], A[1]));
+    for (int i = 0; i < 3; i++) A[1][i] *= y;
+    cross(A[0], A[1], A[2]);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) R[i][j] = A[i][j];
+}
+
+#endif

@@ -1,0 +1,228 @@
+"""`OnlineEstimator`: the centre of mass frame by frame, with the C core of this room."""
+
+import ctypes
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
+from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, library
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+MAGIC = b"baryscope online 1\n"
+UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+REFUSED = {
+    1: "time: found {time!r} s, expected a time after that of the last frame",
+    3: "covariance: found one that is not symmetric positive definite",
+    4: "names: found the same twice, expected each feature once",
+}
+
+
+class OnlineStatus(StrEnum):
+    """What the state is worth."""
+
+    WAITING = "waiting"
+    """No frame yet with three features that are not in a line."""
+    STARTING = "starting"
+    """The position of the centre of mass is less certain than the features are far from each other."""
+    TRACKING = "tracking"
+    DOUBTFUL = "doubtful"
+    """The residuals are larger than the told noise: it is wrong, or features are confused with each other."""
+    LOST = "lost"
+    """The last frame did not fit the map of the features; after ten of those the filter starts again."""
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineState:
+    """The centre of mass at a time.
+
+    time in s; position (3,) in C, m; velocity (3,) in C, m/s; covariance (6, 6) of both, in m and m/s; attitude (3, 3),
+    R_C_B in axes B that are those of C in the first frame, NaN at times without a frame that fits; status; density:
+    estimated, of white acceleration, m²/s³; noise_ratio: mean square of the residuals over that of the told noise.
+    """
+
+    time: float
+    position: FloatArray
+    velocity: FloatArray
+    covariance: FloatArray
+    attitude: FloatArray
+    status: OnlineStatus
+    density: float
+    noise_ratio: float
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineFeatures:
+    """The map: names (m,), positions (m, 3) in B from the centre of mass, m, and their covariances (m, 3, 3)."""
+
+    names: NDArray[np.int64]
+    position: FloatArray
+    covariance: FloatArray
+
+
+class OnlineEstimator:
+    """A Kalman filter of the centre of mass, in C, with fixed memory; see online.h and docs/online.md.
+
+    Args:
+        sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own.
+        orbit: the target's; None: the centre of mass moves in a straight line, but for the white acceleration.
+        offset_radii: standard deviation of the centre of mass from the features' centroid before the first frame, per
+            axis, in units of these features' rms distance from it.
+        speed_std: of its velocity before the first frame, per axis, m/s.
+        attitude_noise: of the camera's attitude, per axis and frame, rad.
+
+    Raises:
+        InputError: a value is out of range.
+        ComputationError: there is no C compiler, or it fails.
+    """
+
+    def __init__(
+        self,
+        sigma: float,
+        orbit: Orbit | None = None,
+        *,
+        offset_radii: float = 5.0,
+        speed_std: float = 10.0,
+        attitude_noise: float = 0.0,
+    ) -> None:
+        if orbit is not None and (orbit.j2 is not None or orbit.ephemeris is not None):
+            raise InputError("orbit: found one with J2 or an ephemeris, expected Keplerian elements alone")
+        settings = Options(
+            _within("sigma", sigma, FINEST, COARSEST, "m"),
+            _within("offset_radii", offset_radii, 0.1, 1e3, "radii"),
+            _within("speed_std", speed_std, FINEST, COARSEST, "m/s"),
+            _within("attitude_noise", attitude_noise, 0.0, 1.0, "rad"),
+            float(orbit is not None),
+            (ctypes.c_double * N_ELEMENTS)(*(() if orbit is None else orbit.elements)),
+        )
+        self._library = library()
+        self._memory = ctypes.create_string_buffer(self._library.online_size())
+        self._library.online_start(self._memory, ctypes.byref(settings))
+
+    def update(
+        self,
+        time: float,
+        points: ArrayLike,
+        seen: ArrayLike | None = None,
+        *,
+        names: ArrayLike | None = None,
+        covariance: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> OnlineState:
+        """Take a frame.
+
+        Args:
+            time: in s, after that of the last frame.
+            points: (m, 3), where features are in C, m.
+            seen: (m,), which of them are seen; None: those that are not NaN.
+            names: (m,), whole numbers that tell the features from each other; None: 0 to m − 1. A feature that
+                returns under another name is recognised by its place.
+            covariance: (m, 3, 3), of the points, m²; None: that of sigma.
+            acceleration: (3,), of the chaser in C since the last frame, m/s²; None: zero.
+
+        Returns:
+            The state at the time.
+
+        Raises:
+            InputError: a shape or a value is not as above; the filter is then as it was before.
+        """
+        place = np.asarray(points, dtype=np.float64)
+        if place.ndim != 2 or place.shape[1] != 3:
+            raise InputError(f"points has the shape {place.shape}, expected (m, 3)")
+        m = len(place)
+        there = ~np.isnan(place).any(axis=1) if seen is None else np.asarray(seen, dtype=bool)
+        labels = np.arange(m) if names is None else np.asarray(names)
+        if there.shape != (m,) or labels.shape != (m,) or not np.issubdtype(labels.dtype, np.integer):
+            raise InputError(f"seen and names: found {there.shape} and {labels.shape}, expected whole numbers ({m},)")
+        if there.sum() > MOST_FEATURES:
+            raise InputError(f"points: found {there.sum()} in a frame, expected at most {MOST_FEATURES}")
+        place, labels = np.ascontiguousarray(place[there]), np.ascontiguousarray(labels[there], dtype=np.int64)
+        if not (np.abs(place) <= FARTHEST).all():
+            raise InputError(f"points: found {place.tolist()}, expected numbers within {FARTHEST:g} m where seen")
+        if not abs(time) <= LATEST:
+            raise InputError(f"time: found {time!r} s, expected one within {LATEST:g} s")
+        spread = None if covariance is None else _covariances(covariance, m)[there]
+        upper = None if spread is None else np.ascontiguousarray(spread[:, UPPER[0], UPPER[1]])
+        push = _acceleration(acceleration)
+        result = self._library.online_update(
+            self._memory,
+            time,
+            len(place),
+            labels.ctypes.data_as(ctypes.POINTER(ctypes.c_longlong)),
+            _numbers(place),
+            None if upper is None else _numbers(upper),
+            _numbers(push),
+        )
+        if result:
+            raise InputError(REFUSED[result].format(time=time))
+        return self.predict(time)
+
+    def predict(self, time: float, acceleration: ArrayLike | None = None) -> OnlineState:
+        """The state at a time in s that is not before the last frame; acceleration (3,): of the chaser in C till then.
+
+        Raises:
+            InputError: the time is before the last frame, or a value is not finite.
+        """
+        found = State()
+        push = _acceleration(acceleration)
+        if self._library.online_predict(self._memory, time, _numbers(push), ctypes.byref(found)):
+            raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
+        status = list(OnlineStatus)[int(found.status)]
+        r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
+        return OnlineState(time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, found.density, found.noise_ratio)
+
+    def features(self) -> OnlineFeatures:
+        """The map of the features."""
+        names = np.empty(MOST_FEATURES, dtype=np.int64)
+        position, covariance = np.empty((MOST_FEATURES, 3)), np.empty((MOST_FEATURES, 3, 3))
+        of_names = names.ctypes.data_as(ctypes.POINTER(ctypes.c_longlong))
+        count = self._library.online_features(self._memory, of_names, _numbers(position), _numbers(covariance))
+        return OnlineFeatures(names[:count], position[:count], covariance[:count])
+
+    def save(self) -> bytes:
+        """All that the filter knows, for `restored` on a machine of the same kind."""
+        return MAGIC + self._memory.raw
+
+    @classmethod
+    def restored(cls, content: bytes) -> "OnlineEstimator":
+        """The filter that `save` gave, which goes on to the last bit as the saved one.
+
+        Raises:
+            InputError: the content is not a saved filter of this version.
+        """
+        size = len(MAGIC) + library().online_size()
+        if not content.startswith(MAGIC) or len(content) != size:
+            raise InputError(f"a saved filter: found {len(content)} bytes, expected {size} that begin with {MAGIC!r}")
+        made = cls(1.0)
+        ctypes.memmove(made._memory, content[len(MAGIC) :], size - len(MAGIC))
+        return made
+
+
+def _within(name: str, value: float, low: float, high: float, unit: str) -> float:
+    if not low <= value <= high:
+        raise InputError(f"{name}: found {value!r}, expected {low:g} to {high:g} {unit}")
+    return float(value)
+
+
+def _covariances(covariance: ArrayLike, m: int) -> FloatArray:
+    found = np.asarray(covariance, dtype=np.float64)
+    if found.shape != (m, 3, 3):
+        raise InputError(f"covariance has the shape {found.shape}, expected ({m}, 3, 3)")
+    return found
+
+
+def _acceleration(given: ArrayLike | None) -> FloatArray:
+    found = np.zeros(3) if given is None else np.array(given, dtype=np.float64)
+    if found.shape != (3,) or not np.isfinite(found).all():
+        raise InputError(f"acceleration: found {given!r}, expected three finite numbers, m/s²")
+    return found
+
+
+def _numbers(values: FloatArray) -> Any:
+    return values.ctypes.data_as(ctypes.POINTER(ctypes.c_double))

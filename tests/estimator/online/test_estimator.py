@@ -1,0 +1,295 @@
+"""The online estimator against closed-form motion and a batch least squares that knows the attitudes.
+
+The truth is a symmetric top (precession about z, a tilt, spin about its axis) whose centre of mass moves in a straight
+line, or on a relative orbit by two Kepler orbits; nothing of it is shared with the filter.
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+import oracles
+from baryscope.estimator.online import OnlineEstimator, OnlineStatus
+from baryscope.models.errors import InputError
+from baryscope.models.orbit import Orbit
+
+SIGMA = 0.02  # m
+POINTS = np.array(
+    [
+        [2.0, 1.4, -1.2],
+        [-2.1, -1.4, 0.9],
+        [1.9, 1.0, 0.9],
+        [0.9, -1.4, -1.2],
+        [-1.1, 1.4, -1.2],
+        [-1.2, -0.4, 1.3],
+        [0.3, 0.2, 1.6],
+        [2.4, -0.6, 0.2],
+    ]
+)
+START, DRIFT = np.array([3.0, 18.0, -4.0]), np.array([0.02, -0.01, 0.015])
+TURN = 120.0  # s, of the precession
+FRAMES = 180
+DRAWS = 16
+ALPHA = 1e-4  # of the chi-square bands, two-sided
+
+
+def attitudes(time):
+    """R_C_B (n, 3, 3) of a symmetric top."""
+    turn = 2 * np.pi * time / TURN
+    angles = np.stack([turn, np.full_like(turn, 0.7), 0.6 * turn], axis=1)
+    return Rotation.from_euler("ZXZ", angles).as_matrix()
+
+
+def tracks(rng, time, path, points=POINTS, sigma=SIGMA):
+    places = path[:, None] + points @ np.swapaxes(attitudes(time), 1, 2)
+    return places + sigma * rng.standard_normal(places.shape)
+
+
+def straight(time):
+    return START + time[:, None] * DRIFT
+
+
+def run(filter, time, seen, **more):
+    return [filter.update(float(t), frame, **more) for t, frame in zip(time, seen, strict=True)]
+
+
+def errors(states, path):
+    """Distances (n,) and NEES (n,) of states."""
+    off = np.array([state.position for state in states]) - path
+    of_place = np.array([state.covariance[:3, :3] for state in states])
+    return np.linalg.norm(off, axis=1), np.einsum("ni,nij,nj->n", off, np.linalg.inv(of_place), off)
+
+
+def batch_bound(time):
+    """The rms error of least squares on all frames, at the last: position, velocity and offset, known attitudes."""
+    t = (time - time[-1])[:, None, None]
+    design = np.concatenate([np.tile(np.eye(3), (len(time), 1, 1)), t * np.eye(3), attitudes(time)], axis=2)
+    information = np.einsum("nki,nkj->ij", design, design) * len(POINTS) / SIGMA**2
+    return np.sqrt(np.trace(np.linalg.inv(information)[:3, :3]))
+
+
+def test_a_straight_path_is_found_as_exactly_as_by_a_batch_and_no_more_is_claimed():
+    time = np.arange(FRAMES, dtype=float)
+    path, places = straight(time), [30, 60, 120, 179]
+    distance, nees = [], []
+    for draw in range(DRAWS):
+        rng = np.random.default_rng([1, draw])
+        states = run(OnlineEstimator(SIGMA), time, tracks(rng, time, path))
+        found = errors(states, path)
+        distance.append(found[0][places])
+        nees.append(found[1][places])
+        assert states[-1].status is OnlineStatus.TRACKING
+    rms = np.sqrt(np.mean(np.square(distance), axis=0))
+    for k, place in enumerate(places[2:], 2):
+        # What it costs not to know that there is no process noise: 1.4; besides, the scatter of an rms of so many.
+        scatter = np.sqrt(chi2.ppf(1 - ALPHA, 3 * DRAWS) / (3 * DRAWS))
+        assert rms[k] < 1.4 * scatter * batch_bound(time[: place + 1])
+    # Not below the band: before the density is known, the claim is the mean over densities, and too wide where it is 0.
+    assert (np.sum(nees, axis=0) < chi2.ppf(1 - ALPHA, 3 * DRAWS)).all()
+
+
+def test_white_acceleration_is_found_and_bridged():
+    density, steps = 1e-6, 20
+    time = np.arange(FRAMES, dtype=float)
+    last, found = [], []
+    for draw in range(DRAWS):
+        rng = np.random.default_rng([2, draw])
+        fine = np.arange(FRAMES * steps) / steps
+        push = rng.standard_normal((len(fine), 3)) * np.sqrt(density * steps)
+        speed = DRIFT + np.cumsum(push, axis=0) / steps
+        path = (START + np.cumsum(speed, axis=0) / steps)[::steps]
+        states = run(OnlineEstimator(SIGMA), time, tracks(rng, time, path))
+        last.append(errors(states[-1:], path[-1:])[1][0])
+        found.append(states[-1].density)
+    assert chi2.ppf(ALPHA / 2, 3 * DRAWS) < sum(last) < chi2.ppf(1 - ALPHA / 2, 3 * DRAWS)
+    # The bank's steps are of a factor of 32, and 180 frames tell the density to about one of them.
+    assert density / 32 < np.exp(np.mean(np.log(found))) < 32 * density
+
+
+def test_on_an_orbit_the_path_is_followed_and_predicted():
+    orbit = Orbit(7.2e6, 0.1, 1.7, 2.0, 1.5, 0.4)
+    time = np.arange(0.0, 400.0, 2.0)
+    times = np.append(time, 1000.0)
+    target, chaser = oracles.inertial_states(orbit, [2.0, -20.0, 1.0], [0.005, 0.002, -0.003])
+    mu = orbit.gravitational_parameter
+    both = [[oracles.propagate_kepler(*start, mu, t)[0] for start in (target, chaser)] for t in times]
+    path = np.array([here - there for here, there in both], dtype=float)
+    nees, ahead = [], []
+    for draw in range(8):
+        rng = np.random.default_rng([3, draw])
+        filter = OnlineEstimator(SIGMA, orbit)
+        states = run(filter, time, tracks(rng, time, path[:-1]))
+        distance, of_last = errors(states[-1:], path[-2:-1])
+        assert distance[0] < 0.02
+        nees.append(of_last[0])
+        ahead.append(errors([filter.predict(1000.0)], path[-1:])[1][0])
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 24)
+    assert sum(ahead) < chi2.ppf(1 - ALPHA, 24)
+
+
+def test_known_acceleration_of_the_chaser_leaves_no_trace():
+    time = np.arange(FRAMES, dtype=float)
+    push = np.array([1e-3, -2e-3, 5e-4])
+    path = straight(time) - 0.5 * time[:, None] ** 2 * push
+    rng = np.random.default_rng(4)
+    states = run(OnlineEstimator(SIGMA), time, tracks(rng, time, path), acceleration=push)
+    distance, nees = errors(states[-1:], path[-1:])
+    assert nees[0] < chi2.ppf(1 - ALPHA, 3)
+    assert distance[0] < 3 * batch_bound(time)
+    assert states[-1].density < 1e-9  # the acceleration, unknown, would be a hundred times that
+
+
+def test_fast_frames_claim_no_more_than_they_show():
+    """At 20 Hz the target turns by less than the noise of an attitude between two frames."""
+    time = np.arange(0.0, 60.0, 0.05)
+    path = straight(time)
+    worst = []
+    for draw in range(8):
+        rng = np.random.default_rng([5, draw])
+        states = run(OnlineEstimator(SIGMA * 4), time, tracks(rng, time, path, sigma=SIGMA * 4))
+        worst.append(errors(states, path)[1][[300, 600, 900, 1199]])
+    assert (np.sum(worst, axis=0) < chi2.ppf(1 - ALPHA, 24)).all()
+
+
+def test_features_come_and_go_and_return_under_other_names():
+    time = np.arange(FRAMES, dtype=float)
+    path = straight(time)
+    rng = np.random.default_rng(6)
+    seen = tracks(rng, time, path)
+    filter = OnlineEstimator(SIGMA)
+    names = np.arange(len(POINTS))
+    for k, (t, frame) in enumerate(zip(time, seen, strict=True)):
+        there = (np.arange(len(POINTS)) + k // 20) % 4 > 0  # each is away for 20 frames of 80
+        if k == 100:
+            names = names + 100 * ~there  # who is away now comes back under another name
+        state = filter.update(float(t), frame, there, names=names)
+    features = filter.features()
+    assert len(features.names) == len(POINTS)
+    assert set(features.names) == set(names)
+    own = POINTS @ attitudes(time[:1])[0].T
+    order = [int(name) % 100 for name in features.names]
+    off = features.position - own[order]
+    # B is fixed by the first frame, so that all positions share its error: a rotation by about σ over their radius.
+    assert np.linalg.norm(off, axis=1).max() < 4 * SIGMA
+    assert errors([state], path[-1:])[1][0] < chi2.ppf(1 - ALPHA, 3)
+    assert state.status is OnlineStatus.TRACKING
+
+
+def test_outliers_and_a_blackout_do_no_harm():
+    time = np.delete(np.arange(240.0), np.s_[100:160])
+    path = straight(time)
+    worst = []
+    for draw in range(8):
+        rng = np.random.default_rng([7, draw])
+        seen = tracks(rng, time, path)
+        wrong = rng.random(seen.shape[:2]) < 0.1
+        seen[wrong] += rng.uniform(-2, 2, (wrong.sum(), 3))
+        seen[rng.random(seen.shape[:2]) < 0.1] = np.nan
+        states = run(OnlineEstimator(SIGMA), time, seen)
+        assert states[-1].status is OnlineStatus.TRACKING
+        worst.append(errors(states[-1:], path[-1:])[1][0])
+    assert sum(worst) < chi2.ppf(1 - ALPHA, 24)
+
+
+def test_it_says_when_it_does_not_know():
+    filter = OnlineEstimator(SIGMA)
+    assert filter.predict(0.0).status is OnlineStatus.WAITING
+    time = np.arange(60.0)
+    seen = tracks(np.random.default_rng(8), time, straight(time))
+    still = straight(time)[:, None] + POINTS + SIGMA * np.random.default_rng(9).standard_normal(seen.shape)
+    states = run(filter, time, still)
+    assert states[-1].status is OnlineStatus.STARTING  # without rotation nothing shows the centre of mass
+    other = OnlineEstimator(SIGMA)
+    run(other, time, seen)
+    shuffled = tracks(np.random.default_rng(10), time, straight(time), POINTS[::-1] * [1, -1, 1])
+    assert other.update(60.0, shuffled[0]).status is OnlineStatus.LOST
+    doubtful = OnlineEstimator(SIGMA / 2)
+    time = np.arange(float(FRAMES))
+    assert run(doubtful, time, tracks(np.random.default_rng(11), time, straight(time)))[-1].status is (
+        OnlineStatus.DOUBTFUL
+    )
+
+
+def test_a_saved_filter_goes_on_to_the_last_bit():
+    time = np.arange(100.0)
+    seen = tracks(np.random.default_rng(12), time, straight(time))
+    one = OnlineEstimator(SIGMA, attitude_noise=1e-5)
+    run(one, time[:50], seen[:50])
+    content = one.save()
+    other = OnlineEstimator.restored(content)
+    run(one, time[50:], seen[50:])
+    run(other, time[50:], seen[50:])
+    assert one.save() == other.save()
+    assert one.save() != content
+    assert len(content) <= 256 * 1024
+    for wrong in (b"", content[:-1], b"x" + content[1:]):
+        with pytest.raises(InputError, match="a saved filter"):
+            OnlineEstimator.restored(wrong)
+
+
+def test_many_frames_cost_no_memory_and_keep_the_covariance_definite():
+    time = np.arange(20_000) * 0.5
+    rng = np.random.default_rng(13)
+    seen = tracks(rng, time, straight(time))
+    filter = OnlineEstimator(SIGMA)
+    states = run(filter, time, seen)
+    size = len(filter.save())
+    assert size == len(OnlineEstimator(SIGMA).save())
+    every = np.array([state.covariance for state in states[::500]])
+    assert (np.linalg.eigvalsh(every)[:, 0] > 0).all()
+    assert (every == np.swapaxes(every, 1, 2)).all()
+    assert errors(states[-1:], straight(time[-1:]))[1][0] < chi2.ppf(1 - ALPHA, 3)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"time": np.nan}, "time: found nan"),
+        ({"time": 4.0}, "after that of the last frame"),
+        ({"points": np.zeros((8, 2))}, r"points has the shape \(8, 2\)"),
+        ({"points": np.full((8, 3), np.inf)}, "expected numbers within"),
+        ({"seen": [True]}, "seen and names"),
+        ({"names": np.zeros(8, dtype=int)}, "found the same twice"),
+        ({"names": np.zeros(8)}, "expected whole numbers"),
+        ({"covariance": np.zeros((8, 3, 3))}, "not symmetric positive definite"),
+        ({"covariance": np.zeros((3, 3))}, "covariance has the shape"),
+        ({"covariance": np.full((8, 3, 3), np.nan)}, "not symmetric positive definite"),
+        ({"acceleration": [np.nan, 0, 0]}, "three finite numbers"),
+        ({"points": np.random.default_rng(0).uniform(-1, 1, (40, 3))}, "expected at most 32"),
+    ],
+)
+def test_what_is_wrong_is_refused_and_changes_nothing(change, message):
+    time = np.arange(5.0)
+    seen = tracks(np.random.default_rng(14), time, straight(time))
+    filter = OnlineEstimator(SIGMA)
+    run(filter, time, seen)
+    before = filter.save()
+    frame = {"time": 5.0, "points": seen[-1]} | change
+    with pytest.raises(InputError, match=message) as raised:
+        filter.update(**frame)
+    assert "\n" not in str(raised.value)
+    assert filter.save() == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{"sigma": 0.0}, {"sigma": np.nan}, {"sigma": 1.0, "speed_std": -1.0}, {"sigma": 1.0, "offset_radii": 0}],
+)
+def test_settings_out_of_range_are_refused(arguments):
+    with pytest.raises(InputError, match="expected"):
+        OnlineEstimator(**arguments)
+
+
+def test_orbits_that_it_cannot_hold_are_refused():
+    with pytest.raises(InputError, match="Keplerian elements alone"):
+        OnlineEstimator(SIGMA, Orbit(7.2e6, 0.0, 1.7, j2=1e-3, equatorial_radius=6.4e6))
+
+
+def test_the_time_of_a_prediction_is_checked():
+    filter = OnlineEstimator(SIGMA)
+    time = np.arange(3.0)
+    run(filter, time, tracks(np.random.default_rng(15), time, straight(time)))
+    for wrong in (1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="not before the last frame"):
+            filter.predict(wrong)
