@@ -36,6 +36,7 @@ LAYERS = [
     ["study"],
     ["study.population"],
     ["study.world"],
+    ["study.online"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
 ]

@@ -1,0 +1,46 @@
+"""`python -m baryscope.study.online run | report`: see docs/online.md."""
+
+from baryscope.threads import prefer_one_thread
+
+prefer_one_thread()
+
+import argparse  # noqa: E402
+import sys  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+from baryscope.study.online.flights import SUITES  # noqa: E402
+from baryscope.study.online.judging import judged  # noqa: E402
+from baryscope.study.online.report import ends, table  # noqa: E402
+from baryscope.study.population import command  # noqa: E402
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command: 0 if it could do what it is asked for."""
+    parser = argparse.ArgumentParser(prog="python -m baryscope.study.online", description=__doc__)
+    commands = parser.add_subparsers(required=True)
+    runner = commands.add_parser("run", help="fly draws that the file does not have yet, and add them to it")
+    runner.add_argument("--seed", type=command.natural, default=1)
+    runner.add_argument("--draws", type=command.natural, default=100)
+    runner.add_argument("--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE")
+    runner.add_argument("--workers", type=command.positive, default=1)
+    runner.add_argument("--limit", type=float, default=120.0, help="s for a draw, then its process is killed")
+    runner.add_argument("-o", "--output", type=Path, required=True)
+    runner.set_defaults(run=_run)
+    command.add_report(commands, "the tables").set_defaults(run=_report)
+    return command.executed(parser, arguments)
+
+
+def _run(options: argparse.Namespace) -> None:
+    groups = [[(suite, options.seed, draw)] for suite in options.suites for draw in range(options.draws)]
+    command.fill(options, judged, ("suite", "seed", "draw"), groups)
+
+
+def _report(options: argparse.Namespace) -> None:
+    order = {suite: number for number, suite in enumerate(SUITES)}
+    lines = sorted(command.reported(options), key=lambda line: order[line["suite"]])
+    flown = [line for line in lines if "failure" not in line]
+    print(table(flown).markdown(), ends(flown).markdown(), sep="\n\n")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""What the online estimator sees in a draw: a world of the world suite, or a case of the population."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator import FeatureTracks
+from baryscope.estimator.online import OnlineEstimator, OnlineState
+from baryscope.models.orbit import Orbit
+from baryscope.study.population.cases import drawn
+from baryscope.study.population.information import Watched, unknowns_bound
+from baryscope.study.population.sensing import sampled
+from baryscope.study.world.scenes import RATE, scene
+from baryscope.study.world.worlds import WORLDS
+
+FloatArray = NDArray[np.float64]
+
+POPULATION = "population"
+SUITES = (*WORLDS, POPULATION)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A draw: its tracks, what is told, and the truth.
+
+    sigma in m, of a coordinate without a covariance of its own; attitude_noise of the camera, rad; path (n, 3) of the
+    centre of mass in C; jacobian (n, 3, p) of it by unknowns with the prior information (p,); moved: how many of these
+    move the path; watched: what is seen; rotations (n,): how often the target has turned.
+    """
+
+    tracks: FeatureTracks
+    sigma: float
+    orbit: Orbit | None
+    attitude_noise: float
+    path: FloatArray
+    jacobian: FloatArray
+    prior: FloatArray
+    moved: int
+    watched: Watched
+    rotations: FloatArray
+
+    def states(self) -> Iterator[OnlineState]:
+        """The state after each frame, by a new filter."""
+        tracks = self.tracks
+        filter = OnlineEstimator(self.sigma, self.orbit, attitude_noise=self.attitude_noise)
+        for k, time in enumerate(tracks.time):
+            covariance = None if tracks.covariance is None else tracks.covariance[k]
+            yield filter.update(float(time), tracks.position[k], covariance=covariance)
+
+    def causal_bound(self, k: int, tumble: bool) -> float:
+        """The bound of the error of the path at frame k from the frames up to it, m; tumble: a free one, else any."""
+        end, found = k + 1, self.watched
+        turn = found.turn[:end] if tumble and found.turn is not None else None
+        watched = Watched(found.attitude[:end], found.points, found.precision[:end], found.right[:end], turn)
+        of_x = unknowns_bound(self.jacobian[:end], watched, self.prior)[: self.moved, : self.moved]
+        J = self.jacobian[k][:, : self.moved]
+        return float(np.sqrt(np.trace(J @ of_x @ J.T)))
+
+
+def flight(suite: str, seed: int, draw: int) -> Flight:
+    """A draw of a suite, from the three alone."""
+    return _of_population(seed, draw) if suite == POPULATION else _of_world(suite, seed, draw)
+
+
+def _of_world(name: str, seed: int, draw: int) -> Flight:
+    made = scene(WORLDS[name], seed, draw)
+    n, m, sigma, own = len(made.time), len(made.points), made.world.noise, made.jacobian.shape[2]
+    jacobian = np.concatenate([made.jacobian, made.disturbance.columns], axis=2)
+    tumbles = not made.world.eddy and not made.world.slip
+    return Flight(
+        made.tracks,
+        sigma,
+        made.orbit,
+        made.world.attitude_noise,
+        made.path,
+        jacobian,
+        np.concatenate([np.zeros(own), 1 / made.disturbance.variance]),
+        jacobian.shape[2] if made.disturbance.moves_path else own,
+        Watched(
+            made.attitude,
+            made.points,
+            np.broadcast_to(np.eye(3) / sigma**2, (n, m, 3, 3)),
+            np.ones((n, m), dtype=bool),
+            made.turn if tumbles else None,
+        ),
+        made.time * float(np.linalg.norm(RATE)) / (2 * np.pi),
+    )
+
+
+def _of_population(seed: int, index: int) -> Flight:
+    case = drawn(seed, index)
+    sample = sampled(case)
+    steps = np.diff(case.time) * np.linalg.norm(case.rate[:-1], axis=1)
+    stereo = case.sensor.baseline > 0
+    tracks = sample.tracks
+    if tracks.covariance is not None:
+        seen = tracks.seen[..., None, None]
+        tracks = replace(tracks, covariance=np.where(seen, tracks.covariance, np.eye(3)))
+    return Flight(
+        tracks,
+        1.0 if stereo else case.sensor.noise,
+        case.orbit,
+        0.0,
+        case.path,
+        case.path_jacobian,
+        np.zeros(6),
+        6,
+        Watched(case.attitude, case.points, sample.precision, sample.right, case.turn),
+        np.concatenate([[0.0], np.cumsum(steps)]) / (2 * np.pi),
+    )

@@ -1,0 +1,46 @@
+"""One flight of the online estimator as a line of numbers: errors, claims and causal bounds at some rotations."""
+
+import numpy as np
+
+from baryscope.estimator.online import OnlineState, OnlineStatus
+from baryscope.study.online.flights import Flight, flight
+from baryscope.study.population.judging import WRONG, measured, nees
+from baryscope.study.population.running import Line
+
+MARKS = (0.25, 0.5, 1.0, 2.0, 4.0)  # rotations; the last frame is one more
+END = "end"
+
+
+def judged(suite: str, seed: int, draw: int) -> Line:
+    """The line of a draw: of each mark that it reaches, and of the whole run.
+
+    At a mark: status, error, claimed deviation and bounds in m, NEES. first: rotations at which it first tracks; wrong:
+    the share of the frames that track whose NEES is one of a thousand; stray: tracks at the end, and is so wrong there.
+    """
+    made = flight(suite, seed, draw)
+    line: Line = {"suite": suite, "seed": seed, "draw": draw}
+    with measured(line):
+        states = list(made.states())
+    tracking = np.array([state.status is OnlineStatus.TRACKING for state in states])
+    every = np.array([nees(s.position - p, s.covariance[:3, :3]) for s, p in zip(states, made.path, strict=True)])
+    first = np.nonzero(tracking)[0]
+    reached = {str(mark): int(np.argmax(made.rotations >= mark)) for mark in MARKS if made.rotations[-1] >= mark}
+    return line | {
+        "frames": len(states),
+        "first": float(made.rotations[first[0]]) if len(first) else None,
+        "wrong": float(np.mean(every[tracking] > WRONG)) if len(first) else 0.0,
+        "stray": bool(tracking[-1] and every[-1] > WRONG),
+        "density": states[-1].density,
+        "marks": {name: _at(made, states[k], k) for name, k in {**reached, END: len(states) - 1}.items()},
+    }
+
+
+def _at(made: Flight, state: OnlineState, k: int) -> Line:
+    error, covariance = state.position - made.path[k], state.covariance[:3, :3]
+    return {
+        "status": str(state.status),
+        "error": float(np.linalg.norm(error)),
+        "claimed": float(np.sqrt(max(np.trace(covariance), 0.0))),
+        "nees": nees(error, covariance),
+        "bounds": {"free": made.causal_bound(k, False), "tumble": made.causal_bound(k, True)},
+    }

@@ -1,0 +1,55 @@
+"""Lines and tables of the online study."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from baryscope.study.online.__main__ import main
+from baryscope.study.online.flights import POPULATION, flight
+from baryscope.study.online.judging import END, judged
+from baryscope.study.online.report import ends, table
+from baryscope.study.world.judging import prepared
+
+
+@pytest.fixture(scope="module")
+def line():
+    return judged("as modelled", 3, 0)
+
+
+def test_a_line_is_beside_its_bound(line):
+    assert list(line["marks"]) == ["0.25", "0.5", "1.0", "2.0", "4.0", END]
+    bounds = [at["bounds"]["free"] for at in line["marks"].values()]
+    assert all(a > b for a, b in itertools.pairwise(bounds))
+    for at in line["marks"].values():
+        assert at["bounds"]["tumble"] <= at["bounds"]["free"]
+    at = line["marks"][END]
+    assert at["status"] == "tracking"
+    assert at["error"] < 5 * at["bounds"]["free"]
+    assert at["nees"] < 25
+    assert not line["stray"]
+
+
+def test_the_causal_bound_at_the_end_is_that_of_all_observations():
+    made = flight("as modelled", 3, 0)
+    _, bounds = prepared("as modelled", 3, 0)  # rms over the path; the end is less certain than the mean
+    assert bounds["free"] < made.causal_bound(len(made.path) - 1, False) < 3 * bounds["free"]
+
+
+def test_a_case_of_the_population_has_its_rotations_and_bounds():
+    made = flight(POPULATION, 1, 0)
+    assert (np.diff(made.rotations) >= 0).all()
+    assert len(made.rotations) == len(made.path)
+    line = judged(POPULATION, 1, 0)
+    assert line["marks"][END]["bounds"]["tumble"] > 0
+
+
+def test_tables_have_a_row_for_each_mark(line, tmp_path, capsys):
+    again = line | {"draw": 1}
+    assert len(table([line, again]).rows) == 6
+    (row,) = ends([line, again]).rows
+    assert row[:4] == ("as modelled", "2", "2", "0")
+    path = str(tmp_path / "online.jsonl")
+    assert main(["run", "--draws", "1", "--suites", "pivot slips", "-o", path]) == 0
+    assert main(["report", path]) == 0
+    assert capsys.readouterr().out.count("| pivot slips |") >= 4
