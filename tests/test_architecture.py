@@ -15,7 +15,7 @@ LAYERS = [
     ["models"],
     ["models.ephemeris"],
     ["models.scenario"],
-    ["models.sensor"],
+    ["models.sensor", "models.approach"],
     ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],
     ["fmu.units", "estimator.thrust"],
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],

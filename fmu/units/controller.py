@@ -1,0 +1,100 @@
+"""ApproachController as a unit: from the target's estimated motion to a command; from baryscope.models.approach."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from baryscope.fmu.units.blueprint import Blueprint, Core, FloatArray, Section, UnitKind, facts_of, labels_of
+from baryscope.fmu.units.structure import sampled_dependencies
+from baryscope.models.approach.unit import ApproachSystem, approach_system, approach_table
+from baryscope.models.orbit import orbit_parameters
+from baryscope.models.scenario import Scenario
+from baryscope.models.variables import AXES, Kind, Variable
+
+NAME = "ApproachController"
+USUAL = {
+    "grapple.standoff": 2.0, "guidance.speed": 0.1, "guidance.rate": 0.02, "control.rate": 0.2,
+    "corridor.halfAngle": np.deg2rad(20.0), "thrust.limit": 0.05,
+}  # fmt: skip
+"""Start values that no scenario has, SI."""
+CLEARANCE = 0.5  # the keep-out sphere's radius over the range at which the chaser starts
+
+_FRAMES = (
+    ("C, chaser", "Origin at the chaser, inertial axes: the frame of target.position and target.velocity."),
+    (
+        "L, LVLH",
+        "Origin at the target's centre of mass; x radially outward, y along-track, z along the orbit's normal: axes of "
+        "the command, of hold.position and goal.offset.",
+    ),
+    ("B, body", "Origin at the target's centre of mass, axes of its attitude and inertia: those of the grapple point."),
+)
+_LAW = (
+    "The goal is hold.position, at rest in L, or while synchronised the point at grapple.standoff before "
+    "grapple.point, which turns with the body.",
+    "A field of velocities leads there: guidance.rate times the distance, at most guidance.speed, relative to the "
+    "goal. From rest to a goal at rest the path is straight: along R-bar or V-bar where both points are on it.",
+    "Towards the keep-out sphere the field is at most guidance.rate times the distance from it: the chaser slides "
+    "around it. While synchronised it goes to where the line from the grapple point outwards leaves the sphere, and in "
+    "from there, in the cone corridor.halfAngle.",
+    "The command is the field's derivative along the motion, plus control.rate times what the velocity lacks of it, "
+    "less the natural relative acceleration on the Kepler orbit; it is scaled down to thrust.limit.",
+    "The body is taken to tumble freely, by target.inertia, of which any multiple does.",
+)
+_USE = (
+    "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration.",
+    "The command is computed from the inputs at the beginning of a step, and stands in the outputs after it.",
+    "While navigation.valid is false the command is zero.",
+    "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",
+)
+
+
+def controller_blueprint(scenario: Scenario) -> Blueprint:
+    """The controller of a scenario's chaser: it holds where the chaser starts, and knows the orbit."""
+    system = approach_system()
+    return Blueprint(
+        name=NAME,
+        summary="A controller of a chaser near a tumbling target: LVLH hold, straight glides, approach to a grapple "
+        "point synchronised with its rotation",
+        variables=system.variables,
+        starts=_starts(scenario, system),
+        labels=labels_of(scenario),
+        core=Core(
+            functions=(system.outputs, system.checks.margins, system.checks.found),
+            checks={"CHECKS": system.checks.checks},
+            headers=("direct.h", "sampled.h"),
+            files=("direct.c", "sampled.c"),
+        ),
+        dependencies=lambda fmi: sampled_dependencies(system.variables),
+        facts=facts_of(scenario),
+        sections=(
+            Section("Frames", "Quaternions are (w, x, y, z). Units are SI, angles in radians.", rows=_FRAMES),
+            Section("The law", items=_LAW),
+        ),
+        use=_USE,
+        stop_time=scenario.duration,
+        step_size=scenario.run.sample_time,
+    )
+
+
+def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]:
+    known, first = scenario.parameters(), scenario.features.points[0]
+    given = {
+        "target.attitude": known["target.attitude0"],
+        "target.inertia": [known[f"target.inertia.{axes}"] for axes in AXES],
+        "navigation.valid": 1.0,
+        **orbit_parameters(scenario.orbit),
+        "hold.position": known["chaser.position0"],
+        "grapple.point": first.position,
+        "grapple.direction": first.normal,
+        "keepOut.radius": CLEARANCE * np.linalg.norm(known["chaser.position0"]),
+        **USUAL,
+    }
+    others = {v.name: np.zeros(v.shape) for v in system.variables if v.kind in (Kind.INPUT, Kind.PARAMETER)}
+    return {name: np.asarray(given.get(name, value), dtype=float) for name, value in others.items()}
+
+
+def _table(described: Mapping[str, tuple[int, ...]]) -> tuple[Variable, ...]:
+    return approach_table()
+
+
+CONTROLLER = UnitKind(NAME, controller_blueprint, _table)

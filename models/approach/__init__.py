@@ -1,0 +1,1 @@
+"""ApproachController: its guidance law, in `guidance`; its table of variables and functions, in `unit`."""

@@ -1,0 +1,194 @@
+"""ApproachController's table of variables and equations: from the target's motion in frame C to a command in LVLH.
+
+The law is that of `guidance`. Two goals: a point at rest in LVLH (`hold.position`), or, while `synchronised`, a point
+before a grapple point of the body, which turns with it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import pi
+
+import casadi as ca
+
+from baryscope.models.approach.guidance import Goal, Limits, Motion, commanded, glide_velocity, in_corridor
+from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_tensor
+from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
+from baryscope.models.frames import Symbol, rotation_from_quaternion, rotation_I_L
+from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_anomaly_after
+from baryscope.models.relative_motion import relative_acceleration
+from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, Kind, Variable, variable_table
+
+
+@dataclass(frozen=True)
+class ApproachSystem:
+    """The controller.
+
+    Attributes:
+        variables: the table.
+        outputs: time and length of the step, inputs, parameters → outputs.
+        checks: the conditions on the parameters.
+    """
+
+    variables: tuple[Variable, ...]
+    outputs: ca.Function
+    checks: CheckSet
+
+
+@cache
+def approach_system() -> ApproachSystem:
+    """Build the symbolic system."""
+    table = approach_table()
+    step = ca.SX.sym("step", 2)
+    inputs, u = _symbols(table, Kind.INPUT)
+    parameters, p = _symbols(table, Kind.PARAMETER)
+    values = _outputs(step, inputs, parameters)
+    y = ca.vertcat(*(values[variable.name] for variable in table if variable.kind == Kind.OUTPUT))
+    return ApproachSystem(
+        variables=table,
+        outputs=ca.Function("unit_outputs", [step, u, p], [ca.cse(y)]),
+        checks=CheckSet.over(p, _checks(parameters), "unit"),
+    )
+
+
+def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:
+    symbols = {variable.name: ca.SX.sym(variable.name, variable.size) for variable in table if variable.kind == kind}
+    return symbols, ca.vertcat(*symbols.values())
+
+
+def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
+    """Outputs by name. The command is held over the step while the goal turns on: it turns with it by half the step."""
+    time, length = ca.vertsplit(step)
+    elements = Elements.named(parameters)
+    true_anomaly = true_anomaly_after(time, elements)
+    orbit, R_I_L = conic(elements.ellipse, true_anomaly), rotation_I_L(elements.R_I_P, true_anomaly)
+    position_L = -R_I_L.T @ inputs["target.position"]
+    velocity_L = -R_I_L.T @ inputs["target.velocity"] - ca.cross(_spin(orbit), position_L)
+    natural = relative_acceleration(position_L, velocity_L, ca.SX.zeros(3), orbit)
+    motion, goal = Motion(position_L, velocity_L, natural), _goal(orbit, R_I_L, inputs, parameters)
+    limits = Limits(
+        parameters["guidance.speed"],
+        parameters["guidance.rate"],
+        parameters["keepOut.radius"],
+        ca.cos(parameters["corridor.halfAngle"]),
+    )
+    wanted = commanded(motion, goal, limits, parameters["control.rate"])
+    wanted += ca.cross(goal.turning, wanted) * length / 2
+    size, limit, valid = ca.norm_2(wanted), parameters["thrust.limit"], inputs["navigation.valid"]
+    return {
+        "command.acceleration": valid * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED)),
+        "command.limited": valid * (size > limit),
+        "goal.offset": position_L - goal.position,
+        "goal.velocityError": velocity_L - glide_velocity(position_L, goal, limits),
+        "keepOut.distance": ca.norm_2(position_L) - limits.radius,
+        "corridor.inside": in_corridor(position_L, goal, limits),
+    }
+
+
+def _spin(orbit: Conic) -> Symbol:
+    """Angular rate of L."""
+    return ca.vertcat(0, 0, orbit.anomaly_rate)
+
+
+def _goal(orbit: Conic, R_I_L: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> Goal:
+    """The goal in L. Its angular rate is that of the body less that of L, differentiated in L; the body is free."""
+    synchronised, rate_B = parameters["synchronised"], inputs["target.angularRate"]
+    R_L_B = R_I_L.T @ rotation_from_quaternion(_unit(inputs["target.attitude"]))
+    axis_B, apex_B = _unit(parameters["grapple.direction"]), parameters["grapple.point"]
+    before_B = apex_B + parameters["grapple.standoff"] * axis_B
+    elements = ca.vertsplit(inputs["target.inertia"])
+    J = symmetric_tensor({f"J.{axes}": value for axes, value in zip(AXES, elements, strict=True)}, "J")
+    tumble_B = angular_acceleration(J, symmetric_inverse(J), rate_B, ca.SX.zeros(3))
+    spin, rate_L = _spin(orbit), R_L_B @ rate_B
+    turning_rate = R_L_B @ tumble_B - ca.cross(spin, rate_L) - ca.vertcat(0, 0, orbit.anomaly_acceleration)
+    return Goal(
+        position=ca.if_else(synchronised, R_L_B @ before_B, parameters["hold.position"]),
+        apex=R_L_B @ apex_B,
+        axis=R_L_B @ axis_B,
+        turning=synchronised * (rate_L - spin),
+        turning_rate=synchronised * turning_rate,
+        turns=synchronised,
+    )
+
+
+def _unit(vector: Symbol) -> Symbol:
+    return vector / ca.norm_2(vector)
+
+
+def approach_table() -> tuple[Variable, ...]:
+    """The variables of ApproachController."""
+    IN, PAR, OUT = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT
+    orbit = {variable.name: variable for variable in variable_table(3)}
+
+    def tunable(name: str, unit: str, what: str, limits: tuple[float, float] = NOT_NEGATIVE) -> Variable:
+        return Variable(name, PAR, unit, what, tunable=True, limits=limits)
+
+    return (
+        Variable("target.position", IN, "m", "The target's CoM, frame C (chaser, inertial axes)", (3,)),
+        Variable("target.velocity", IN, "m/s", "Velocity of the target's CoM, frame C", (3,)),
+        Variable("target.attitude", IN, "1", "Attitude quaternion (w, x, y, z), body to inertial", (4,)),
+        Variable("target.angularRate", IN, "rad/s", "Angular rate of the target, body axes", (3,)),
+        Variable(
+            "target.inertia", IN, "kg.m2", "Inertia tensor, body axes; a multiple of it does", (6,), axes=AXES,
+        ),
+        Variable(
+            "navigation.valid", IN, "1", "Whether the inputs may be used; else there is no command",
+            boolean=True, discrete=True,
+        ),
+        *(orbit[name] for name in PARAMETERS),
+        Variable("hold.position", PAR, "m", "Where to hold, LVLH axes", (3,), tunable=True, axes=LVLH),
+        Variable(
+            "synchronised", PAR, "1", "Whether the goal is before the grapple point, not hold.position",
+            boolean=True, tunable=True,
+        ),
+        Variable("grapple.point", PAR, "m", "Grapple point from the CoM, body axes", (3,), tunable=True),
+        Variable("grapple.direction", PAR, "1", "Direction outwards from there, body axes", (3,), tunable=True),
+        tunable("grapple.standoff", "m", "Distance of the goal from the grapple point"),
+        tunable("guidance.speed", "m/s", "Largest speed towards the goal"),
+        tunable("guidance.rate", "1/s", "Speed towards the goal over its distance"),
+        tunable("control.rate", "1/s", "Rate at which errors of velocity decay"),
+        tunable("keepOut.radius", "m", "Radius of the keep-out sphere about the CoM; 0: none"),
+        tunable("corridor.halfAngle", "rad", "Half angle of the cone before the grapple point", (0.0, pi)),
+        tunable("thrust.limit", "m/s2", "Largest commanded acceleration"),
+        Variable(
+            "command.acceleration", OUT, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH,
+            discrete=True,
+        ),
+        Variable("command.limited", OUT, "1", "Whether the limit cut the command", boolean=True, discrete=True),
+        Variable("goal.offset", OUT, "m", "Chaser from the goal, LVLH axes", (3,), axes=LVLH, discrete=True),
+        Variable(
+            "goal.velocityError", OUT, "m/s", "Chaser's velocity less that of the law, LVLH axes", (3,), axes=LVLH,
+            discrete=True,
+        ),
+        Variable("keepOut.distance", OUT, "m", "Distance from the keep-out sphere, below 0 inside", discrete=True),
+        Variable("corridor.inside", OUT, "1", "Whether the sphere may be entered", boolean=True, discrete=True),
+    )  # fmt: skip
+
+
+def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    """The conditions on the parameters, in the order of reporting."""
+    length, angle = ca.norm_2(given["grapple.direction"]), given["corridor.halfAngle"]
+
+    def check(name: str, expected: str, quantity: str, found: Symbol, margin: Symbol) -> Check:
+        return Check(name, name, expected, quantity, found, margin)
+
+    def positive(name: str, unit: str) -> Check:
+        return check(name, f"a value above 0 {unit}", "value", given[name], given[name])
+
+    def not_negative(name: str) -> Check:
+        return check(name, "a value of at least 0 m", "value", given[name], ca.if_else(given[name] >= 0, 1, -1))
+
+    return (
+        *orbit_checks(Elements.named(given)),
+        check("grapple.direction", "a direction", "length", length, ca.fmin(length - DIRECTED, 1 / DIRECTED - length)),
+        not_negative("grapple.standoff"),
+        positive("guidance.speed", "m/s"),
+        positive("guidance.rate", "1/s"),
+        positive("control.rate", "1/s"),
+        not_negative("keepOut.radius"),
+        check(
+            "corridor.halfAngle", "0 to pi rad", "value", angle,
+            ca.if_else(ca.logic_and(angle >= 0, angle <= pi), 1, -1),
+        ),
+        positive("thrust.limit", "m/s2"),
+    )  # fmt: skip

@@ -1,0 +1,159 @@
+"""ApproachController in the loop with TumblingTarget: hold, glide, the way around the sphere, a grapple point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+
+from baryscope.fmu import Session, build_fmu
+from baryscope.fmu.check import check_unit
+from importer import Importer
+
+STEP = 0.5  # s
+SPEED, RATE, GAIN, LIMIT, STANDOFF = 0.1, 0.02, 0.2, 0.05, 2.0  # the start values
+INPUTS = ("target.position", "target.velocity", "target.attitude", "target.angularRate")
+
+
+class Controller(Importer):
+    def __init__(self, path, folder, **parameters):
+        super().__init__(path, folder)
+        self.synchronise(parameters.pop("synchronised", False))
+        for name, value in parameters.items():
+            self.set(name.replace("__", "."), value)
+        self.initialise()
+
+    def places(self, name):
+        return [at for known, at in self.references.items() if known == name or known.startswith(f"{name}[")]
+
+    def set(self, name, value):
+        self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
+
+    def synchronise(self, on):
+        self.fmu.setBoolean([self.references["synchronised"]], [on])
+
+    def get(self, name):
+        return np.array(self.fmu.getReal(self.places(name)))
+
+    def true(self, name):
+        return bool(self.fmu.getBoolean([self.references[name]])[0])
+
+
+@pytest.fixture(scope="module")
+def controller_fmu(small, tmp_path_factory):
+    return build_fmu(small, tmp_path_factory.mktemp("controller") / "controller.fmu", unit="controller")
+
+
+@pytest.fixture
+def fly(small_fmu, controller_fmu, tmp_path):
+    """Fly the loop from a place in LVLH; the flight as columns."""
+
+    def flown(start, duration, fmus=(small_fmu, controller_fmu), **parameters):
+        controller = Controller(fmus[1], tmp_path / "controller", **parameters)
+        places = {name: controller.places(name) for name in INPUTS}
+        rows = []
+        with Session(fmus[0], {"chaser.position0": start}) as session:
+            for k in range(round(duration / STEP)):
+                for name in INPUTS:
+                    controller.fmu.setReal(places[name], session[name].tolist())
+                controller.fmu.doStep(k * STEP, STEP)
+                command = controller.get("command.acceleration")
+                rows.append(
+                    {
+                        "position": session.chaser_position,
+                        "velocity": session.chaser_velocity,
+                        "command": command,
+                        "distance": controller.get("keepOut.distance")[0],
+                        "inside": controller.true("corridor.inside"),
+                        "grapple": session["features"][0]
+                        + STANDOFF * session["normals"][0],  # the goal from the chaser
+                        "offset": controller.get("goal.offset"),
+                    }
+                )
+                session.step(STEP, acceleration=command)
+        controller.fmu.freeInstance()
+        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+    return flown
+
+
+@pytest.mark.parametrize("fmi, scalar", [(2, False), (3, False), (3, True)])
+def test_its_declarations_are_true(small, tmp_path, fmi, scalar):
+    unit = build_fmu(small, tmp_path / "controller.fmu", unit="controller", fmi=fmi, scalar=scalar)
+    assert validate_fmu(str(unit)) == []
+    assert check_unit(unit, isolated=False) == []
+
+
+@pytest.mark.parametrize("along", [[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]], ids=["V-bar", "R-bar"])
+def test_a_glide_is_straight(fly, along):
+    """From rest, s = v t − (v/k) (1 − exp(−k t)) while the speed is limited; at last exp(−λ t) to the goal."""
+    along = np.array(along)
+    flight = fly(40 * along, 600, hold__position=30 * along)
+    way, aside = flight["position"] @ along, np.linalg.norm(np.cross(flight["position"], along), axis=1)
+    assert aside.max() < 2e-3
+    t = 40.0
+    gone = SPEED * t - SPEED / GAIN * (1 - np.exp(-GAIN * t))
+    assert 40 - way[int(t / STEP)] == pytest.approx(gone, abs=2 * SPEED * STEP)
+    left = way - 30
+    assert left[700] / left[600] == pytest.approx(np.exp(-RATE * 50), rel=0.05)
+    assert np.linalg.norm(flight["velocity"], axis=1).max() < SPEED * (1 + 1e-3)
+    assert 0 < left[-1] < 1e-3
+
+
+def test_a_hold_on_an_eccentric_orbit(small, fly, tmp_path):
+    """On R-bar, where it takes thrust to stay: through the periapsis of e = 0.3, to millimetres."""
+    orbit = replace(small.orbit, eccentricity=0.3, semi_major_axis=12e6, true_anomaly=np.deg2rad(350.0))
+    eccentric = small.model_copy(update={"orbit": orbit})
+    fmus = build_fmu(eccentric, tmp_path / "t.fmu"), build_fmu(eccentric, tmp_path / "c.fmu", unit="controller")
+    place = [-200.0, 0.0, 0.0]
+    flight = fly(place, 600, fmus, hold__position=place)
+    assert np.abs(flight["position"] - place).max() < 5e-3
+    assert np.linalg.norm(flight["command"], axis=1).min() > 1e-4
+
+
+def test_the_sphere_is_gone_around(fly):
+    """To the other side, a little off the line through the centre."""
+    flight = fly([0.0, -20.0, 0.0], 1200, hold__position=[5.0, 20.0, 0.0], keepOut__radius=12.0)
+    assert np.linalg.norm(flight["position"], axis=1).min() > 12.0 - 1e-3
+    assert np.linalg.norm(flight["position"][-1] - [5.0, 20.0, 0.0]) < 1e-2
+
+
+def test_a_goal_inside_the_sphere_is_not_reached(fly):
+    flight = fly([0.0, -20.0, 0.0], 800, hold__position=[0.0, -5.0, 0.0], keepOut__radius=12.0)
+    assert np.linalg.norm(flight["position"][-1] - [0.0, -12.0, 0.0]) < 1e-2
+
+
+def test_an_approach_to_a_grapple_point(fly, envisat):
+    """Envisat at 3.5 °/s: around on the sphere, in through the corridor, and at rest in the body's axes."""
+    flight = fly([0.0, -20.0, 0.0], 900, synchronised=True)
+    outside = ~flight["inside"].astype(bool)
+    assert outside[0]
+    assert not outside[-1]
+    assert flight["distance"][outside].min() > -0.02
+    assert np.linalg.norm(flight["command"], axis=1).max() < LIMIT * (1 + 1e-12)
+    last = flight["grapple"][-400:]  # 200 s, two thirds of a turn and more
+    assert np.linalg.norm(last, axis=1).max() < 0.02
+    np.testing.assert_allclose(np.linalg.norm(last, axis=1), np.linalg.norm(flight["offset"][-400:], axis=1), atol=1e-9)
+
+
+def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
+    controller = Controller(controller_fmu, tmp_path, hold__position=[0.0, -10.0, 0.0])
+    s, valid = controller.fmu, controller.references["navigation.valid"]
+    controller.set("target.position", [20.0, 3.0, 4.0])
+    s.doStep(0.0, STEP)
+    assert np.linalg.norm(controller.get("command.acceleration")) > 0.01
+    s.setBoolean([valid], [False])
+    s.doStep(STEP, STEP)
+    assert not controller.get("command.acceleration").any()
+    controller.set("target.velocity", [3.0, 0.0, 0.0])
+    s.setBoolean([valid], [True])
+    s.doStep(2 * STEP, STEP)
+    assert np.linalg.norm(controller.get("command.acceleration")) == pytest.approx(LIMIT, rel=1e-12)
+    assert controller.true("command.limited")
+    controller.set("target.attitude", np.zeros(4))
+    controller.refused(lambda: s.doStep(3 * STEP, STEP), "no finite outputs: a vector without length")
+    controller.refused(
+        lambda: controller.set("guidance.speed", 0.0), "guidance.speed: found value 0, expected a value above 0"
+    )
+    controller.refused(lambda: controller.set("orbit.eccentricity", 0.1), "orbit.eccentricity is fixed")
+    s.freeInstance()
