@@ -14,7 +14,7 @@ from baryscope.models.relative_orbit import step_in_chaser_axes
 
 MOST_FEATURES = 32  # in the map, and in a frame
 N_ELEMENTS = 7
-MAIN = "all.c"
+MAIN = "library.c"
 
 _double = ctypes.c_double
 
@@ -42,7 +42,7 @@ class State(ctypes.Structure):
 
 def sources() -> dict[str, bytes]:
     """The C files by name, the generated one among them; `MAIN` is to be compiled."""
-    written = {path.name: path.read_bytes() for path in (files("baryscope.estimator") / "online" / "csrc").iterdir()}
+    written = {path.name: path.read_bytes() for path in (files("baryscope.fmu") / "csrc" / "online").iterdir()}
     return written | {"dynamics.c": _dynamics().encode()}
 
 
