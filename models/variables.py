@@ -126,6 +126,8 @@ UNITS: dict[str, dict[str, int]] = {
     "1/s": {"s": -1},
     "m/s": {"m": 1, "s": -1},
     "m/s2": {"m": 1, "s": -2},
+    "m2/s2": {"m": 2, "s": -2},
+    "m2/s3": {"m": 2, "s": -3},
     "m3/s2": {"m": 3, "s": -2},
     "rad": {"rad": 1},
     "rad/s": {"rad": 1, "s": -1},
@@ -150,6 +152,8 @@ DISPLAY_UNITS: dict[str, dict[str, float]] = {
     "m3/s2": {"km3/s2": 1e-9},
 }
 AXES = ("xx", "yy", "zz", "xy", "xz", "yz")  # elements of a symmetric tensor
+UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")  # of a covariance, row by row
+CAMERA = ("x, along the baseline", "y", "z, boresight")  # axes of a pair of cameras
 
 
 def variable_table(feature_count: int, forces: Forces = NO_FORCES) -> tuple[Variable, ...]:

@@ -1,4 +1,4 @@
-"""The online estimator: a Kalman filter in C (fmu/csrc/online/) that takes one frame after the other, and Python's way to it.
+"""The online estimator: a Kalman filter in C (fmu/csrc/online/) that takes frame after frame, and Python's way to it.
 
 `OnlineEstimator` is what users call; `core` compiles the C once and loads it.
 """

@@ -34,8 +34,10 @@ def unit_sources(generated: Mapping[str, str], fmi: FmiVersion, main: str = MAIN
     def find(name: str) -> bytes | None:
         if name in generated:
             return generated[name].encode()
-        place = written / name
-        return place.read_bytes() if place.is_file() else None
+        for place in (written / name, written / "online" / name):
+            if place.is_file():
+                return place.read_bytes()
+        return None
 
     found: dict[str, bytes] = {}
     left = [main]

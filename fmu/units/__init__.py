@@ -12,12 +12,13 @@ where `functions` holds the CasADi functions that mine.c calls, and the two of `
 
 from baryscope.fmu.units.blueprint import Blueprint, UnitKind
 from baryscope.fmu.units.controller import CONTROLLER
+from baryscope.fmu.units.estimator import ESTIMATOR
 from baryscope.fmu.units.rig import RIG
 from baryscope.fmu.units.target import TARGET
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario
 
-UNITS: dict[str, UnitKind] = {"target": TARGET, "rig": RIG, "controller": CONTROLLER}
+UNITS: dict[str, UnitKind] = {"target": TARGET, "rig": RIG, "estimator": ESTIMATOR, "controller": CONTROLLER}
 """By the names of `--unit`."""
 
 

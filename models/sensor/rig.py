@@ -24,7 +24,7 @@ from baryscope.models.sensor.stereo import (
     spread,
     triangulation,
 )
-from baryscope.models.variables import BELOW_ONE, NOT_NEGATIVE, Kind, Variable
+from baryscope.models.variables import BELOW_ONE, CAMERA, NOT_NEGATIVE, UPPER, Kind, Variable
 
 MOST_PENDING = 16  # samples that wait for their latency
 SHORTEST_PERIOD = 1e-6  # s
@@ -32,8 +32,6 @@ LARGEST_SEED = 2.0**53 - 1
 LIT = 0.5  # share of the Sun's disc that is needed
 UV = ("u", "v")
 PIXELS = ("u, left", "v", "u, right")
-CAMERA = ("x, along the baseline", "y", "z, boresight")
-UPPER = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
 @dataclass(frozen=True)

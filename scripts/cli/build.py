@@ -18,7 +18,7 @@ from baryscope.study.progress import stage
 def build(
     *,
     scenario: str = "envisat",
-    unit: Literal["target", "rig", "controller"] = "target",
+    unit: Literal["target", "rig", "estimator", "controller"] = "target",
     fmi: Literal[2, 3] = 2,
     platforms: Literal["host", "linux", "all", "wasm"] = "host",
     scalar: Annotated[bool, Parameter(negative=())] = False,
@@ -33,7 +33,8 @@ def build(
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
     unit
         `target`: the tumbling target and the motion of the chaser, TumblingTarget. `rig`: a pair of cameras that sees
-        the target's features, StereoRig. `controller`: flies the chaser to the target, ApproachController.
+        the target's features, StereoRig. `estimator`: finds the target's centre of mass in what the rig sees,
+        CentreOfMassEstimator. `controller`: flies the chaser to the target, ApproachController.
     fmi
         Version of FMI: 2 for 2.0, 3 for 3.0.
     platforms
@@ -44,7 +45,8 @@ def build(
     scalar
         One variable for each scalar in FMI 3, for importers that cannot read arrays. FMI 2 has no arrays.
     output
-        The FMU to write. Default: the scenario's name, with -rig or -controller for these, and .fmu (.wasm for `wasm`).
+        the target's features, StereoRig. `estimator`: finds the target's centre of mass in what the rig sees,
+        CentreOfMassEstimator. `controller`: flies the chaser to the target, ApproachController.
     """
     show = show or Show()
     flown = load_scenario(scenario)

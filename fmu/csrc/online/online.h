@@ -11,7 +11,8 @@ filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is n
 #ifndef ONLINE_H
 #define ONLINE_H
 
-#if defined(_WIN32)
+#if defined(ONLINE_EXPORT) /* a unit has its own functions to show */
+#elif defined(_WIN32)
 #define ONLINE_EXPORT __declspec(dllexport)
 #elif defined(__GNUC__)
 #define ONLINE_EXPORT __attribute__((visibility("default")))

@@ -1,0 +1,169 @@
+#include "unit.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "whole.c"
+
+/* ---- what commands have changed ---- */
+
+/* The mean acceleration by commands between two times, in C; the first may be before what is remembered. */
+static void mean_push(const Model *model, double begin, double end, double push[3])
+{
+    double change[2][3];
+    const double times[2] = {begin, end};
+    for (int side = 0; side < 2; side++) {
+        int later = 1;
+        while (later < model->count - 1 && model->past[later].time < times[side]) later++;
+        const Past *from = &model->past[later - 1], *to = &model->past[later];
+        const double share = fmin(fmax((times[side] - from->time) / (to->time - from->time), 0.0), 1.0);
+        for (int k = 0; k < 3; k++) change[side][k] = from->change[k] + share * (to->change[k] - from->change[k]);
+    }
+    for (int k = 0; k < 3; k++) push[k] = end > begin ? (change[1][k] - change[0][k]) / (end - begin) : 0.0;
+}
+
+/* Remember the step from `time` to `next` with its command. */
+static void remember(Model *model, const double *values, double time, double next)
+{
+    double push[3];
+    const double *arguments[] = {&time, values + AT_ORBIT, values + AT_ACCELERATION};
+    double *results[] = {push};
+    if (values[AT_ON_ORBIT] != 0.0)
+        unit_push(arguments, results, NULL, NULL, 0);
+    else
+        memcpy(push, values + AT_ACCELERATION, sizeof push);
+    if (model->count == MOST_PAST) memmove(model->past, model->past + 1, --model->count * sizeof *model->past);
+    const Past *last = &model->past[model->count - 1];
+    Past *now = &model->past[model->count++];
+    now->time = next;
+    for (int k = 0; k < 3; k++) now->change[k] = last->change[k] + push[k] * (next - time);
+}
+
+/* ---- samples ---- */
+
+/* The quaternion (w, x, y, z) of a rotation matrix, by the largest of its elements (Shepperd 1978). */
+static void quaternion_of(const double R[3][3], double q[4])
+{
+    const double trace = R[0][0] + R[1][1] + R[2][2];
+    int largest = 0;
+    double most = trace;
+    for (int k = 0; k < 3; k++)
+        if (R[k][k] > most) most = R[k][k], largest = k + 1;
+    const double own = 0.5 * sqrt(fmax(1.0 + 2.0 * most - trace, 0.0)), other = 0.25 / own;
+    const double turned[3] = {R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]};
+    q[largest] = own;
+    for (int k = 0; k < 3; k++)
+        if (largest == 0)
+            q[k + 1] = turned[k] * other;
+        else if (k + 1 != largest)
+            q[k + 1] = (R[k][largest - 1] + R[largest - 1][k]) * other;
+    if (largest) q[0] = turned[largest - 1] * other;
+}
+
+/* Hand the points that are seen to the filter, in C. A sample that is older than the last, or that it refuses, changes nothing. */
+static void take_sample(Model *model, const double *values)
+{
+    long long names[N_FEATURES];
+    double points[N_FEATURES][3], covariances[N_FEATURES][6], push[3], largest = 0.0;
+    int count = 0;
+    for (int feature = 0; feature < N_FEATURES; feature++) {
+        if (values[AT_SEEN + feature] == 0.0) continue;
+        const double *covariance = values + AT_COVARIANCES + 6 * feature;
+        const double *arguments[] = {values + AT_ATTITUDE, values + AT_LEVER_ARM, values + AT_POINTS + 3 * feature, covariance};
+        double *results[] = {points[count], covariances[count]};
+        unit_point(arguments, results, NULL, NULL, 0);
+        for (int k = 0; k < 6; k++) largest = fmax(largest, fabs(covariance[k]));
+        names[count++] = feature;
+    }
+    const double time = values[AT_SAMPLE_TIME];
+    if (count == 0 || (model->samples > 0.0 && !(time > model->filter.time))) return;
+    mean_push(model, model->filter.time, time, push);
+    if (online_update(&model->filter, time, count, names, points[0], largest > 0.0 ? covariances[0] : NULL, push) != ACCEPTED) return;
+    model->samples += 1.0;
+    if (model->filter.frames > 0.0 && model->filter.registered == time) quaternion_of(model->filter.attitude, model->attitude);
+}
+
+/* ---- outputs ---- */
+
+/* The upper triangle, row by row, of a block of a covariance. */
+static void write_upper(double covariance[6][6], int first, double *upper)
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = i; j < 3; j++) *upper++ = covariance[first + i][first + j];
+}
+
+static void write_features(const Online *filter, double *values)
+{
+    long long names[MOST_FEATURES];
+    double places[MOST_FEATURES][3], covariances[MOST_FEATURES][9];
+    const int known = online_features(filter, names, places[0], covariances[0]);
+    memset(values + AT_BODY_FEATURES, 0, 3 * N_FEATURES * sizeof *values);
+    memset(values + AT_BODY_KNOWN, 0, N_FEATURES * sizeof *values);
+    for (int k = 0; k < known; k++) {
+        memcpy(values + AT_BODY_FEATURES + 3 * names[k], places[k], sizeof places[k]);
+        values[AT_BODY_KNOWN + names[k]] = 1.0;
+    }
+}
+
+/* The outputs at a time. False if the filter has no finite state there. */
+static bool write_outputs(const Model *model, double *values, double time)
+{
+    OnlineState now, ahead;
+    double push[3];
+    static const double none[3];
+    values[AT_STATUS] = WAITING;
+    values[AT_SAMPLES] = model->samples;
+    memcpy(values + AT_TARGET_ATTITUDE, model->attitude, sizeof model->attitude);
+    if (model->filter.frames == 0.0) return true;
+    mean_push(model, model->filter.time, time, push);
+    if (online_predict(&model->filter, time, push, &now) != ACCEPTED) return false;
+    if (online_predict(&model->filter, time + values[AT_HORIZON], none, &ahead) != ACCEPTED) return false;
+    memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
+    memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);
+    write_upper(now.covariance, 0, values + AT_POSITION_COVARIANCE);
+    write_upper(now.covariance, 3, values + AT_VELOCITY_COVARIANCE);
+    values[AT_STATUS] = now.status;
+    values[AT_VALID] = now.status == TRACKING;
+    values[AT_PROCESS_NOISE] = now.density;
+    values[AT_NOISE_RATIO] = now.noise_ratio;
+    write_features(&model->filter, values);
+    memcpy(values + AT_PREDICTED, ahead.r, sizeof ahead.r);
+    write_upper(ahead.covariance, 0, values + AT_PREDICTED_COVARIANCE);
+    for (int k = AT_OUTPUTS; k < AT_OUTPUTS + N_OUTPUTS; k++)
+        if (!isfinite(values[k])) return false;
+    return true;
+}
+
+/* ---- the unit ---- */
+
+static void model_start(Model *model, double *values, double time)
+{
+    OnlineOptions options = {values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE], values[AT_ON_ORBIT], {0.0}};
+    memcpy(options.elements, values + AT_ORBIT, sizeof options.elements);
+    online_start(&model->filter, &options);
+    model->attitude[0] = 1.0;
+    model->past[0].time = time;
+    model->count = 1;
+    memset(values + AT_OUTPUTS, 0, N_OUTPUTS * sizeof *values);
+    write_outputs(model, values, time);
+}
+
+static void model_tune(Model *model, const double *values) { (void)model, (void)values; /* steps read the horizon */ }
+
+static bool model_step(Model *model, double *values, double time, double next, char *message)
+{
+    const Model before = *model;
+    double outputs[N_OUTPUTS];
+    memcpy(outputs, values + AT_OUTPUTS, sizeof outputs);
+    remember(model, values, time, next);
+    if (values[AT_SAMPLE_NUMBER] > model->taken && values[AT_SAMPLE_TIME] <= next) {
+        model->taken = values[AT_SAMPLE_NUMBER];
+        take_sample(model, values);
+    }
+    if (write_outputs(model, values, next)) return true;
+    *model = before;
+    memcpy(values + AT_OUTPUTS, outputs, sizeof outputs);
+    snprintf(message, MESSAGE_SIZE, "the filter has no finite state at %.17g s: points of other than metres?", next);
+    return false;
+}

@@ -1,0 +1,161 @@
+"""CentreOfMassEstimator as a unit: the online filter behind a rig; from baryscope.models.sensor.navigation."""
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+
+from baryscope.fmu.layout.references import reference_table
+from baryscope.fmu.units.blueprint import (
+    Blueprint,
+    Core,
+    FloatArray,
+    Section,
+    UnitKind,
+    facts_of,
+    feature_count,
+    labels_of,
+)
+from baryscope.fmu.units.structure import sampled_dependencies
+from baryscope.models.errors import InputError
+from baryscope.models.keplerian import PARAMETERS
+from baryscope.models.scenario import Scenario
+from baryscope.models.sensor.navigation import NavigationSystem, navigation_system, navigation_table
+from baryscope.models.variables import Kind, Variable
+
+NAME = "CentreOfMassEstimator"
+MOST_FEATURES = 32  # of the filter's map
+OFFSET, SPEED = 5.0, 10.0  # radii and m/s: before the first sample hardly anything is known
+STEREO_SIGMA = 0.05  # m, of points that come without covariances
+
+_FRAMES = (
+    ("C, chaser", "Origin at the chaser's centre of mass, inertial axes: the frame of all estimates."),
+    (
+        "V, camera",
+        "Axes of the points that are measured; a point in C is R(camera.attitude) (point + camera.leverArm).",
+    ),
+    (
+        "B, body",
+        "Origin at the target's centre of mass, fixed in the target; its axes are those of C at the first sample.",
+    ),
+    ("L, LVLH", "Axes of the command: x radially outward, y along-track, z along the orbit's normal."),
+)
+_EQUATIONS = (
+    "A Kalman filter of the target's centre of mass and of its features. The attitude is free in every sample, so that "
+    "nothing is assumed of inertia and tumble; the centre of mass moves on the relative orbit, or freely, with white "
+    "acceleration of a density that is estimated.",
+    "A sample is taken in the step that begins with a sample.number greater than before, as of sample.time. What the "
+    "command changed since then, at up to 64 communication points, is in the outputs, which are of the step's end.",
+    "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
+    "the filter starts again. It holds up to 32 features.",
+    "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "
+    "that residuals are as large as expected. Covariances are there from the first sample on.",
+)
+_USE = (
+    "Connect points, covariances, seen, sample.time and sample.number to StereoRig, camera.attitude to its "
+    "camera.measuredAttitude, and chaser.acceleration to what commands the chaser.",
+    "Without a rig of ours, raise sample.number by 1 with every sample.",
+    "Fixed parameters are set before or in Initialization Mode, prediction.horizon also between steps.",
+    "States can be saved and restored bitwise: the filter is one piece of memory of fixed size.",
+)
+
+
+def estimator_blueprint(scenario: Scenario) -> Blueprint:
+    """The estimator for a scenario's features, orbit and sensor.
+
+    Raises:
+        InputError: it has more features than the filter's map holds.
+    """
+    count = len(scenario.features.points)
+    if count > MOST_FEATURES:
+        raise InputError(f"features: found {count}, expected at most {MOST_FEATURES} for the unit {NAME}")
+    system = navigation_system(count)
+    return Blueprint(
+        name=NAME,
+        summary="The online estimator of a tumbling target's centre of mass, from the points that a rig measures",
+        variables=system.variables,
+        starts=_starts(scenario, system),
+        labels=labels_of(scenario),
+        core=_core(system, count),
+        dependencies=lambda fmi: sampled_dependencies(system.variables),
+        facts=facts_of(scenario),
+        sections=(
+            Section("Frames", "Quaternions are (w, x, y, z). Units are SI.", rows=_FRAMES),
+            Section("How it estimates", items=_EQUATIONS),
+        ),
+        use=_USE,
+        stop_time=scenario.duration,
+        step_size=scenario.run.sample_time,
+    )
+
+
+def _starts(scenario: Scenario, system: NavigationSystem) -> dict[str, FloatArray]:
+    given = {
+        "camera.attitude": (1.0, 0.0, 0.0, 0.0),
+        "filter.sigma": scenario.sensor.noise or STEREO_SIGMA,
+        "filter.offset": OFFSET,
+        "filter.speed": SPEED,
+        "onOrbit": 1.0,
+    }
+    orbit = dict(zip(PARAMETERS, scenario.orbit.elements, strict=True))
+    others = {v.name: np.zeros(v.shape) for v in system.variables if v.kind in (Kind.INPUT, Kind.PARAMETER)}
+    return others | {name: np.asarray(value, dtype=float) for name, value in (given | orbit).items()}
+
+
+_PLACES = {
+    "AT_POINTS": "points[1,1]",
+    "AT_COVARIANCES": "covariances[1,1]",
+    "AT_SEEN": "seen[1]",
+    "AT_ATTITUDE": "camera.attitude[1]",
+    "AT_SAMPLE_TIME": "sample.time",
+    "AT_SAMPLE_NUMBER": "sample.number",
+    "AT_ACCELERATION": "chaser.acceleration[1]",
+    "AT_LEVER_ARM": "camera.leverArm[1]",
+    "AT_ATTITUDE_NOISE": "camera.attitudeNoise",
+    "AT_SIGMA": "filter.sigma",
+    "AT_OFFSET": "filter.offset",
+    "AT_SPEED": "filter.speed",
+    "AT_ON_ORBIT": "onOrbit",
+    "AT_ORBIT": PARAMETERS[0],
+    "AT_HORIZON": "prediction.horizon",
+    "AT_TARGET_POSITION": "target.position[1]",
+    "AT_TARGET_VELOCITY": "target.velocity[1]",
+    "AT_POSITION_COVARIANCE": "target.positionCovariance[1]",
+    "AT_VELOCITY_COVARIANCE": "target.velocityCovariance[1]",
+    "AT_TARGET_ATTITUDE": "target.attitude[1]",
+    "AT_VALID": "navigation.valid",
+    "AT_STATUS": "status",
+    "AT_SAMPLES": "samples",
+    "AT_PROCESS_NOISE": "processNoise",
+    "AT_NOISE_RATIO": "noiseRatio",
+    "AT_BODY_FEATURES": "body.features[1,1]",
+    "AT_BODY_KNOWN": "body.known[1]",
+    "AT_PREDICTED": "predicted.position[1]",
+    "AT_PREDICTED_COVARIANCE": "predicted.positionCovariance[1]",
+}
+
+
+def _core(system: NavigationSystem, features: int) -> Core:
+    at = {reference.name: reference.offset for reference in reference_table(system.variables)}
+    return Core(
+        functions=(system.point, system.push, system.step, system.checks.margins, system.checks.found),
+        checks={"CHECKS": system.checks.checks},
+        headers=("navigation.h", "sampled.h"),
+        files=("navigation.c", "sampled.c"),
+        sizes={name: at[variable] for name, variable in _PLACES.items()}
+        | {"N_FEATURES": features}
+        | work_of(system.step),
+    )
+
+
+def work_of(function: ca.Function) -> dict[str, int]:
+    """The lengths of the arrays that a generated function works with, as constants in C."""
+    lengths = {name: getattr(function, f"sz_{name.lower()}")() for name in ("ARG", "RES", "IW", "W")}
+    return {f"{function.name()}_SZ_{name}": max(size, 1) for name, size in lengths.items()}
+
+
+def _table(described: Mapping[str, tuple[int, ...]]) -> tuple[Variable, ...]:
+    return navigation_table(feature_count(described, "points"))
+
+
+ESTIMATOR = UnitKind(NAME, estimator_blueprint, _table)

@@ -1,0 +1,145 @@
+"""CentreOfMassEstimator: its table of variables, and what turns a rig's measurements into the chaser's axes.
+
+The filter itself is C (fmu/csrc/online). It works in C: origin at the chaser's CoM, inertial axes. A rig measures in V,
+the camera's axes, of which it tells the attitude; commands are in LVLH.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from math import inf
+
+import casadi as ca
+
+from baryscope.models.checks import Check, CheckSet, orbit_checks
+from baryscope.models.frames import Symbol, rotation_from_quaternion, rotation_I_L
+from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
+from baryscope.models.relative_orbit import step_in_chaser_axes
+from baryscope.models.variables import CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
+
+STATUSES = ("waiting", "starting", "tracking", "doubtful", "lost")
+"""The values of `status`, from 0; those of the online estimator."""
+POSITIVE = (1e-12, inf)
+
+
+@dataclass(frozen=True)
+class NavigationSystem:
+    """The estimator's surroundings for one number of features.
+
+    Attributes:
+        variables: the table.
+        point: q_C_V, lever arm, point in V, upper triangle of its covariance → both in C.
+        push: time, elements, acceleration in L → in C.
+        step: of the target's CoM from the chaser on its orbit, see `step_in_chaser_axes`.
+        checks: the conditions on the parameters.
+    """
+
+    variables: tuple[Variable, ...]
+    point: ca.Function
+    push: ca.Function
+    step: ca.Function
+    checks: CheckSet
+
+
+@cache
+def navigation_system(feature_count: int) -> NavigationSystem:
+    """Build the symbolic system for a target with `feature_count` features."""
+    table = navigation_table(feature_count)
+    own = [variable for variable in table if variable.kind == Kind.PARAMETER]
+    given = {variable.name: ca.SX.sym(variable.name, variable.size) for variable in own}
+    return NavigationSystem(
+        variables=table,
+        point=_point(),
+        push=_push(),
+        step=step_in_chaser_axes(),
+        checks=CheckSet.over(ca.vertcat(*given.values()), _checks(given), "unit"),
+    )
+
+
+def _point() -> ca.Function:
+    q, arm, point, upper = (ca.SX.sym(name, size) for name, size in (("q", 4), ("arm", 3), ("p", 3), ("P", 6)))
+    R_C_V = rotation_from_quaternion(q / ca.norm_2(q))
+    places = [(i, j) for i in range(3) for j in range(i, 3)]
+    covariance = ca.SX(3, 3)
+    for value, (i, j) in zip(ca.vertsplit(upper), places, strict=True):
+        covariance[i, j] = covariance[j, i] = value
+    turned = R_C_V @ covariance @ R_C_V.T
+    found = [R_C_V @ (point + arm), ca.vertcat(*(turned[i, j] for i, j in places))]
+    return ca.Function("unit_point", [q, arm, point, upper], found, {"cse": True})
+
+
+def _push() -> ca.Function:
+    time, acceleration, (column, elements) = ca.SX.sym("time"), ca.SX.sym("a", 3), Elements.symbols()
+    R_I_L = rotation_I_L(elements.R_I_P, true_anomaly_after(time, elements))
+    return ca.Function("unit_push", [time, column, acceleration], [R_I_L @ acceleration], {"cse": True})
+
+
+def navigation_table(feature_count: int) -> tuple[Variable, ...]:
+    """The variables of CentreOfMassEstimator for so many features."""
+    n = feature_count
+    IN, PAR, OUT = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT
+    orbit = {variable.name: variable for variable in variable_table(3)}
+
+    def shown(name: str, unit: str, what: str, shape: tuple[int, ...] = (), **more: object) -> Variable:
+        return Variable(name, OUT, unit, what, shape, discrete=True, **more)  # type: ignore[arg-type]
+
+    return (
+        Variable("points", IN, "m", "Measured points, camera axes", (n, 3), axes=CAMERA),
+        Variable("covariances", IN, "m2", "Covariances of the points, all 0: of filter.sigma", (n, 6), axes=UPPER),
+        Variable("seen", IN, "1", "Whether the feature is seen", (n,), boolean=True, per_feature=True, discrete=True),
+        Variable("camera.attitude", IN, "1", "Attitude quaternion (w, x, y, z), camera to inertial, as measured", (4,)),
+        Variable("sample.time", IN, "s", "Time of the sample that the inputs are of"),
+        Variable("sample.number", IN, "1", "Number of samples so far; a sample is taken where this has grown"),
+        Variable("chaser.acceleration", IN, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH),
+        Variable("camera.leverArm", PAR, "m", "Camera from the chaser's CoM, camera axes", (3,), axes=CAMERA),
+        Variable(
+            "camera.attitudeNoise", PAR, "rad", "Standard deviation of the measured attitude, each axis",
+            limits=(0.0, 1.0),
+        ),
+        Variable("filter.sigma", PAR, "m", "Standard deviation of a coordinate without a covariance", limits=POSITIVE),
+        Variable(
+            "filter.offset", PAR, "1", "Standard deviation of the CoM from the features' centroid at first, in radii",
+            limits=POSITIVE,
+        ),
+        Variable("filter.speed", PAR, "m/s", "Standard deviation of the CoM's velocity at first", limits=POSITIVE),
+        Variable("onOrbit", PAR, "1", "Whether the target is on the orbit below, else free", boolean=True),
+        *(orbit[name] for name in PARAMETERS),
+        Variable(
+            "prediction.horizon", PAR, "s", "How far ahead predicted.position is, without thrust", tunable=True,
+            limits=NOT_NEGATIVE,
+        ),
+        shown("target.position", "m", "The target's CoM, frame C (chaser, inertial axes)", (3,)),
+        shown("target.velocity", "m/s", "Velocity of the target's CoM, frame C", (3,)),
+        shown("target.positionCovariance", "m2", "Covariance of target.position", (6,), axes=UPPER),
+        shown("target.velocityCovariance", "m2/s2", "Covariance of target.velocity", (6,), axes=UPPER),
+        shown("target.attitude", "1", "Attitude quaternion (w, x, y, z), body to inertial, of the last sample", (4,)),
+        shown("navigation.valid", "1", "Whether the filter tracks the target: status is 2", boolean=True),
+        shown("status", "1", ", ".join(f"{k}: {word}" for k, word in enumerate(STATUSES)), limits=(0.0, 4.0)),
+        shown("samples", "1", "Number of samples that were taken", limits=NOT_NEGATIVE),
+        shown("processNoise", "m2/s3", "Estimated density of white acceleration", limits=NOT_NEGATIVE),
+        shown("noiseRatio", "1", "Mean square of the residuals over the expected one", limits=NOT_NEGATIVE),
+        shown("body.features", "m", "Features from the CoM, body axes; 0 if unknown", (n, 3)),
+        shown("body.known", "1", "Whether the feature is in the map", (n,), boolean=True, per_feature=True),
+        shown("predicted.position", "m", "The target's CoM prediction.horizon ahead, frame C", (3,)),
+        shown("predicted.positionCovariance", "m2", "Covariance of predicted.position", (6,), axes=UPPER),
+    )  # fmt: skip
+
+
+def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
+    """The conditions on the parameters, in the order of reporting."""
+
+    def check(name: str, expected: str, holds: Symbol) -> Check:
+        return Check(name, name, expected, "value", given[name], ca.if_else(holds, 1, -1))
+
+    def positive(name: str, unit: str) -> Check:
+        return check(name, f"a value above 0{unit}", given[name] > 0)
+
+    noise, ahead = given["camera.attitudeNoise"], given["prediction.horizon"]
+    return (
+        check("camera.attitudeNoise", "0 to 1 rad", ca.logic_and(noise >= 0, noise <= 1)),
+        positive("filter.sigma", " m"),
+        positive("filter.offset", ""),
+        positive("filter.speed", " m/s"),
+        *orbit_checks(Elements.named(given)),
+        check("prediction.horizon", "at least 0 s", ahead >= 0),
+    )

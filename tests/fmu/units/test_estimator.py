@@ -1,0 +1,206 @@
+"""CentreOfMassEstimator: against the filter called from Python, behind the target and a rig, with late samples."""
+
+import numpy as np
+import pytest
+from fmpy.validation import validate_fmu
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.online import OnlineEstimator
+from baryscope.fmu import build_fmu
+from baryscope.fmu.check import check_unit
+from baryscope.fmu.units import blueprint_of
+from baryscope.models.directions import axes_along
+from baryscope.models.errors import InputError
+from baryscope.models.scenario import Run, Sensor, StereoRig
+from baryscope.models.sensor.navigation import STATUSES
+from importer import Importer
+
+UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+ARM = np.array([0.4, -0.2, 1.1])
+COUNT, PERIOD = 8, 1.0
+
+
+@pytest.fixture(scope="module")
+def watched(envisat):
+    """Eight features of Envisat, a rig."""
+    run = Run(duration=300.0, sample_time=PERIOD, seed=5)
+    points = envisat.features.points[:COUNT]
+    features = envisat.features.model_copy(update={"points": points})
+    sensor = Sensor(stereo=StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5))
+    tracking = envisat.tracking.model_copy(update={"intervals": (), "visibility": "all"})
+    return envisat.model_copy(update={"features": features, "sensor": sensor, "run": run, "tracking": tracking})
+
+
+@pytest.fixture(scope="module")
+def units(watched, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("units")
+    return {unit: build_fmu(watched, folder / f"{unit}.fmu", unit=unit) for unit in ("target", "rig", "estimator")}
+
+
+class Stepped(Importer):
+    """An instance that is set, stepped and read with arrays."""
+
+    def __init__(self, path, folder, **parameters):
+        super().__init__(path, folder)
+        self.known = {}
+        for name, value in parameters.items():
+            self[name.replace("__", ".")] = value
+        self.initialise()
+        self.time = 0.0
+
+    def places(self, name):
+        if name not in self.known:
+            self.known[name] = [at for x, at in self.references.items() if x == name or x.startswith(f"{name}[")]
+        return self.known[name]
+
+    def __setitem__(self, name, value):
+        if name in ("seen", "onOrbit"):
+            self.fmu.setBoolean(self.places(name), np.ravel(value).astype(bool).tolist())
+        else:
+            self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
+
+    def __getitem__(self, name):
+        if name in ("seen", "navigation.valid", "body.known"):
+            return np.array(self.fmu.getBoolean(self.places(name)), dtype=bool)
+        return np.array(self.fmu.getReal(self.places(name)))
+
+    def step(self, length=PERIOD):
+        self.fmu.doStep(self.time, length)
+        self.time += length
+
+
+@pytest.fixture
+def started(units, tmp_path):
+    opened = []
+
+    def start(unit, **parameters):
+        opened.append(Stepped(units[unit], tmp_path / f"{unit}{len(opened)}", **parameters))
+        return opened[-1]
+
+    yield start
+    for one in opened:
+        one.fmu.freeInstance()
+
+
+@pytest.mark.parametrize("fmi, scalar", [(2, False), (3, False), (3, True)])
+def test_its_declarations_are_true(watched, tmp_path, fmi, scalar):
+    unit = build_fmu(watched, tmp_path / "estimator.fmu", unit="estimator", fmi=fmi, scalar=scalar)
+    assert validate_fmu(str(unit)) == []
+    assert check_unit(unit, isolated=False) == []
+
+
+def test_more_features_than_the_map_holds_are_refused(watched):
+    many = watched.features.model_copy(update={"points": watched.features.points[:1] * 33})
+    with pytest.raises(InputError, match=r"features: found 33, expected at most 32 for the unit CentreOfMassEstimator"):
+        blueprint_of("estimator", watched.model_copy(update={"features": many}))
+
+
+def test_it_is_the_filter_that_python_calls(watched, started):
+    """Points in camera axes, with covariances, a lever arm and features out of sight; to rounding of the turns."""
+    rng = np.random.default_rng(4)
+    unit = started("estimator", camera__leverArm=ARM, filter__offset=3.0, filter__speed=2.0, prediction__horizon=30.0)
+    alone = OnlineEstimator(1.0, watched.orbit, offset_radii=3.0, speed_std=2.0)
+    body = rng.uniform(-3, 3, (COUNT, 3))
+    spread_V = 0.02 * rng.normal(size=(COUNT, 3, 3))
+    covariance_V = spread_V @ np.swapaxes(spread_V, 1, 2) + 1e-4 * np.eye(3)
+    for k in range(80):
+        R = Rotation.from_euler("ZXZ", [0.05 * k, 0.6, 0.03 * k]).as_matrix()
+        camera = Rotation.from_rotvec([0.3, 0.01 * k, -0.2])
+        there_C = np.array([2.0, 17.0, -5.0]) + body @ R.T + 0.02 * rng.normal(size=(COUNT, 3))
+        seen = rng.random(COUNT) < 0.8
+        unit["points"], unit["seen"] = camera.inv().apply(there_C) - ARM, seen
+        unit["covariances"] = covariance_V[:, UPPER[0], UPPER[1]]
+        unit["camera.attitude"] = 2.5 * camera.as_quat(scalar_first=True)  # of any length
+        unit["sample.time"], unit["sample.number"] = k * PERIOD, k + 1
+        unit.step()
+        C = camera.as_matrix()
+        alone.update(k * PERIOD, there_C, seen, covariance=C @ covariance_V @ C.T)
+        now, ahead = alone.predict(unit.time), alone.predict(unit.time + 30.0)
+        assert STATUSES[int(unit["status"][0])] == now.status
+        for name, value in {
+            "target.position": now.position,
+            "target.velocity": now.velocity,
+            "target.positionCovariance": now.covariance[:3, :3][UPPER],
+            "target.velocityCovariance": now.covariance[3:, 3:][UPPER],
+            "predicted.position": ahead.position,
+            "predicted.positionCovariance": ahead.covariance[:3, :3][UPPER],
+            "processNoise": now.density,
+            "noiseRatio": now.noise_ratio,
+            "samples": k + 1,
+        }.items():
+            np.testing.assert_allclose(unit[name], value, rtol=1e-6, atol=1e-9 * np.abs(value).max(), err_msg=name)
+    assert unit["navigation.valid"].all()
+    attitude = alone.predict(79.0 * PERIOD).attitude
+    found = Rotation.from_quat(unit["target.attitude"], scalar_first=True).as_matrix()
+    np.testing.assert_allclose(found, attitude, atol=1e-7)
+    known = alone.features()
+    np.testing.assert_allclose(unit["body.features"].reshape(-1, 3)[known.names], known.position, atol=1e-6)
+    np.testing.assert_array_equal(np.flatnonzero(unit["body.known"]), np.sort(known.names))
+
+
+def chain(watched, started, latency, told):
+    """Target, rig and estimator over 300 s of 1 s steps, one step's delay between them, under a known thrust.
+
+    Returns the errors in position and velocity at the end, and their NEES.
+    """
+    target, rig = started("target"), started("rig", sampling__latency=latency)
+    unit = started("estimator", camera__leverArm=np.zeros(3))
+    push = np.array([2e-4, -1e-4, 3e-4])
+    for k in range(300):
+        outputs = {name: target[name] for name in ("features", "normals", "target.position")}
+        sample = {name: rig[name] for name in ("points", "covariances", "seen", "sample.time", "sample.number")}
+        measured = rig["camera.measuredAttitude"]
+        target["chaser.acceleration"] = np.sin(0.05 * k) * push
+        rig["features"], rig["normals"] = outputs["features"], outputs["normals"]
+        (axes,) = axes_along(outputs["target.position"][None])
+        rig["camera.attitude"] = Rotation.from_matrix(axes).as_quat(scalar_first=True)
+        for name, value in sample.items():
+            unit[name] = value
+        unit["camera.attitude"] = measured
+        unit["chaser.acceleration"] = np.sin(0.05 * k) * push * told
+        for one in (target, rig, unit):
+            one.step()
+    error = unit["target.position"] - target["target.position"]
+    covariance = np.zeros((3, 3))
+    covariance[UPPER] = unit["target.positionCovariance"]
+    covariance = covariance + np.triu(covariance, 1).T
+    return np.linalg.norm(error), error @ np.linalg.solve(covariance, error), unit
+
+
+@pytest.mark.parametrize("latency", [0.0, 3.0])
+def test_behind_a_rig_it_finds_the_centre_of_mass_under_thrust(watched, started, latency):
+    """Estimates are of the step's end, though samples are one step late, and by their latency; 3 degrees of freedom."""
+    error, nees, unit = chain(watched, started, latency, told=1.0)
+    assert unit["navigation.valid"].all()
+    assert nees < 21.1  # p = 1e-4
+    assert error < 0.05
+    assert unit["samples"] == 299 - max(latency - PERIOD, 0.0)  # one step late, whatever their latency
+
+
+def test_a_command_that_is_not_told_is_taken_for_process_noise(watched, started):
+    told, untold = (chain(watched, started, 0.0, share)[2]["processNoise"][0] for share in (1.0, 0.0))
+    assert untold > 30 * told
+
+
+def test_samples_that_are_no_news_change_nothing(started):
+    """Nothing seen, an old number, an old time: the state goes on as predicted."""
+    rng, body = np.random.default_rng(3), np.random.default_rng(2).uniform(-2, 2, (COUNT, 3))
+    first, second = started("estimator", onOrbit=False), started("estimator", onOrbit=False)
+    for k in range(30):
+        R = Rotation.from_rotvec(0.1 * k * np.array([0.6, 0.0, 0.8])).as_matrix()
+        points = [0.0, 0.0, 20.0] + body @ R.T + 0.01 * rng.normal(size=(COUNT, 3))
+        for one in (first, second):
+            one["points"], one["seen"] = points, np.ones(COUNT)
+            one["sample.time"], one["sample.number"] = float(k), k + 1
+            one.step()
+    second["points"] = np.zeros((COUNT, 3))  # no new number
+    for one in (first, second):
+        one.step()
+    second["sample.number"], second["sample.time"] = 50, 3.0
+    for one in (first, second):
+        one.step()
+    second["sample.time"], second["seen"], second["sample.number"] = 31.0, np.zeros(COUNT), 51
+    for one in (first, second):
+        one.step()
+    for name in ("target.position", "target.positionCovariance", "status", "samples"):
+        np.testing.assert_array_equal(first[name], second[name])
