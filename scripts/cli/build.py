@@ -45,8 +45,8 @@ def build(
     scalar
         One variable for each scalar in FMI 3, for importers that cannot read arrays. FMI 2 has no arrays.
     output
-        the target's features, StereoRig. `estimator`: finds the target's centre of mass in what the rig sees,
-        CentreOfMassEstimator. `controller`: flies the chaser to the target, ApproachController.
+        The FMU to write. Default: the scenario's name, followed by -rig, -estimator or -controller for these, with .fmu
+        (.wasm for `wasm`).
     """
     show = show or Show()
     flown = load_scenario(scenario)
