@@ -39,6 +39,24 @@ def conjugate(q: Symbol) -> Symbol:
     return ca.vertcat(q[0], -q[1:])
 
 
+def quaternion_from_rotation(R: Symbol) -> Symbol:
+    """The unit quaternion (w, x, y, z) of R, from the largest of its elements (Shepperd, J. Guidance 1, 1978)."""
+    sums = (R[2, 1] + R[1, 2], R[0, 2] + R[2, 0], R[1, 0] + R[0, 1])
+    turn = (R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
+    squares = [1 + ca.trace(R), *(1 + 2 * R[k, k] - ca.trace(R) for k in range(3))]
+    found = ca.vertcat(squares[0], *turn)
+    others = (
+        ca.vertcat(turn[0], squares[1], sums[2], sums[1]),
+        ca.vertcat(turn[1], sums[2], squares[2], sums[0]),
+        ca.vertcat(turn[2], sums[1], sums[0], squares[3]),
+    )
+    largest = squares[0]
+    for square, other in zip(squares[1:], others, strict=True):
+        found = ca.if_else(square > largest, other, found)
+        largest = ca.fmax(largest, square)
+    return found / ca.norm_2(found)
+
+
 def quaternion_about(axis: int, angle: Symbol) -> Symbol:
     """The quaternion of `rotation_about`."""
     q = ca.SX.zeros(4)

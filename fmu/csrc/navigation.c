@@ -42,25 +42,6 @@ static void remember(Model *model, const double *values, double time, double nex
 
 /* ---- samples ---- */
 
-/* The quaternion (w, x, y, z) of a rotation matrix, by the largest of its elements (Shepperd 1978). */
-static void quaternion_of(const double R[3][3], double q[4])
-{
-    const double trace = R[0][0] + R[1][1] + R[2][2];
-    int largest = 0;
-    double most = trace;
-    for (int k = 0; k < 3; k++)
-        if (R[k][k] > most) most = R[k][k], largest = k + 1;
-    const double own = 0.5 * sqrt(fmax(1.0 + 2.0 * most - trace, 0.0)), other = 0.25 / own;
-    const double turned[3] = {R[2][1] - R[1][2], R[0][2] - R[2][0], R[1][0] - R[0][1]};
-    q[largest] = own;
-    for (int k = 0; k < 3; k++)
-        if (largest == 0)
-            q[k + 1] = turned[k] * other;
-        else if (k + 1 != largest)
-            q[k + 1] = (R[k][largest - 1] + R[largest - 1][k]) * other;
-    if (largest) q[0] = turned[largest - 1] * other;
-}
-
 /* Hand the points that are seen to the filter, in C. A sample that is older than the last, or that it refuses, changes nothing. */
 static void take_sample(Model *model, const double *values)
 {
@@ -81,7 +62,10 @@ static void take_sample(Model *model, const double *values)
     mean_push(model, model->filter.time, time, push);
     if (online_update(&model->filter, time, count, names, points[0], largest > 0.0 ? covariances[0] : NULL, push) != ACCEPTED) return;
     model->samples += 1.0;
-    if (model->filter.frames > 0.0 && model->filter.registered == time) quaternion_of(model->filter.attitude, model->attitude);
+    if (model->filter.frames == 0.0 || model->filter.registered != time) return;
+    const double *rows[] = {model->filter.attitude[0]};
+    double *quaternion[] = {model->attitude};
+    unit_attitude(rows, quaternion, NULL, NULL, 0);
 }
 
 /* ---- outputs ---- */

@@ -20,6 +20,14 @@ static void model_tune(Model *model, const double *values) { (void)model, (void)
 
 /* ---- one sample ---- */
 
+/* Whether any of some inputs is not zero, as all are in the first step of some masters. */
+static bool is_set(const double *values, int size)
+{
+    for (int i = 0; i < size; i++)
+        if (values[i] != 0.0) return true;
+    return false;
+}
+
 static bool all_finite(const double *values, int count)
 {
     for (int i = 0; i < count; i++)
@@ -52,6 +60,10 @@ static void take_sample(const double *values, double number, Sample *sample)
     sample->outputs[AT_SAMPLE_NUMBER - AT_OUTPUTS] = number + 1.0;
     double uniform[4], lit;
     const double *attitude = values + AT_ATTITUDE;
+    if (!is_set(attitude, 4)) { /* it looks nowhere */
+        sample->outputs[AT_MEASURED_ATTITUDE - AT_OUTPUTS] = 1.0;
+        return;
+    }
     uniform_draws((uint64_t)values[AT_SEED], DRAW_ATTITUDE, (uint64_t)number, 0, uniform);
     const double *of_attitude[] = {attitude, values + AT_PARAMETERS, uniform};
     double *to_attitude[] = {sample->outputs + AT_MEASURED_ATTITUDE - AT_OUTPUTS}, *to_lit[] = {&lit};
@@ -91,7 +103,7 @@ static bool model_step(Model *model, double *values, double time, double next, c
 {
     const double period = values[AT_PERIOD], slack = 1e-9 * fmax(1.0, fabs(next)), started = model->started;
     const double last = ceil((next - slack - started) / period) - 1.0;
-    if (!has_direction(values + AT_ATTITUDE, 4, "camera.attitude", message)) return false;
+    if (is_set(values + AT_ATTITUDE, 4) && !has_direction(values + AT_ATTITUDE, 4, "camera.attitude", message)) return false;
     if (!has_direction(values + AT_SUN, 3, "sun.direction", message)) return false;
     if (!(last < LARGEST_NUMBER)) {
         snprintf(message, MESSAGE_SIZE, "sampling.period: found %g s, expected a longer one at a time of %g s", period, next);

@@ -138,7 +138,7 @@ _PLACES = {
 def _core(system: NavigationSystem, features: int) -> Core:
     at = {reference.name: reference.offset for reference in reference_table(system.variables)}
     return Core(
-        functions=(system.point, system.push, system.step, system.checks.margins, system.checks.found),
+        functions=(system.point, system.attitude, system.push, system.step, system.checks.margins, system.checks.found),
         checks={"CHECKS": system.checks.checks},
         headers=("navigation.h", "sampled.h"),
         files=("navigation.c", "sampled.c"),

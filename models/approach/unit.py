@@ -14,10 +14,12 @@ import casadi as ca
 from baryscope.models.approach.guidance import Goal, Limits, Motion, commanded, glide_velocity, in_corridor
 from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_tensor
 from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
-from baryscope.models.frames import Symbol, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_anomaly_after
 from baryscope.models.relative_motion import relative_acceleration
 from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, Kind, Variable, variable_table
+
+ALONG = 0.9  # cosine from which two directions are too much alike to span a plane
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
     elements = Elements.named(parameters)
     true_anomaly = true_anomaly_after(time, elements)
     orbit, R_I_L = conic(elements.ellipse, true_anomaly), rotation_I_L(elements.R_I_P, true_anomaly)
+    seen, inputs = inputs["target.position"], _believed(orbit, R_I_L, inputs, parameters)
     position_L = -R_I_L.T @ inputs["target.position"]
     velocity_L = -R_I_L.T @ inputs["target.velocity"] - ca.cross(_spin(orbit), position_L)
     natural = relative_acceleration(position_L, velocity_L, ca.SX.zeros(3), orbit)
@@ -82,7 +85,43 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
         "goal.velocityError": velocity_L - glide_velocity(position_L, goal, limits),
         "keepOut.distance": ca.norm_2(position_L) - limits.radius,
         "corridor.inside": in_corridor(position_L, goal, limits),
+        "camera.attitude": quaternion_from_rotation(_view(seen, R_I_L, parameters)),
     }
+
+
+def _believed(
+    orbit: Conic, R_I_L: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]
+) -> dict[str, Symbol]:
+    """The inputs if they are valid, else those of a chaser at rest at `hold.position`, and a target that does not turn.
+
+    In the first step of some masters all inputs that are connected are zero.
+    """
+    held = parameters["hold.position"]
+    others = {
+        "target.position": -R_I_L @ held,
+        "target.velocity": -R_I_L @ ca.cross(_spin(orbit), held),
+        "target.attitude": ca.SX([1, 0, 0, 0]),
+        "target.angularRate": ca.SX.zeros(3),
+        "target.inertia": ca.SX([1, 1, 1, 0, 0, 0]),
+    }
+    valid = inputs["navigation.valid"]
+    return {name: ca.if_else(valid, inputs[name], other) for name, other in others.items()} | {
+        "navigation.valid": valid
+    }
+
+
+def _view(seen: Symbol, R_I_L: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
+    """R_C_V of a camera: z at the target, or before it is seen at where it is from `hold.position`.
+
+    x is normal to the orbit's normal, or to the radius while the line of sight is within some 25° of that.
+    """
+    held = -R_I_L @ parameters["hold.position"]
+    looked = ca.if_else(ca.norm_2(held) > DIRECTED, held, R_I_L[:, 0])
+    looked = ca.if_else(ca.norm_2(seen) > DIRECTED, seen, looked)
+    z = _unit(looked)
+    across = ca.if_else(ca.fabs(ca.dot(R_I_L[:, 2], z)) < ALONG, R_I_L[:, 2], R_I_L[:, 0])
+    x = _unit(ca.cross(across, z))
+    return ca.horzcat(x, ca.cross(z, x), z)
 
 
 def _spin(orbit: Conic) -> Symbol:
@@ -162,6 +201,10 @@ def approach_table() -> tuple[Variable, ...]:
         ),
         Variable("keepOut.distance", OUT, "m", "Distance from the keep-out sphere, below 0 inside", discrete=True),
         Variable("corridor.inside", OUT, "1", "Whether the sphere may be entered", boolean=True, discrete=True),
+        Variable(
+            "camera.attitude", OUT, "1", "Attitude quaternion (w, x, y, z), camera to inertial, with the target ahead",
+            (4,), discrete=True,
+        ),
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from math import inf
 import casadi as ca
 
 from baryscope.models.checks import Check, CheckSet, orbit_checks
-from baryscope.models.frames import Symbol, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
 from baryscope.models.relative_orbit import step_in_chaser_axes
 from baryscope.models.variables import CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
@@ -29,6 +29,7 @@ class NavigationSystem:
     Attributes:
         variables: the table.
         point: q_C_V, lever arm, point in V, upper triangle of its covariance → both in C.
+        attitude: R (9,), row by row → its quaternion.
         push: time, elements, acceleration in L → in C.
         step: of the target's CoM from the chaser on its orbit, see `step_in_chaser_axes`.
         checks: the conditions on the parameters.
@@ -36,6 +37,7 @@ class NavigationSystem:
 
     variables: tuple[Variable, ...]
     point: ca.Function
+    attitude: ca.Function
     push: ca.Function
     step: ca.Function
     checks: CheckSet
@@ -50,6 +52,7 @@ def navigation_system(feature_count: int) -> NavigationSystem:
     return NavigationSystem(
         variables=table,
         point=_point(),
+        attitude=_attitude(),
         push=_push(),
         step=step_in_chaser_axes(),
         checks=CheckSet.over(ca.vertcat(*given.values()), _checks(given), "unit"),
@@ -66,6 +69,11 @@ def _point() -> ca.Function:
     turned = R_C_V @ covariance @ R_C_V.T
     found = [R_C_V @ (point + arm), ca.vertcat(*(turned[i, j] for i, j in places))]
     return ca.Function("unit_point", [q, arm, point, upper], found, {"cse": True})
+
+
+def _attitude() -> ca.Function:
+    rows = ca.SX.sym("R", 9)
+    return ca.Function("unit_attitude", [rows], [quaternion_from_rotation(ca.reshape(rows, 3, 3).T)], {"cse": True})
 
 
 def _push() -> ca.Function:

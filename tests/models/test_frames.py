@@ -12,6 +12,7 @@ from baryscope.models.frames import (
     conjugate,
     cross_matrix,
     quaternion_about,
+    quaternion_from_rotation,
     quaternion_I_P,
     quaternion_product,
     quaternion_rate,
@@ -49,6 +50,19 @@ def test_products_and_conjugates_of_quaternions(p, q):
     found = numeric(quaternion_product(ca.DM(p), ca.DM(q))).ravel()
     np.testing.assert_allclose(found, pr.concatenate_quaternions(p, q), atol=ROUNDING)
     np.testing.assert_allclose(numeric(conjugate(ca.DM(q))).ravel(), pr.q_conj(q), atol=ROUNDING)
+
+
+@given(q=unit_quaternions())
+def test_quaternion_from_rotation(q):
+    """Up to its sign, by scipy's matrix."""
+    found = numeric(quaternion_from_rotation(ca.DM(Rotation.from_quat(q, scalar_first=True).as_matrix()))).ravel()
+    np.testing.assert_allclose(found * np.sign(found @ q), q, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_quaternion_from_a_half_turn(axis):
+    found = numeric(quaternion_from_rotation(ca.DM(2 * np.outer(np.eye(3)[axis], np.eye(3)[axis]) - np.eye(3)))).ravel()
+    np.testing.assert_allclose(np.abs(found), [0, *np.eye(3)[axis]], atol=ROUNDING)
 
 
 @given(angles=st.tuples(ANGLES, ANGLES, ANGLES))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
+from scipy.spatial.transform import Rotation
 
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.check import check_unit
@@ -157,3 +158,33 @@ def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
     )
     controller.refused(lambda: controller.set("orbit.eccentricity", 0.1), "orbit.eccentricity is fixed")
     s.freeInstance()
+
+
+def test_the_camera_looks_at_the_target_or_where_it_will_be(controller_fmu, tmp_path, small):
+    """z ahead, x normal to the orbit's normal; with all inputs zero, as in some masters' first step, from hold."""
+    controller = Controller(controller_fmu, tmp_path / "controller", hold__position=[0.0, -20.0, 0.0])
+    orbit = small.orbit
+    normal = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, 0.0]).as_matrix()[:, 2]
+    along = Rotation.from_euler(
+        "ZXZ", [orbit.raan, orbit.inclination, orbit.argument_of_periapsis + orbit.true_anomaly]
+    ).as_matrix()[:, 1]
+
+    def axes():
+        controller.fmu.doStep(0.0 if controller.time is None else controller.time, STEP)
+        controller.time = (controller.time or 0.0) + STEP
+        return Rotation.from_quat(controller.get("camera.attitude"), scalar_first=True).as_matrix()
+
+    controller.time = None
+    for name in (*INPUTS, "target.inertia"):
+        controller.set(name, np.zeros(len(controller.places(name))))
+    controller.fmu.setBoolean([controller.references["navigation.valid"]], [False])
+    R = axes()
+    np.testing.assert_allclose(R[:, 2], along, atol=1e-9)  # ahead on V-bar
+    np.testing.assert_allclose(controller.get("command.acceleration"), 0.0)
+    for direction in (np.array([3.0, -5.0, 2.0]), normal):
+        controller.set("target.position", direction)
+        R = axes()
+        np.testing.assert_allclose(R[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)
+        assert np.linalg.det(R) == pytest.approx(1.0)
+    controller.fmu.freeInstance()

@@ -269,13 +269,23 @@ def test_what_cannot_be_is_refused(rig_fmu, tmp_path, name, value, words):
 def test_inputs_without_a_direction_are_refused(rig):
     one = rig()
     before = one.all
-    for name, size in (("camera.attitude", 4), ("sun.direction", 3)):
+    for name, value in (("camera.attitude", np.full(4, 1e-60)), ("sun.direction", np.zeros(3))):
         kept = one[name]
-        one.set(name, np.zeros(size))
-        one.refused(one.step, f"{name}: found length 0")
+        one.set(name, value)
+        one.refused(one.step, f"{name}: found length {np.linalg.norm(value):g}")
         one.set(name, kept)
     np.testing.assert_array_equal(one.all, before)
     assert one.step()["sample.number"] == 1
+
+
+def test_a_camera_without_an_attitude_sees_nothing(rig):
+    """Some masters hand zeros to all connected inputs in their first step."""
+    one = rig()
+    one.put(POINTS, -POINTS, attitude=np.zeros(4))
+    assert not one.step()["seen"].any()
+    np.testing.assert_array_equal(one["camera.measuredAttitude"], [1, 0, 0, 0])
+    one.put(POINTS, -POINTS)
+    assert one.step()["seen"].all()
 
 
 def test_a_time_too_far_for_the_period_is_refused(rig):
