@@ -15,7 +15,6 @@ from baryscope.estimator.adjustment.diagnostics import cluster_of, observability
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.euler import INERTIA_BASIS
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.process_noise import Disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
@@ -32,6 +31,7 @@ from baryscope.estimator.options import DENSEST, PathOptions
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude

@@ -5,11 +5,31 @@ from dataclasses import dataclass
 from typing import Self
 
 import casadi as ca
+import numpy as np
 
-from baryscope.models.frames import Symbol, quaternion_about, quaternion_product, rotation_about
+from baryscope.models.frames import (
+    Symbol,
+    conjugate,
+    quaternion_about,
+    quaternion_product,
+    quaternion_rate,
+    rotation_about,
+)
 from baryscope.models.variables import AXES
 
 SWEEPS = 5  # of Jacobi's method
+
+_HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
+INERTIA_BASIS = np.array(
+    [
+        np.diag([_HALF, -_HALF, 0.0]),
+        np.diag([_SIXTH, _SIXTH, -2 * _SIXTH]),
+        [[0, _HALF, 0], [_HALF, 0, 0], [0, 0, 0]],
+        [[0, 0, _HALF], [0, 0, 0], [_HALF, 0, 0]],
+        [[0, 0, 0], [0, 0, _HALF], [0, _HALF, 0]],
+    ]
+)
+"""An orthonormal basis (5, 3, 3) of the symmetric matrices without a trace: changes of an inertia of trace 1."""
 
 
 def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
@@ -134,3 +154,35 @@ def rotational_energy(inertia_B: Symbol, angular_rate_B: Symbol) -> Symbol:
 def angular_momentum(inertia_B: Symbol, angular_rate_B: Symbol, R_I_B: Symbol) -> Symbol:
     """R_I_B J ω, kg m²/s in I: constant without torque."""
     return R_I_B @ (inertia_B @ angular_rate_B)
+
+
+def tumble_step() -> ca.Function:
+    """The function (q, ω, J, h) → (q, ω, G) of a free tumble over h s, by the classical Runge–Kutta formula.
+
+    q is q_I_B (w, x, y, z), ω in B, rad/s; J (9,) by columns. G (6, 11) maps changes of attitude (a rotation vector in
+    I), rate and inertia (coefficients of INERTIA_BASIS) before the step to those of attitude and rate after it.
+    """
+    q, w, inertia, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("h")
+
+    def rates(x: Symbol, J: Symbol) -> Symbol:
+        return ca.vertcat(
+            quaternion_rate(x[:4], x[4:]), angular_acceleration(J, symmetric_inverse(J), x[4:], ca.SX(3, 1))
+        )
+
+    def stepped(x: Symbol, J: Symbol) -> Symbol:
+        one = rates(x, J)
+        two = rates(x + h / 2 * one, J)
+        three = rates(x + h / 2 * two, J)
+        four = rates(x + h * three, J)
+        after = x + h / 6 * (one + 2 * two + 2 * three + four)
+        return ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:])
+
+    turn, rate, change = ca.SX.sym("turn", 3), ca.SX.sym("rate", 3), ca.SX.sym("change", 5)
+    x, J = ca.vertcat(q, w), ca.reshape(inertia, 3, 3)
+    plain = stepped(x, J)
+    changed = ca.vertcat(quaternion_product(ca.vertcat(1, turn / 2), q), w + rate)
+    other = stepped(changed, J + ca.reshape(ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change, 3, 3))
+    apart = ca.vertcat(2 * quaternion_product(other[:4], conjugate(plain[:4]))[1:], other[4:])
+    changes = ca.vertcat(turn, rate, change)
+    G = ca.substitute(ca.jacobian(apart, changes), changes, ca.SX.zeros(11))
+    return ca.Function("tumble", [q, w, inertia, h], [plain[:4], plain[4:], ca.densify(G)], {"cse": True})

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.torque import POINTS, stage_weights
-from baryscope.models.attitude import angular_acceleration, gravity_gradient_torque, symmetric_inverse
+from baryscope.models.attitude import (
+    INERTIA_BASIS,
+    angular_acceleration,
+    gravity_gradient_torque,
+    symmetric_inverse,
+)
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.ephemeris.dormand_prince import step
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L
@@ -22,17 +27,6 @@ FloatArray = NDArray[np.float64]
 
 CHUNK = 64  # steps in one call of the compiled function
 FORCED = 3 * POINTS  # values of the angular acceleration in a step
-
-_HALF, _SIXTH = np.sqrt(0.5), np.sqrt(1 / 6)
-INERTIA_BASIS = np.array(
-    [
-        np.diag([_HALF, -_HALF, 0.0]),
-        np.diag([_SIXTH, _SIXTH, -2 * _SIXTH]),
-        [[0, _HALF, 0], [_HALF, 0, 0], [0, 0, 0]],
-        [[0, 0, _HALF], [0, 0, 0], [_HALF, 0, 0]],
-        [[0, 0, 0], [0, 0, _HALF], [0, _HALF, 0]],
-    ]
-)
 
 
 @cache

@@ -20,7 +20,6 @@ from scipy.sparse import csr_array
 from baryscope.estimator.dynamics.euler import (
     CHUNK,
     FORCED,
-    INERTIA_BASIS,
     advance,
     anomaly_function,
     rate_columns,
@@ -31,6 +30,7 @@ from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope_weights,
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
 from baryscope.estimator.geometry.so3 import exp_rotation
+from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 

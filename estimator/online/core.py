@@ -9,8 +9,8 @@ import casadi as ca
 
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
 from baryscope.fmu.layout.platforms import host_platform
+from baryscope.fmu.units.filter import filter_functions, filter_headers, work_of
 from baryscope.models.files import temporary_folder
-from baryscope.models.relative_orbit import step_in_chaser_axes
 
 MOST_FEATURES = 32  # in the map, and in a frame
 N_ELEMENTS = 7
@@ -28,6 +28,20 @@ class Options(ctypes.Structure):
     )
 
 
+class Tumble(ctypes.Structure):
+    """`OnlineTumble` of online.h."""
+
+    _fields_ = (
+        ("known", _double),
+        ("R", _double * 9),
+        ("turn", _double * 9),
+        ("rate", _double * 3),
+        ("of_rate", _double * 9),
+        ("inertia", _double * 9),
+        ("of_inertia", _double * 25),
+    )
+
+
 class State(ctypes.Structure):
     """`OnlineState` of online.h."""
 
@@ -41,19 +55,19 @@ class State(ctypes.Structure):
 
 
 def sources() -> dict[str, bytes]:
-    """The C files by name, the generated one among them; `MAIN` is to be compiled."""
+    """The C files by name, generated ones among them; `MAIN` is to be compiled."""
     written = {path.name: path.read_bytes() for path in (files("baryscope.fmu") / "csrc" / "online").iterdir()}
-    return written | {"dynamics.c": _dynamics().encode()}
+    generated = filter_headers() | {"dynamics.c": _dynamics()}
+    return written | {name: text.encode() for name, text in generated.items()}
 
 
 def _dynamics() -> str:
-    """C code of the step on an orbit, by CasADi."""
+    """C code of the steps of orbit and tumble, by CasADi, with the sizes of their memory."""
     generator = ca.CodeGenerator("dynamics.c", {"casadi_int": "int", "with_header": False})
-    function = step_in_chaser_axes()
-    generator.add(function)
+    for function in filter_functions():
+        generator.add(function)
     code = re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
-    sizes = {name: getattr(function, f"sz_{name.lower()}")() for name in ("ARG", "RES", "IW", "W")}
-    return code + "".join(f"#define {function.name()}_SZ_{name} {max(size, 1)}\n" for name, size in sizes.items())
+    return code + "".join(f"#define {name} {size}\n" for name, size in work_of(filter_functions()).items())
 
 
 @cache
@@ -76,5 +90,7 @@ def library() -> ctypes.CDLL:
     loaded.online_start.restype = None
     loaded.online_update.argtypes = [ctypes.c_void_p, _double, ctypes.c_int, names, numbers, numbers, numbers]
     loaded.online_predict.argtypes = [ctypes.c_void_p, _double, numbers, ctypes.POINTER(State)]
+    loaded.online_tumble.argtypes = [ctypes.c_void_p, _double, ctypes.POINTER(Tumble)]
+    loaded.online_point.argtypes = [ctypes.c_void_p, _double, numbers, ctypes.c_longlong, numbers, numbers]
     loaded.online_features.argtypes = [ctypes.c_void_p, names, numbers, numbers]
     return loaded

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
-from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, library
+from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, Tumble, library
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 
@@ -64,6 +64,23 @@ class OnlineFeatures:
     names: NDArray[np.int64]
     position: FloatArray
     covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class OnlineTumble:
+    """A free tumble at a time.
+
+    attitude (3, 3), R_C_B, with the covariance (3, 3) of its rotation vector in C, rad²; rate (3,) in B, rad/s, with
+    its covariance; inertia (3, 3) in B over its trace, with the covariance (5, 5) of its coefficients of
+    `baryscope.models.attitude.INERTIA_BASIS`. B is attached to the map of the features.
+    """
+
+    attitude: FloatArray
+    attitude_covariance: FloatArray
+    rate: FloatArray
+    rate_covariance: FloatArray
+    inertia: FloatArray
+    inertia_covariance: FloatArray
 
 
 class OnlineEstimator:
@@ -176,6 +193,41 @@ class OnlineEstimator:
         status = list(OnlineStatus)[int(found.status)]
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
         return OnlineState(time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, found.density, found.noise_ratio)
+
+    def tumble(self, time: float) -> OnlineTumble | None:
+        """The tumble at a time in s that is not before the last frame; None as long as no free tumble is known.
+
+        Raises:
+            InputError: the time is before the last frame.
+        """
+        found = Tumble()
+        if self._library.online_tumble(self._memory, time, ctypes.byref(found)):
+            raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
+        if not found.known:
+            return None
+        shapes = {"R": (3, 3), "turn": (3, 3), "rate": (3,), "of_rate": (3, 3), "inertia": (3, 3), "of_inertia": (5, 5)}
+        return OnlineTumble(*(np.array(getattr(found, name)).reshape(shape) for name, shape in shapes.items()))
+
+    def point(
+        self, name: int, time: float, acceleration: ArrayLike | None = None
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Where a feature will be, (3,) in C, m, and the covariance (3, 3); None without a tumble or such a feature.
+
+        Args:
+            name: of the feature.
+            time: in s, not before the last frame.
+            acceleration: (3,), of the chaser in C till then, m/s²; None: zero.
+
+        Raises:
+            InputError: the time is before the last frame, or a value is not finite.
+        """
+        position, covariance, push = np.empty(3), np.empty((3, 3)), _acceleration(acceleration)
+        result = self._library.online_point(
+            self._memory, time, _numbers(push), name, _numbers(position), _numbers(covariance)
+        )
+        if result == 1:
+            raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
+        return None if result else (position, covariance)
 
     def features(self) -> OnlineFeatures:
         """The map of the features."""

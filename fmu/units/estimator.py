@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import casadi as ca
 import numpy as np
 
 from baryscope.fmu.layout.references import reference_table
@@ -16,6 +15,7 @@ from baryscope.fmu.units.blueprint import (
     feature_count,
     labels_of,
 )
+from baryscope.fmu.units.filter import filter_functions, filter_headers, work_of
 from baryscope.fmu.units.structure import sampled_dependencies
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import PARAMETERS
@@ -138,20 +138,22 @@ _PLACES = {
 def _core(system: NavigationSystem, features: int) -> Core:
     at = {reference.name: reference.offset for reference in reference_table(system.variables)}
     return Core(
-        functions=(system.point, system.attitude, system.push, system.step, system.checks.margins, system.checks.found),
+        functions=(
+            system.point,
+            system.attitude,
+            system.push,
+            *filter_functions(),
+            system.checks.margins,
+            system.checks.found,
+        ),
         checks={"CHECKS": system.checks.checks},
         headers=("navigation.h", "sampled.h"),
         files=("navigation.c", "sampled.c"),
         sizes={name: at[variable] for name, variable in _PLACES.items()}
         | {"N_FEATURES": features}
-        | work_of(system.step),
+        | work_of(filter_functions()),
+        generated=filter_headers(),
     )
-
-
-def work_of(function: ca.Function) -> dict[str, int]:
-    """The lengths of the arrays that a generated function works with, as constants in C."""
-    lengths = {name: getattr(function, f"sz_{name.lower()}")() for name in ("ARG", "RES", "IW", "W")}
-    return {f"{function.name()}_SZ_{name}": max(size, 1) for name, size in lengths.items()}
 
 
 def _table(described: Mapping[str, tuple[int, ...]]) -> tuple[Variable, ...]:

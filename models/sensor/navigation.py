@@ -14,7 +14,6 @@ import casadi as ca
 from baryscope.models.checks import Check, CheckSet, orbit_checks
 from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
-from baryscope.models.relative_orbit import step_in_chaser_axes
 from baryscope.models.variables import CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
 
 STATUSES = ("waiting", "starting", "tracking", "doubtful", "lost")
@@ -31,7 +30,6 @@ class NavigationSystem:
         point: q_C_V, lever arm, point in V, upper triangle of its covariance → both in C.
         attitude: R (9,), row by row → its quaternion.
         push: time, elements, acceleration in L → in C.
-        step: of the target's CoM from the chaser on its orbit, see `step_in_chaser_axes`.
         checks: the conditions on the parameters.
     """
 
@@ -39,7 +37,6 @@ class NavigationSystem:
     point: ca.Function
     attitude: ca.Function
     push: ca.Function
-    step: ca.Function
     checks: CheckSet
 
 
@@ -54,7 +51,6 @@ def navigation_system(feature_count: int) -> NavigationSystem:
         point=_point(),
         attitude=_attitude(),
         push=_push(),
-        step=step_in_chaser_axes(),
         checks=CheckSet.over(ca.vertcat(*given.values()), _checks(given), "unit"),
     )
 

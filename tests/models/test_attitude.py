@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import oracles
 from baryscope.models.attitude import (
+    INERTIA_BASIS,
     angular_acceleration,
     angular_momentum,
     gravity_gradient_torque,
@@ -19,6 +20,7 @@ from baryscope.models.attitude import (
     principal_axes,
     rotational_energy,
     symmetric_inverse,
+    tumble_step,
 )
 from baryscope.models.scenario import load_scenario
 from baryscope.models.target import tumbling_target
@@ -188,3 +190,39 @@ def test_libration_under_the_gravity_gradient():
     pitch = (R_I_L.inv() * Rotation.from_quat(solution.y[:4].T, scalar_first=True)).as_rotvec()
     np.testing.assert_allclose(pitch[:, 2], tilt * np.cos(np.sqrt(3 * (B - A) / C) * n * time), atol=10 * tilt**3)
     np.testing.assert_allclose(pitch[:, :2], 0, atol=1e-11)
+
+
+def test_a_step_of_a_tumble_is_that_of_an_integration_and_its_jacobian_that_of_differences():
+    rng = np.random.default_rng(5)
+    q, w = np.array([0.5, -0.5, 0.7, 0.1]), np.array([0.02, -0.03, 0.01])
+    q /= np.linalg.norm(q)
+    root = rng.uniform(-1, 1, (3, 3))
+    mass = root @ root.T + 0.2 * np.eye(3)
+    inertia = (np.trace(mass) * np.eye(3) - mass) / (2 * np.trace(mass))  # of trace 1
+    step, function = 2.0, tumble_step()
+
+    def stepped(turn, rate, change):
+        """Attitude as a matrix and rate, by scipy."""
+        J = inertia + np.tensordot(change, INERTIA_BASIS, 1)
+        start = (Rotation.from_rotvec(turn) * Rotation.from_quat(q, scalar_first=True)).as_quat(scalar_first=True)
+
+        def slope(_, x):
+            v = x[4:]
+            turning = np.concatenate([[-x[1:4] @ v], x[0] * v + np.cross(x[1:4], v)]) / 2
+            return np.concatenate([turning, -np.linalg.solve(J, np.cross(v, J @ v))])
+
+        done = solve_ivp(slope, (0, step), np.concatenate([start, w + rate]), "DOP853", rtol=1e-12, atol=1e-14)
+        return Rotation.from_quat(done.y[:4, -1], scalar_first=True), done.y[4:, -1]
+
+    after, rate, jacobian = (np.asarray(value) for value in function(q, w, inertia.ravel(), step))
+    attitude, exact = stepped(np.zeros(3), np.zeros(3), np.zeros(5))
+    fourth_order = (np.linalg.norm(w) * step) ** 5
+    off = Rotation.from_quat(after[:, 0], scalar_first=True) * attitude.inv()
+    assert off.magnitude() < fourth_order
+    assert rate[:, 0] == pytest.approx(exact, abs=fourth_order * np.linalg.norm(w))
+    small = 1e-6
+    for k in range(11):
+        changes = [np.split(sign * small * np.eye(11)[k], [3, 6]) for sign in (1, -1)]
+        (one, up), (other, down) = (stepped(*change) for change in changes)
+        column = np.concatenate([(one * other.inv()).as_rotvec(), up - down]) / (2 * small)
+        assert jacobian[:, k] == pytest.approx(column, abs=1e-5 * max(1, np.abs(column).max()))

@@ -122,6 +122,47 @@ static int recognised(const Online *filter, const Frame *frame, int i) {
     return found;
 }
 
+/* Where too few names are known: features that are foreseen to be where unknown points are, at R from the centre of mass,
+   with a deviation in m. A point is given a feature that is much nearer than any other; whether the frame fits, tells. */
+static void guess_by_place(const Online *filter, Frame *frame, const double R[3][3], double deviation) {
+    int known = 0;
+    for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;
+    if (known >= 3) return;
+    for (int i = 0; i < frame->count; i++) {
+        const double(*noise)[3] = frame->noise[i];
+        double nearest = INFINITY, second = INFINITY, variance = (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0;
+        int found = -1;
+        if (frame->slot[i] >= 0) continue;
+        for (int f = 0; f < (int)filter->used; f++) {
+            double arm[3], square = 0.0;
+            times(R, filter->b[f], arm);
+            for (int k = 0; k < 3; k++) {
+                double off = frame->y[i][k] - filter->x[k] - arm[k];
+                square += off * off;
+            }
+            if (square < nearest) second = nearest, nearest = square, found = f;
+            else if (square < second) second = square;
+        }
+        for (int j = 0; j < frame->count; j++)
+            if (found >= 0 && frame->slot[j] == found) found = -1;
+        if (found < 0 || nearest > PLACED * (variance + deviation * deviation) || second < 4.0 * nearest) continue;
+        double inverse[3][3];
+        frame->slot[i] = found;
+        inverted(frame->noise[i], inverse);
+        weigh(filter, frame, i, inverse, 1.0);
+    }
+}
+
+/* Guessed features take the names of points that fit; others are as before. */
+static void settle_names(Online *filter, Frame *frame) {
+    for (int i = 0; i < frame->count; i++) {
+        int f = frame->slot[i];
+        if (f < 0 || filter->feature[f].name == frame->name[i]) continue;
+        if (frame->fits[i]) filter->feature[f].name = frame->name[i];
+        else frame->slot[i] = -1;
+    }
+}
+
 /* After a registered frame: what was seen, and what is not where it should be and is measured afresh. */
 static void note_sightings(Online *filter, Frame *frame) {
     for (int i = 0; i < frame->count; i++) {

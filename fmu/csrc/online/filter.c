@@ -34,6 +34,14 @@ static void start_interval(Online *filter) {
     filter->elapsed = 0.0;
 }
 
+static void multiplied(const double A[6][6], const double B[6][6], double C[6][6]) {
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) {
+            C[i][j] = 0.0;
+            for (int k = 0; k < 6; k++) C[i][j] += A[i][k] * B[k][j];
+        }
+}
+
 /* In how many steps to go: the noise's covariance is that of a straight line, true for a small arc of the orbit. */
 static int steps_between(const OnlineOptions *options, double begin, double end) {
     if (options->on_orbit == 0.0) return 1;
@@ -76,11 +84,7 @@ static void advance(Online *filter, double end, const double a[3]) {
         transition(&filter->options, from, s + 1 < count ? from + T : end, a, filter->x, F);
         for (int i = 0; i < 6; i++)
             for (int j = 0; j < 6; j++) before[i][j] = filter->F[i][j];
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 6; j++) {
-                filter->F[i][j] = 0.0;
-                for (int k = 0; k < 6; k++) filter->F[i][j] += F[i][k] * before[k][j];
-            }
+        multiplied(F, before, filter->F);
         filter->elapsed += T;
         if (s + 1 < count || steps_between(&filter->options, end - filter->elapsed, end) > 1) settle(filter);
     }

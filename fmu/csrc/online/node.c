@@ -6,19 +6,6 @@
 #define USUAL 0.25  /* rad, enough for the first */
 #define WIDEST 0.5  /* rad, enough for both */
 
-static double angle_between(const double A[3][3], const double B[3][3], double turn[3]) {
-    double change[3][3];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) change[i][j] = dot(A[i], B[j]);
-    rotation_vector(change, turn);
-    return sqrt(dot(turn, turn));
-}
-
-static void copy(const double from[3][3], double to[3][3]) {
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) to[i][j] = from[i][j];
-}
-
 /* Add a registered frame. */
 static void gather(Online *filter, const Frame *frame, const Pose *pose) {
     Node *node = &filter->node;
@@ -74,6 +61,8 @@ static int far_enough(const Online *filter, double R[3][3]) {
 static double as_frame(const Online *filter, const double R[3][3], Frame *frame) {
     const Node *node = &filter->node;
     double mean = node->times / node->count, spread = node->squares - mean * node->times, rate[3], drift[3];
+    double swing[3];
+    swing_of(&filter->tumble, node->begin + mean - filter->turned, swing);
     for (int k = 0; k < 3; k++) {
         rate[k] = spread > 0.0 ? (node->turn_times[k] - mean * node->turn[k]) / spread : 0.0;
         drift[k] = spread > 0.0 ? (node->drift_times[k] - mean * node->drift[k]) / spread : 0.0;
@@ -81,7 +70,7 @@ static double as_frame(const Online *filter, const double R[3][3], Frame *frame)
     frame->count = (int)node->used;
     for (int i = 0; i < frame->count; i++) {
         const Sum *sum = &node->seen[i];
-        double arm[3] = {0}, moved[3], bent[3], inverse[3][3], at = sum->times / sum->count, later = mean - at;
+        double arm[3] = {0}, moved[3], bent[3], swung[3], inverse[3][3], at = sum->times / sum->count, later = mean - at;
         double square = sum->squares / sum->count - 2.0 * mean * at + mean * mean;
         frame->name[i] = sum->name;
         frame->slot[i] = slot_of(filter, sum->name);
@@ -89,9 +78,10 @@ static double as_frame(const Online *filter, const double R[3][3], Frame *frame)
         else for (int k = 0; k < 3; k++) arm[k] = sum->y[k] / sum->count;
         cross(rate, arm, moved);
         cross(rate, moved, bent);
+        cross(swing, arm, swung);
         for (int a = 0; a < 3; a++) {
             frame->y[i][a] = filter->x[a] + sum->y[a] / sum->count + later * (drift[a] + moved[a]);
-            frame->y[i][a] -= 0.5 * square * bent[a];
+            frame->y[i][a] -= 0.5 * square * (bent[a] + swung[a]);
             for (int b = 0; b < 3; b++) frame->noise[i][a][b] = sum->noise[a][b] / (sum->count * sum->count);
         }
         inverted(frame->noise[i], inverse);
@@ -104,7 +94,7 @@ static double as_frame(const Online *filter, const double R[3][3], Frame *frame)
 static void close_node(Online *filter, const double R[3][3]) {
     Frame frame;
     Pose pose;
-    double turn[3], before[3][3], lag = as_frame(filter, R, &frame), time = filter->time - lag;
+    double turn[3], before[3][3], noise[3][3], lag = as_frame(filter, R, &frame), time = filter->time - lag;
     filter->node.count = 0.0;
     if (!registered(filter, &frame, R, &pose)) return;
     copy(filter->R, before);
@@ -112,6 +102,8 @@ static void close_node(Online *filter, const double R[3][3]) {
     update_frame(filter, &frame, &pose, lag);
     angle_between(filter->R, before, turn);
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
+    of_pose(&pose, 3, noise);
+    follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
     filter->turned = time;
     extend_map(filter, &frame, lag);
 }

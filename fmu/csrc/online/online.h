@@ -3,6 +3,7 @@
 State: the target's attitude R_C_B, the centre of mass (r, v) from the chaser in C, and the features b in B, from the
 centre of mass; C has inertial axes. A feature is seen at r + R b. The attitude is free in every frame: it is registered
 against the map of the features and its error eliminated with theirs, so nothing is taken for granted of the tumble.
+Where that is a free one, further filters find rate and inertia ratios, and say where a feature will be.
 Frames between which the target turns less than their noise are taken together first: attitudes that differ by noise
 alone would seem to show the offset of the centre of mass.
 r moves on the orbit that is given, else in a straight line, with white acceleration of a density that a bank of small
@@ -32,12 +33,13 @@ enum {
     DENSITIES = 8,
     SHADOW = DENSITIES,
     LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the map is wrong by */
-    N_ELEMENTS = 7
+    N_ELEMENTS = 7,
+    TORQUES = 5
 };
 
 typedef enum { WAITING, STARTING, TRACKING, DOUBTFUL, LOST } OnlineStatus;
 
-typedef enum { ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY } OnlineResult;
+typedef enum { ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY, NO_SUCH } OnlineResult;
 
 typedef struct {
     double sigma;          /* standard deviation of a coordinate, m, where a point has no covariance of its own */
@@ -78,6 +80,21 @@ typedef struct {
     double weight; /* logarithm, that of the best is 0 */
 } Member;
 
+/* A free tumble with white torque of one density. */
+typedef struct {
+    double q[4], w[3], j[5]; /* attitude (w, x, y, z) B to C, rate in B, coefficients of an inertia of trace 1 */
+    double P[11][11];        /* of a rotation vector in C, rate, coefficients */
+    double weight;           /* logarithm, that of the best is 0 */
+} Spin;
+
+typedef struct {
+    double known;           /* 1: the filters run */
+    double N[64], rhs[8];   /* normal equations of the inertia and the angular momentum in C */
+    double pairs, turned;   /* of nodes, rad */
+    double misfit;          /* running mean square of the innovations, 1 if all is well */
+    Spin spin[TORQUES];
+} Tumble;
+
 typedef struct {
     OnlineOptions options;
     double time;
@@ -94,6 +111,7 @@ typedef struct {
     Feature feature[MOST_FEATURES];
     double b[MOST_FEATURES][3];
     Member bank[DENSITIES + 1];
+    Tumble tumble;
     double P[MOST_ERRORS][MOST_ERRORS];
 } Online;
 
@@ -103,6 +121,13 @@ typedef struct {
     double covariance[6][6]; /* of r and v */
 } OnlineState;
 
+typedef struct {
+    double known; /* 1, or 0: nothing else holds */
+    double R[3][3], turn[3][3]; /* attitude R_C_B, covariance of a rotation vector in C */
+    double rate[3], of_rate[3][3];
+    double inertia[3][3], of_inertia[5][5]; /* of trace 1; covariance of its coefficients of the basis */
+} OnlineTumble;
+
 ONLINE_EXPORT unsigned long long online_size(void);
 ONLINE_EXPORT void online_start(Online *filter, const OnlineOptions *options);
 /* points: count times x, y, z in C, m; covariances: count times xx, xy, xz, yy, yz, zz, m2, or NULL for sigma's;
@@ -111,6 +136,11 @@ ONLINE_EXPORT int online_update(Online *filter, double time, int count, const lo
                                 const double *covariances, const double *acceleration);
 /* The state at a time that is not before the last frame. */
 ONLINE_EXPORT int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state);
+/* The tumble at a time that is not before the last frame. */
+ONLINE_EXPORT int online_tumble(const Online *filter, double time, OnlineTumble *found);
+/* Where a feature will be, in C from the chaser, m, and its covariance (3, 3); NO_SUCH where that is not known. */
+ONLINE_EXPORT int online_point(const Online *filter, double time, const double *acceleration, long long name,
+                               double *position, double *covariance);
 /* Names, positions in B from the centre of mass and their covariances (3, 3); returns how many. */
 ONLINE_EXPORT int online_features(const Online *filter, long long *names, double *positions, double *covariances);
 

@@ -89,26 +89,42 @@ static void rotation(const double turn[3], double C[3][3]) {
     C[1][2] -= s * turn[0], C[2][1] += s * turn[0];
 }
 
-/* The rotation vector of a rotation. */
-static void rotation_vector(const double R[3][3], double turn[3]) {
-    double q[4], trace = R[0][0] + R[1][1] + R[2][2]; /* Shepperd (1978): the largest component first */
+/* The quaternion (w, x, y, z) of a rotation, w >= 0: Shepperd (1978), the largest component first. */
+static void quaternion_of(const double R[3][3], double q[4]) {
+    double trace = R[0][0] + R[1][1] + R[2][2], best = trace, length = 0.0;
     int largest = 3;
-    double best = trace;
     for (int i = 0; i < 3; i++)
         if (R[i][i] > best) best = R[i][i], largest = i;
     if (largest == 3) {
-        q[3] = 1.0 + trace;
-        q[0] = R[2][1] - R[1][2], q[1] = R[0][2] - R[2][0], q[2] = R[1][0] - R[0][1];
+        q[0] = 1.0 + trace;
+        q[1] = R[2][1] - R[1][2], q[2] = R[0][2] - R[2][0], q[3] = R[1][0] - R[0][1];
     } else {
         int i = largest, j = (i + 1) % 3, k = (i + 2) % 3;
-        q[i] = 1.0 + 2.0 * R[i][i] - trace;
-        q[j] = R[i][j] + R[j][i], q[k] = R[i][k] + R[k][i];
-        q[3] = R[k][j] - R[j][k];
+        q[1 + i] = 1.0 + 2.0 * R[i][i] - trace;
+        q[1 + j] = R[i][j] + R[j][i], q[1 + k] = R[i][k] + R[k][i];
+        q[0] = R[k][j] - R[j][k];
     }
-    if (q[3] < 0.0)
-        for (int i = 0; i < 4; i++) q[i] = -q[i];
-    double sine = sqrt(dot(q, q)), factor = sine > 0.0 ? 2.0 * atan2(sine, q[3]) / sine : 0.0;
-    for (int i = 0; i < 3; i++) turn[i] = factor * q[i];
+    for (int i = 0; i < 4; i++) length += q[i] * q[i];
+    length = q[0] < 0.0 ? -sqrt(length) : sqrt(length);
+    for (int i = 0; i < 4; i++) q[i] /= length;
+}
+
+static void matrix_of(const double q[4], double R[3][3]) {
+    const double *v = q + 1;
+    double w = q[0], square = dot(v, v);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) R[i][j] = 2.0 * v[i] * v[j] + (i == j ? w * w - square : 0.0);
+    R[0][1] -= 2.0 * w * v[2], R[1][0] += 2.0 * w * v[2];
+    R[0][2] += 2.0 * w * v[1], R[2][0] -= 2.0 * w * v[1];
+    R[1][2] -= 2.0 * w * v[0], R[2][1] += 2.0 * w * v[0];
+}
+
+/* The rotation vector of a rotation. */
+static void rotation_vector(const double R[3][3], double turn[3]) {
+    double q[4];
+    quaternion_of(R, q);
+    double sine = sqrt(dot(q + 1, q + 1)), factor = sine > 0.0 ? 2.0 * atan2(sine, q[0]) / sine : 0.0;
+    for (int i = 0; i < 3; i++) turn[i] = factor * q[1 + i];
 }
 
 /* R = exp([turn]x) R, made orthonormal again. */
@@ -125,6 +141,20 @@ static void turn_left(const double turn[3], double R[3][3]) {
     cross(A[0], A[1], A[2]);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) R[i][j] = A[i][j];
+}
+
+/* The rotation vector in C from B to A, and its length. */
+static double angle_between(const double A[3][3], const double B[3][3], double turn[3]) {
+    double change[3][3];
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) change[i][j] = dot(A[i], B[j]);
+    rotation_vector(change, turn);
+    return sqrt(dot(turn, turn));
+}
+
+static void copy(const double from[3][3], double to[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) to[i][j] = from[i][j];
 }
 
 #endif

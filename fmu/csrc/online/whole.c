@@ -1,9 +1,11 @@
-/* The online estimator, after `relative`, the generated step on an orbit. */
+/* The online estimator, after `relative` and `tumble`, the generated steps of orbit and attitude. */
 #include <math.h>
 #include <stddef.h>
 
 #include "online.h"
 #include "small.h"
+
+#include "inertia_basis.h"
 
 /* [r; v] in C to the end of a step, and the transition: the generated function stores it by columns. */
 static void relative_step(double begin, double end, const double *elements, double x[6], double F[6][6]) {
@@ -16,9 +18,23 @@ static void relative_step(double begin, double end, const double *elements, doub
         for (int j = 0; j < 6; j++) F[i][j] = columns[6 * j + i];
 }
 
+/* A step of a tumble in place, and its Jacobian. */
+static void rotation_step(double q[4], double w[3], const double inertia[9], double h, double G[6][11]) {
+    double q0[4], w0[3], columns[66], work[tumble_SZ_W];
+    for (int k = 0; k < 4; k++) q0[k] = q[k];
+    for (int k = 0; k < 3; k++) w0[k] = w[k];
+    const double *arguments[tumble_SZ_ARG] = {q0, w0, inertia, &h};
+    double *results[tumble_SZ_RES] = {q, w, columns};
+    tumble(arguments, results, (int[tumble_SZ_IW + 1]){0}, work, 0);
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 11; j++) G[i][j] = columns[6 * j + i];
+}
+
 #include "registration.c"
 #include "bank.c"
 #include "filter.c"
 #include "features.c"
+#include "tumble.c"
 #include "node.c"
+#include "answers.c"
 #include "online.c"

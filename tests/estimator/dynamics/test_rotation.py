@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from baryscope.estimator.dynamics.rotation import INERTIA_BASIS, Rotation
+from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
+from baryscope.models.attitude import INERTIA_BASIS
 from oracles import TorqueFree, inertial_states
 from synthetic import ENVISAT, MU, Orbit, attitude
 

@@ -6,7 +6,6 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.rotation import INERTIA_BASIS
 from baryscope.estimator.ekf.motion import (
     ROTATION,
     changed_inertia,
@@ -15,6 +14,7 @@ from baryscope.estimator.ekf.motion import (
     logarithm_of_inertia,
     rotated,
 )
+from baryscope.models.attitude import INERTIA_BASIS
 from synthetic import ENVISAT, attitude
 
 FAST = np.deg2rad([3.38, 0.45, 0.77])  # rad/s

@@ -293,3 +293,63 @@ def test_the_time_of_a_prediction_is_checked():
     for wrong in (1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="not before the last frame"):
             filter.predict(wrong)
+
+
+def test_the_tumble_of_a_symmetric_top_is_found_and_predicts_its_features():
+    """Its moments follow from the motion: J₃ ψ̇ = (J₁ − J₃) φ̇ cos θ, φ̇ the precession, ψ̇ = 0.6 φ̇ the spin."""
+    time = np.arange(FRAMES, dtype=float)
+    later = np.array([FRAMES + 40.0])
+    path, ahead = straight(time), straight(later)[0] + POINTS @ attitudes(later)[0].T
+    ratio = 1 + 0.6 / np.cos(0.7)
+    moments = np.array([1, ratio, ratio]) / (1 + 2 * ratio)
+    first, nees = attitudes(time[:1])[0], []
+    rates = attitudes(np.array([time[-1] - 1e-3, time[-1] + 1e-3]))
+    rate = np.linalg.norm(Rotation.from_matrix(rates[1] @ rates[0].T).as_rotvec()) / 2e-3
+    for draw in range(8):
+        rng = np.random.default_rng([16, draw])
+        filter = OnlineEstimator(SIGMA)
+        assert filter.tumble(0.0) is None
+        run(filter, time, tracks(rng, time, path))
+        found = filter.tumble(float(time[-1]))
+        assert found is not None
+        off = Rotation.from_matrix(found.attitude @ first @ attitudes(time[-1:])[0].T).magnitude()
+        assert off < 3 * SIGMA / 2  # of the first frame, too, which defines B
+        assert np.linalg.norm(found.rate) == pytest.approx(rate, rel=0.02)
+        assert np.trace(found.inertia) == pytest.approx(1, abs=1e-12)
+        assert np.linalg.eigvalsh(found.inertia) == pytest.approx(moments, abs=0.02)
+        for name, place in enumerate(ahead):
+            position, covariance = filter.point(name, float(later[0]))
+            nees.append((position - place) @ np.linalg.solve(covariance, position - place))
+    # The features of a draw share most of their errors: a draw counts as three degrees of freedom.
+    assert np.mean(nees) < chi2.ppf(1 - ALPHA, 24) / 8
+    assert filter.point(99, float(later[0])) is None
+
+
+def test_a_tumble_that_changes_is_given_up_and_the_path_goes_on():
+    time = np.arange(300.0)
+    turned = np.where(time < 200, time, 400 - time)  # the rotation is reversed
+    path = straight(time)
+    places = path[:, None] + POINTS @ np.swapaxes(attitudes(turned), 1, 2)
+    filter = OnlineEstimator(SIGMA)
+    seen = places + SIGMA * np.random.default_rng(17).standard_normal(places.shape)
+    known = []
+    for t, frame in zip(time, seen, strict=True):
+        state = filter.update(float(t), frame)
+        known.append(filter.tumble(float(t)) is not None)
+    assert known[199]
+    assert not all(known[200:260])
+    assert state.status is OnlineStatus.TRACKING
+    assert errors([state], path[-1:])[1][0] < chi2.ppf(1 - ALPHA, 3)
+
+
+def test_a_blackout_is_bridged_by_the_tumble():
+    """Over 400 s, in which the attitude at a constant rate would be any; all features have other names then."""
+    time = np.concatenate([np.arange(180.0), np.arange(580.0, 600.0)])
+    path = straight(time)
+    filter = OnlineEstimator(SIGMA)
+    for t, frame in zip(time, tracks(np.random.default_rng(18), time, path), strict=True):
+        state = filter.update(float(t), frame, names=np.arange(len(POINTS)) + (100 if t > 200 else 0))
+        assert state.status is not OnlineStatus.LOST
+    assert set(filter.features().names) == {100 + k for k in range(len(POINTS))}
+    assert state.status is OnlineStatus.TRACKING
+    assert errors([state], path[-1:])[1][0] < chi2.ppf(1 - ALPHA, 3)

@@ -1,0 +1,158 @@
+/* What the filter answers: noise and status, the state at a time, the tumble, a point, the map. */
+
+#define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
+
+/* The mean square distance of points from their centroid. */
+static double mean_square(const double (*points)[3], int count) {
+    double mean[3] = {0}, sum = 0.0;
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) mean[k] += points[i][k] / count;
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) sum += (points[i][k] - mean[k]) * (points[i][k] - mean[k]) / count;
+    return sum;
+}
+
+static int finite(const double *values, int count) {
+    for (int k = 0; k < count; k++)
+        if (!isfinite(values[k])) return 0;
+    return 1;
+}
+
+/* By what the residuals say that the noise is larger than told, as a factor of covariances; 1 where they don't. */
+static double noise_ratio(const Online *filter) {
+    if (filter->freedom <= 0.0) return 1.0;
+    double ratio = filter->squares / filter->freedom;
+    return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
+}
+
+static double status_of(const Online *filter, double P[6][6]) {
+    if (filter->frames == 0.0) return WAITING;
+    if (filter->lost > 0.0) return LOST;
+    double square = mean_square(filter->b, (int)filter->used);
+    if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
+    return noise_ratio(filter) > UNLIKE ? DOUBTFUL : TRACKING;
+}
+
+/* P = F P F'. */
+static void carry(const double F[6][6], double P[6][6]) {
+    double A[6][6];
+    multiplied(F, P, A);
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) P[i][j] = dot(A[i], F[j]) + dot(&A[i][3], &F[j][3]);
+}
+
+/* The state at a time, its covariance, and the transition to there from the time of the filter's covariances. */
+static void go_ahead(const Online *filter, double time, const double *acceleration, double x[6], double P[6][6],
+                     double F[6][6]) {
+    double more[LEVEL], wider[LEVEL][LEVEL], factor = noise_ratio(filter), all[6][6];
+    mixture(filter, more, wider);
+    for (int i = 0; i < 6; i++) {
+        x[i] = filter->x[i] + dot(filter->F[i], more) + dot(&filter->F[i][3], &more[3]);
+        for (int j = 0; j < 6; j++) {
+            F[i][j] = filter->F[i][j];
+            P[i][j] = factor * (filter->P[PLACE + i][PLACE + j] + wider[i][j]);
+        }
+    }
+    carry(F, P);
+    add_noise(filter->density, filter->elapsed, &P[0][0], 6);
+    int count = time > filter->time ? steps_between(&filter->options, filter->time, time) : 0;
+    for (int s = 0; s < count; s++) {
+        double step[6][6], T = (time - filter->time) / count, from = filter->time + s * T;
+        transition(&filter->options, from, from + T, acceleration, x, step);
+        carry(step, P);
+        add_noise(filter->density, T, &P[0][0], 6);
+        multiplied(step, F, all);
+        for (int k = 0; k < 36; k++) F[k / 6][k % 6] = all[k / 6][k % 6];
+    }
+}
+
+int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
+    if (!isfinite(time) || time < filter->time) return BAD_TIME;
+    if (!finite(acceleration, 3)) return BAD_ACCELERATION;
+    double x[6], P[6][6], F[6][6];
+    go_ahead(filter, time, acceleration, x, P, F);
+    state->time = time;
+    state->features = filter->used;
+    state->density = filter->density;
+    state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
+    state->status = status_of(filter, P);
+    for (int i = 0; i < 3; i++) {
+        state->r[i] = x[i], state->v[i] = x[3 + i];
+        for (int j = 0; j < 3; j++) state->R[i][j] = time == filter->registered ? filter->attitude[i][j] : NAN;
+    }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) state->covariance[i][j] = 0.5 * (P[i][j] + P[j][i]);
+    return ACCEPTED;
+}
+
+int online_tumble(const Online *filter, double time, OnlineTumble *found) {
+    *found = (OnlineTumble){0};
+    if (!isfinite(time) || time < filter->turned) return BAD_TIME;
+    if (filter->tumble.known == 0.0) return ACCEPTED;
+    int best = best_spin(&filter->tumble);
+    double factor = noise_ratio(filter);
+    Spin spin = filter->tumble.spin[best];
+    if (!spin_on(&spin, time - filter->turned, torque_of(best))) return ACCEPTED;
+    found->known = 1.0;
+    matrix_of(spin.q, found->R);
+    inertia_of(spin.j, found->inertia);
+    for (int a = 0; a < 3; a++) {
+        found->rate[a] = spin.w[a];
+        for (int b = 0; b < 3; b++) {
+            found->turn[a][b] = factor * spin.P[a][b];
+            found->of_rate[a][b] = factor * spin.P[3 + a][3 + b];
+        }
+    }
+    for (int a = 0; a < 5; a++)
+        for (int b = 0; b < 5; b++) found->of_inertia[a][b] = factor * spin.P[6 + a][6 + b];
+    return ACCEPTED;
+}
+
+int online_point(const Online *filter, double time, const double *acceleration, long long name, double *position,
+                 double *covariance) {
+    OnlineTumble tumble;
+    int slot = slot_of(filter, name);
+    if (!isfinite(time) || time < filter->time) return BAD_TIME;
+    if (!finite(acceleration, 3)) return BAD_ACCELERATION;
+    online_tumble(filter, time, &tumble);
+    if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
+    double x[6], P[6][6], F[6][6], more[LEVEL], wider[LEVEL][LEVEL], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
+    double X[3][3], of_b[3][3], factor = noise_ratio(filter);
+    int at = BODY + 3 * slot;
+    go_ahead(filter, time, acceleration, x, P, F);
+    mixture(filter, more, wider);
+    for (int i = 0; i < 3; i++) {
+        b[i] = filter->b[slot][i] + more[6 + i];
+        for (int j = 0; j < 3; j++) {
+            of_b[i][j] = factor * (filter->P[at + i][at + j] + wider[6 + i][6 + j]);
+            X[i][j] = 0.0; /* of r, then, and b */
+            for (int k = 0; k < 6; k++) X[i][j] += factor * F[i][k] * (filter->P[PLACE + k][at + j] + wider[k][6 + j]);
+        }
+    }
+    times(tumble.R, b, arm);
+    moved_by_turn(arm, K);
+    product(K, tumble.turn, KC);
+    product(tumble.R, of_b, RB);
+    for (int i = 0; i < 3; i++) {
+        position[i] = x[i] + arm[i];
+        for (int j = 0; j < 3; j++)
+            covariance[3 * i + j] = 0.5 * (P[i][j] + P[j][i]) + dot(X[i], tumble.R[j]) + dot(X[j], tumble.R[i]) +
+                                    dot(RB[i], tumble.R[j]) + dot(KC[i], K[j]);
+    }
+    return ACCEPTED;
+}
+
+int online_features(const Online *filter, long long *names, double *positions, double *covariances) {
+    double factor = noise_ratio(filter), more[LEVEL], wider[LEVEL][LEVEL];
+    mixture(filter, more, wider);
+    for (int f = 0; f < (int)filter->used; f++) {
+        names[f] = filter->feature[f].name;
+        for (int i = 0; i < 3; i++) {
+            positions[3 * f + i] = filter->b[f][i] + more[6 + i];
+            for (int j = 0; j < 3; j++)
+                covariances[9 * f + 3 * i + j] =
+                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + wider[6 + i][6 + j]);
+        }
+    }
+    return (int)filter->used;
+}
