@@ -1,9 +1,9 @@
-"""Opens FMU files: checks the paths, unpacks, and recognises a unit of ours by its variables."""
+"""Opens FMU files: checks the paths, unpacks, and recognises a unit of ours by its name and variables."""
 
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -13,7 +13,7 @@ from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference, reference_table
 from baryscope.models.errors import InputError
 from baryscope.models.files import DISK_TROUBLE, unwritable
-from baryscope.models.variables import Kind, Variable, forces_of, variable_table
+from baryscope.models.variables import Kind, Variable
 
 MODEL_NAME = "TumblingTarget"
 
@@ -54,18 +54,28 @@ class UnitFile:
             if variable.name == name and variable.kind == kind:
                 return variable
         names = ", ".join(variable.name for variable in self.of_kind(kind))
-        raise InputError(f"{name}: not a {kind} of the unit, expected one of {names}")
+        raise InputError(
+            f"{name}: not {'a' if kind == Kind.PARAMETER else 'an'} {kind} of the unit, expected one of {names}"
+        )
 
     def references(self, variable: Variable) -> list[int]:
         """The value references of a variable: one for each scalar, or in FMI 3 with arrays a single one."""
         return [place for place, reference in enumerate(self.table) if reference.variable is variable]
 
 
-def open_unit(path: Path) -> UnitFile:
+Tables = Mapping[str, Callable[[Mapping[str, tuple[int, ...]]], tuple[Variable, ...]]]
+"""By a model's name: names and shapes in a modelDescription.xml → the table of variables of the unit they are of."""
+
+
+def open_unit(path: Path, tables: Tables) -> UnitFile:
     """Unpack an FMU to a temporary folder.
 
+    Args:
+        path: the FMU.
+        tables: the units that are expected.
+
     Raises:
-        InputError: it cannot be read, is damaged or unsafe, or is not a TumblingTarget of this version's table.
+        InputError: it cannot be read, is damaged or unsafe, or is none of these units with this version's table.
         DiskError: there is no room to unpack it.
     """
     try:
@@ -74,7 +84,7 @@ def open_unit(path: Path) -> UnitFile:
         raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
     try:
         unpack(path, folder, "an FMU made by `baryscope build`")
-        return _describe(path, folder)
+        return _describe(path, folder, tables)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -102,16 +112,18 @@ def unpack(path: Path, folder: Path, expected: str) -> None:
         raise InputError(f"{path}: {error.strerror or error}, expected {expected}") from error
 
 
-def _describe(path: Path, folder: Path) -> UnitFile:
+def _describe(path: Path, folder: Path, tables: Tables) -> UnitFile:
     try:
         description = fmpy.read_model_description(str(folder), validate=False)
     except Exception as error:  # fmpy raises bare Exceptions
         raise InputError(f"{path}: modelDescription.xml cannot be read ({error})") from error
     kind = f"{description.modelName} of FMI {description.fmiVersion}"
     fmi = _VERSIONS.get(description.fmiVersion)
-    if description.modelName != MODEL_NAME or fmi is None or description.coSimulation is None:
-        raise InputError(f"{path}: is {kind}, expected {MODEL_NAME} of FMI 2.0 or 3.0 for Co-Simulation")
-    variables, table = _tables(path, fmi, [(v.name, v.shape or ()) for v in description.modelVariables])
+    if description.modelName not in tables or fmi is None or description.coSimulation is None:
+        raise InputError(f"{path}: is {kind}, expected {' or '.join(tables)} of FMI 2.0 or 3.0 for Co-Simulation")
+    described = [(v.name, v.shape or ()) for v in description.modelVariables]
+    variables = tables[description.modelName](dict(described))
+    table = _references(path, fmi, variables, described)
     identifier = description.coSimulation.modelIdentifier
     return UnitFile(path, folder, fmi, description.guid, identifier, variables, table)
 
@@ -119,16 +131,13 @@ def _describe(path: Path, folder: Path) -> UnitFile:
 _VERSIONS: dict[str, FmiVersion] = {"2.0": 2, "3.0": 3}
 
 
-def _tables(
-    path: Path, fmi: FmiVersion, described: Sequence[tuple[str, tuple[int, ...]]]
-) -> tuple[tuple[Variable, ...], list[Reference]]:
-    """The tables of variables and references that match the names and shapes in a modelDescription.xml."""
-    features = [shape for name, shape in described if name.startswith("features")]
-    count = features[0][0] if features and features[0] else len(features) // 3
-    variables = variable_table(count, forces_of(name for name, _ in described))
+def _references(
+    path: Path, fmi: FmiVersion, variables: Sequence[Variable], described: Sequence[tuple[str, tuple[int, ...]]]
+) -> list[Reference]:
+    """The table of references, with arrays or scalars, that matches names and shapes in a modelDescription.xml."""
     for scalar in (False, True):
         table = reference_table(variables, fmi, scalar)
         expected = [(r.name, r.shape) for r in table] + ([("time", ())] if fmi == 3 else [])
         if described == expected:
-            return variables, table
+            return table
     raise InputError(f"{path}: its variables are not those of this version of baryscope; build it again")

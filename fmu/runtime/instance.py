@@ -47,6 +47,22 @@ class Buffer:
             self.arguments += (size,)
 
 
+class FlagBuffer:
+    """Booleans that are read or set together, as `Buffer`; FMI 2 has them as ints."""
+
+    def __init__(self, references: Sequence[int], size: int, fmi: FmiVersion):
+        kind: Any = ctypes.c_bool if fmi == 3 else ctypes.c_int
+        self.values = np.zeros(size, dtype=kind)
+        self._memory = (ctypes.c_uint * len(references))(*references)
+        self.arguments: tuple[Any, ...] = (
+            ctypes.cast(self._memory, ctypes.POINTER(ctypes.c_uint)),
+            len(references),
+            self.values.ctypes.data_as(ctypes.POINTER(kind)),
+        )
+        if fmi == 3:
+            self.arguments += (size,)
+
+
 LogHandler = Callable[[int, bytes], None]
 """Takes the status and text of a message."""
 
@@ -179,6 +195,14 @@ class Instance:
         status = self._set(self._component, *buffer.arguments)
         if status > _WARNING:
             raise self._refusal("Set", status)
+
+    def get_booleans(self, buffer: FlagBuffer) -> None:
+        """Read Booleans."""
+        self._call("GetBoolean", *buffer.arguments)
+
+    def set_booleans(self, buffer: FlagBuffer) -> None:
+        """Set Booleans."""
+        self._call("SetBoolean", *buffer.arguments)
 
     def set_boolean(self, reference: int, value: bool) -> None:
         """Set one Boolean."""

@@ -1,5 +1,6 @@
 """The programs to copy run."""
 
+import re
 import runpy
 from pathlib import Path
 
@@ -9,7 +10,7 @@ EXAMPLES = Path(__file__).parents[3] / "scripts" / "examples"
 def test_every_example_is_run_by_a_test():
     """step_unit.mjs is run by the tests of the WebAssembly module."""
     programs = {path.name for path in EXAMPLES.iterdir() if path.is_file() and path.name != "__init__.py"}
-    assert programs == {"step_unit.py", "step_unit.mjs"}
+    assert programs == {"step_unit.py", "step_unit.mjs", "close_loop.py"}
 
 
 def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
@@ -17,3 +18,13 @@ def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 10
     assert " 30.00 m from the centre of mass" in lines[-1]
+
+
+def test_the_closed_loop_to_copy_arrives_on_estimates(capsys):
+    """At 15 m within two centimetres, the centre of mass known to one."""
+    runpy.run_path(str(EXAMPLES / "close_loop.py"))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 10
+    found = re.fullmatch(r"  900 s: tracking, +([0-9.]+) m away, estimated within +([0-9]+) mm", lines[-1])
+    assert abs(float(found[1]) - 15.0) <= 0.02
+    assert int(found[2]) <= 10
