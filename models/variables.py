@@ -132,6 +132,8 @@ UNITS: dict[str, dict[str, int]] = {
     "rad": {"rad": 1},
     "rad/s": {"rad": 1, "s": -1},
     "rad/s2": {"rad": 1, "s": -2},
+    "rad2": {"rad": 2},
+    "rad2/s2": {"rad": 2, "s": -2},
     "kg.m2": {"kg": 1, "m": 2},
     "kg.m2/s": {"kg": 1, "m": 2, "s": -1},
     "N.m": {"kg": 1, "m": 2, "s": -2},

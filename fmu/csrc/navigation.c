@@ -42,6 +42,13 @@ static void remember(Model *model, const double *values, double time, double nex
 
 /* ---- samples ---- */
 
+static void write_quaternion(const double R[3][3], double *quaternion)
+{
+    const double *rows[] = {R[0]};
+    double *results[] = {quaternion};
+    unit_attitude(rows, results, NULL, NULL, 0);
+}
+
 /* Hand the points that are seen to the filter, in C. A sample that is older than the last, or that it refuses, changes nothing. */
 static void take_sample(Model *model, const double *values)
 {
@@ -63,18 +70,35 @@ static void take_sample(Model *model, const double *values)
     if (online_update(&model->filter, time, count, names, points[0], largest > 0.0 ? covariances[0] : NULL, push) != ACCEPTED) return;
     model->samples += 1.0;
     if (model->filter.frames == 0.0 || model->filter.registered != time) return;
-    const double *rows[] = {model->filter.attitude[0]};
-    double *quaternion[] = {model->attitude};
-    unit_attitude(rows, quaternion, NULL, NULL, 0);
+    write_quaternion(model->filter.attitude, model->attitude);
 }
 
 /* ---- outputs ---- */
 
-/* The upper triangle, row by row, of a block of a covariance. */
-static void write_upper(double covariance[6][6], int first, double *upper)
+/* The upper triangle, row by row, of a block (3, 3) of a covariance whose rows have `stride` numbers. */
+static void write_upper(const double *block, int stride, double *upper)
 {
     for (int i = 0; i < 3; i++)
-        for (int j = i; j < 3; j++) *upper++ = covariance[first + i][first + j];
+        for (int j = i; j < 3; j++) *upper++ = block[stride * i + j];
+}
+
+/* Attitude, rate and inertia at a time; zeros, and the attitude of the last sample, if no tumble is known. */
+static void write_tumble(const Model *model, double *values, double time)
+{
+    OnlineTumble now, ahead;
+    memcpy(values + AT_TARGET_ATTITUDE, model->attitude, sizeof model->attitude);
+    memcpy(values + AT_PREDICTED_ATTITUDE, model->attitude, sizeof model->attitude);
+    online_tumble(&model->filter, time, &now); /* all zeros if it is not known */
+    online_tumble(&model->filter, time + values[AT_HORIZON], &ahead);
+    values[AT_TUMBLE_KNOWN] = now.known;
+    if (now.known != 0.0) write_quaternion(now.R, values + AT_TARGET_ATTITUDE);
+    if (now.known != 0.0) write_quaternion(ahead.known != 0.0 ? ahead.R : now.R, values + AT_PREDICTED_ATTITUDE);
+    memcpy(values + AT_RATE, now.rate, sizeof now.rate);
+    write_upper(now.turn[0], 3, values + AT_ATTITUDE_COVARIANCE);
+    write_upper(now.of_rate[0], 3, values + AT_RATE_COVARIANCE);
+    const double inertia[6] = {now.inertia[0][0], now.inertia[1][1], now.inertia[2][2],
+                               now.inertia[0][1], now.inertia[0][2], now.inertia[1][2]};
+    memcpy(values + AT_INERTIA, inertia, sizeof inertia);
 }
 
 static void write_features(const Online *filter, double *values)
@@ -98,22 +122,22 @@ static bool write_outputs(const Model *model, double *values, double time)
     static const double none[3];
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
-    memcpy(values + AT_TARGET_ATTITUDE, model->attitude, sizeof model->attitude);
+    write_tumble(model, values, time);
     if (model->filter.frames == 0.0) return true;
     mean_push(model, model->filter.time, time, push);
     if (online_predict(&model->filter, time, push, &now) != ACCEPTED) return false;
     if (online_predict(&model->filter, time + values[AT_HORIZON], none, &ahead) != ACCEPTED) return false;
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
     memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);
-    write_upper(now.covariance, 0, values + AT_POSITION_COVARIANCE);
-    write_upper(now.covariance, 3, values + AT_VELOCITY_COVARIANCE);
+    write_upper(now.covariance[0], 6, values + AT_POSITION_COVARIANCE);
+    write_upper(now.covariance[3] + 3, 6, values + AT_VELOCITY_COVARIANCE);
     values[AT_STATUS] = now.status;
     values[AT_VALID] = now.status == TRACKING;
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
     write_features(&model->filter, values);
     memcpy(values + AT_PREDICTED, ahead.r, sizeof ahead.r);
-    write_upper(ahead.covariance, 0, values + AT_PREDICTED_COVARIANCE);
+    write_upper(ahead.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);
     for (int k = AT_OUTPUTS; k < AT_OUTPUTS + N_OUTPUTS; k++)
         if (!isfinite(values[k])) return false;
     return true;

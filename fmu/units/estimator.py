@@ -48,6 +48,8 @@ _EQUATIONS = (
     "command changed since then, at up to 64 communication points, is in the outputs, which are of the step's end.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
     "the filter starts again. It holds up to 32 features.",
+    "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
+    "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
     "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "
     "that residuals are as large as expected. Covariances are there from the first sample on.",
 )
@@ -123,6 +125,12 @@ _PLACES = {
     "AT_POSITION_COVARIANCE": "target.positionCovariance[1]",
     "AT_VELOCITY_COVARIANCE": "target.velocityCovariance[1]",
     "AT_TARGET_ATTITUDE": "target.attitude[1]",
+    "AT_ATTITUDE_COVARIANCE": "target.attitudeCovariance[1]",
+    "AT_RATE": "target.angularRate[1]",
+    "AT_RATE_COVARIANCE": "target.angularRateCovariance[1]",
+    "AT_INERTIA": "target.inertia[1]",
+    "AT_TUMBLE_KNOWN": "tumble.known",
+    "AT_PREDICTED_ATTITUDE": "predicted.attitude[1]",
     "AT_VALID": "navigation.valid",
     "AT_STATUS": "status",
     "AT_SAMPLES": "samples",

@@ -14,7 +14,7 @@ import casadi as ca
 from baryscope.models.checks import Check, CheckSet, orbit_checks
 from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
-from baryscope.models.variables import CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
+from baryscope.models.variables import AXES, CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
 
 STATUSES = ("waiting", "starting", "tracking", "doubtful", "lost")
 """The values of `status`, from 0; those of the online estimator."""
@@ -82,7 +82,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
     """The variables of CentreOfMassEstimator for so many features."""
     n = feature_count
     IN, PAR, OUT = Kind.INPUT, Kind.PARAMETER, Kind.OUTPUT
-    orbit = {variable.name: variable for variable in variable_table(3)}
+    orbit, unknown = {variable.name: variable for variable in variable_table(3)}, "; 0 until the tumble is known"
 
     def shown(name: str, unit: str, what: str, shape: tuple[int, ...] = (), **more: object) -> Variable:
         return Variable(name, OUT, unit, what, shape, discrete=True, **more)  # type: ignore[arg-type]
@@ -116,7 +116,15 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("target.velocity", "m/s", "Velocity of the target's CoM, frame C", (3,)),
         shown("target.positionCovariance", "m2", "Covariance of target.position", (6,), axes=UPPER),
         shown("target.velocityCovariance", "m2/s2", "Covariance of target.velocity", (6,), axes=UPPER),
-        shown("target.attitude", "1", "Attitude quaternion (w, x, y, z), body to inertial, of the last sample", (4,)),
+        shown(
+            "target.attitude", "1",
+            "Attitude quaternion (w, x, y, z), body to inertial; of the last sample until the tumble is known", (4,),
+        ),
+        shown("target.attitudeCovariance", "rad2", "Covariance of its rotation vector in C", (6,), axes=UPPER),
+        shown("target.angularRate", "rad/s", f"Angular rate, body axes{unknown}", (3,)),
+        shown("target.angularRateCovariance", "rad2/s2", "Covariance of target.angularRate", (6,), axes=UPPER),
+        shown("target.inertia", "1", f"Inertia over its trace, body axes{unknown}", (6,), axes=AXES),
+        shown("tumble.known", "1", "Whether the target tumbles freely, and how is known", boolean=True),
         shown("navigation.valid", "1", "Whether the filter tracks the target: status is 2", boolean=True),
         shown("status", "1", ", ".join(f"{k}: {word}" for k, word in enumerate(STATUSES)), limits=(0.0, 4.0)),
         shown("samples", "1", "Number of samples that were taken", limits=NOT_NEGATIVE),
@@ -124,6 +132,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("noiseRatio", "1", "Mean square of the residuals over the expected one", limits=NOT_NEGATIVE),
         shown("body.features", "m", "Features from the CoM, body axes; 0 if unknown", (n, 3)),
         shown("body.known", "1", "Whether the feature is in the map", (n,), boolean=True, per_feature=True),
+        shown("predicted.attitude", "1", "target.attitude prediction.horizon ahead, if the tumble is known", (4,)),
         shown("predicted.position", "m", "The target's CoM prediction.horizon ahead, frame C", (3,)),
         shown("predicted.positionCovariance", "m2", "Covariance of predicted.position", (6,), axes=UPPER),
     )  # fmt: skip

@@ -60,7 +60,7 @@ class Stepped(Importer):
             self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
 
     def __getitem__(self, name):
-        if name in ("seen", "navigation.valid", "body.known"):
+        if name in ("seen", "navigation.valid", "body.known", "tumble.known"):
             return np.array(self.fmu.getBoolean(self.places(name)), dtype=bool)
         return np.array(self.fmu.getReal(self.places(name)))
 
@@ -103,7 +103,7 @@ def test_it_is_the_filter_that_python_calls(watched, started):
     body = rng.uniform(-3, 3, (COUNT, 3))
     spread_V = 0.02 * rng.normal(size=(COUNT, 3, 3))
     covariance_V = spread_V @ np.swapaxes(spread_V, 1, 2) + 1e-4 * np.eye(3)
-    for k in range(80):
+    for k in range(160):
         R = Rotation.from_euler("ZXZ", [0.05 * k, 0.6, 0.03 * k]).as_matrix()
         camera = Rotation.from_rotvec([0.3, 0.01 * k, -0.2])
         there_C = np.array([2.0, 17.0, -5.0]) + body @ R.T + 0.02 * rng.normal(size=(COUNT, 3))
@@ -130,12 +130,24 @@ def test_it_is_the_filter_that_python_calls(watched, started):
         }.items():
             np.testing.assert_allclose(unit[name], value, rtol=1e-6, atol=1e-9 * np.abs(value).max(), err_msg=name)
     assert unit["navigation.valid"].all()
-    attitude = alone.predict(79.0 * PERIOD).attitude
-    found = Rotation.from_quat(unit["target.attitude"], scalar_first=True).as_matrix()
-    np.testing.assert_allclose(found, attitude, atol=1e-7)
+    tumbles(unit, alone)
     known = alone.features()
     np.testing.assert_allclose(unit["body.features"].reshape(-1, 3)[known.names], known.position, atol=1e-6)
     np.testing.assert_array_equal(np.flatnonzero(unit["body.known"]), np.sort(known.names))
+
+
+def tumbles(unit, alone):
+    """The turn of the points is a free one, that of a symmetric top."""
+    now, ahead = alone.tumble(unit.time), alone.tumble(unit.time + 30.0)
+    assert unit["tumble.known"].all()
+    for name, attitude in (("target.attitude", now.attitude), ("predicted.attitude", ahead.attitude)):
+        found = Rotation.from_quat(unit[name], scalar_first=True).as_matrix()
+        np.testing.assert_allclose(found, attitude, atol=1e-7, err_msg=name)
+    np.testing.assert_allclose(unit["target.angularRate"], now.rate, atol=1e-9)
+    np.testing.assert_allclose(unit["target.attitudeCovariance"], now.attitude_covariance[UPPER], rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(unit["target.angularRateCovariance"], now.rate_covariance[UPPER], rtol=1e-6, atol=1e-14)
+    diagonal = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
+    np.testing.assert_allclose(unit["target.inertia"], now.inertia[diagonal], atol=1e-9)
 
 
 def chain(watched, started, latency, told):
