@@ -30,7 +30,7 @@ _FRAMES = (
 )
 _LAW = (
     "The goal is hold.position, at rest in L, or while synchronised the point at grapple.standoff before "
-    "grapple.point, which turns with the body.",
+    "grapple.point, which turns with the body; it waits at hold.position until inertia and grapple point are known.",
     "A field of velocities leads there: guidance.rate times the distance, at most guidance.speed, relative to the "
     "goal. From rest to a goal at rest the path is straight: along R-bar or V-bar where both points are on it.",
     "Towards the keep-out sphere the field is at most guidance.rate times the distance from it: the chaser slides "
@@ -38,7 +38,8 @@ _LAW = (
     "from there, in the cone corridor.halfAngle.",
     "The command is the field's derivative along the motion, plus control.rate times what the velocity lacks of it, "
     "less the natural relative acceleration on the Kepler orbit; it is scaled down to thrust.limit.",
-    "The body is taken to tumble freely, by target.inertia, of which any multiple does.",
+    "The body is taken to tumble freely, by target.inertia, of which any multiple does. Grapple point and direction "
+    "are in the body axes of target.attitude: with an estimator's, those of its map.",
 )
 _USE = (
     "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration.",
@@ -79,9 +80,10 @@ def controller_blueprint(scenario: Scenario) -> Blueprint:
 
 def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]:
     known, first = scenario.parameters(), scenario.features.points[0]
+    moments = np.array([known[f"target.inertia.{axes}"] for axes in AXES])
     given = {
         "target.attitude": known["target.attitude0"],
-        "target.inertia": [known[f"target.inertia.{axes}"] for axes in AXES],
+        "target.inertia": moments / moments[:3].sum(),
         "navigation.valid": 1.0,
         **orbit_parameters(scenario.orbit),
         "hold.position": known["chaser.position0"],

@@ -1,7 +1,7 @@
 """ApproachController's table of variables and equations: from the target's motion in frame C to a command in LVLH.
 
-The law is that of `guidance`. Two goals: a point at rest in LVLH (`hold.position`), or, while `synchronised`, a point
-before a grapple point of the body, which turns with it.
+The law is that of `guidance`. Two goals: a point at rest in LVLH (`hold.position`), or, while `synchronised` and the
+tumble is known, a point before a grapple point of the body, which turns with it.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from math import pi
 import casadi as ca
 
 from baryscope.models.approach.guidance import Goal, Limits, Motion, commanded, glide_velocity, in_corridor
-from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_tensor
+from baryscope.models.attitude import angular_acceleration, symmetric_inverse
 from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
 from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_anomaly_after
@@ -85,6 +85,7 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
         "goal.velocityError": velocity_L - glide_velocity(position_L, goal, limits),
         "keepOut.distance": ca.norm_2(position_L) - limits.radius,
         "corridor.inside": in_corridor(position_L, goal, limits),
+        "goal.synchronised": goal.turns,
         "camera.attitude": quaternion_from_rotation(_view(seen, R_I_L, parameters)),
     }
 
@@ -102,12 +103,10 @@ def _believed(
         "target.velocity": -R_I_L @ ca.cross(_spin(orbit), held),
         "target.attitude": ca.SX([1, 0, 0, 0]),
         "target.angularRate": ca.SX.zeros(3),
-        "target.inertia": ca.SX([1, 1, 1, 0, 0, 0]),
+        "target.inertia": ca.SX.zeros(6),
     }
     valid = inputs["navigation.valid"]
-    return {name: ca.if_else(valid, inputs[name], other) for name, other in others.items()} | {
-        "navigation.valid": valid
-    }
+    return dict(inputs) | {name: ca.if_else(valid, inputs[name], other) for name, other in others.items()}
 
 
 def _view(seen: Symbol, R_I_L: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
@@ -130,23 +129,32 @@ def _spin(orbit: Conic) -> Symbol:
 
 
 def _goal(orbit: Conic, R_I_L: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> Goal:
-    """The goal in L. Its angular rate is that of the body less that of L, differentiated in L; the body is free."""
-    synchronised, rate_B = parameters["synchronised"], inputs["target.angularRate"]
-    R_L_B = R_I_L.T @ rotation_from_quaternion(_unit(inputs["target.attitude"]))
-    axis_B, apex_B = _unit(parameters["grapple.direction"]), parameters["grapple.point"]
-    before_B = apex_B + parameters["grapple.standoff"] * axis_B
-    elements = ca.vertsplit(inputs["target.inertia"])
-    J = symmetric_tensor({f"J.{axes}": value for axes, value in zip(AXES, elements, strict=True)}, "J")
+    """The goal in L. Its angular rate is that of the body less that of L, differentiated in L; the body is free.
+
+    It turns while `synchronised`, but only where tumble and grapple point are known: an estimator tells zeros before.
+    """
+    rate_B, apex_B = inputs["target.angularRate"], inputs["grapple.point"]
+    xx, yy, zz, xy, xz, yz = ca.vertsplit(inputs["target.inertia"])
+    J = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    known = ca.logic_and(ca.trace(J) > 0, ca.norm_2(apex_B) > DIRECTED)
+    turns = ca.logic_and(parameters["synchronised"], known)
+    J = ca.if_else(known, J, ca.SX.eye(3))
     tumble_B = angular_acceleration(J, symmetric_inverse(J), rate_B, ca.SX.zeros(3))
+
+    outward = ca.if_else(ca.norm_2(apex_B) > DIRECTED, apex_B, ca.SX([1, 0, 0]))
+    told = inputs["grapple.direction"]
+    axis_B = _unit(ca.if_else(ca.norm_2(told) > DIRECTED, told, outward))
+    before_B = apex_B + parameters["grapple.standoff"] * axis_B
+    R_L_B = R_I_L.T @ rotation_from_quaternion(_unit(inputs["target.attitude"]))
     spin, rate_L = _spin(orbit), R_L_B @ rate_B
     turning_rate = R_L_B @ tumble_B - ca.cross(spin, rate_L) - ca.vertcat(0, 0, orbit.anomaly_acceleration)
     return Goal(
-        position=ca.if_else(synchronised, R_L_B @ before_B, parameters["hold.position"]),
+        position=ca.if_else(turns, R_L_B @ before_B, parameters["hold.position"]),
         apex=R_L_B @ apex_B,
         axis=R_L_B @ axis_B,
-        turning=synchronised * (rate_L - spin),
-        turning_rate=synchronised * turning_rate,
-        turns=synchronised,
+        turning=ca.if_else(turns, rate_L - spin, ca.SX.zeros(3)),
+        turning_rate=ca.if_else(turns, turning_rate, ca.SX.zeros(3)),
+        turns=turns,
     )
 
 
@@ -168,20 +176,21 @@ def approach_table() -> tuple[Variable, ...]:
         Variable("target.attitude", IN, "1", "Attitude quaternion (w, x, y, z), body to inertial", (4,)),
         Variable("target.angularRate", IN, "rad/s", "Angular rate of the target, body axes", (3,)),
         Variable(
-            "target.inertia", IN, "kg.m2", "Inertia tensor, body axes; a multiple of it does", (6,), axes=AXES,
+            "target.inertia", IN, "1", "Inertia over its trace, body axes; a multiple does; 0 if unknown", (6,),
+            axes=AXES,
         ),
         Variable(
             "navigation.valid", IN, "1", "Whether the inputs may be used; else there is no command",
             boolean=True, discrete=True,
         ),
+        Variable("grapple.point", IN, "m", "Grapple point from the CoM, body axes; 0 if unknown", (3,)),
+        Variable("grapple.direction", IN, "1", "Direction outwards there, body axes; 0: away from the CoM", (3,)),
         *(orbit[name] for name in PARAMETERS),
         Variable("hold.position", PAR, "m", "Where to hold, LVLH axes", (3,), tunable=True, axes=LVLH),
         Variable(
             "synchronised", PAR, "1", "Whether the goal is before the grapple point, not hold.position",
             boolean=True, tunable=True,
         ),
-        Variable("grapple.point", PAR, "m", "Grapple point from the CoM, body axes", (3,), tunable=True),
-        Variable("grapple.direction", PAR, "1", "Direction outwards from there, body axes", (3,), tunable=True),
         tunable("grapple.standoff", "m", "Distance of the goal from the grapple point"),
         tunable("guidance.speed", "m/s", "Largest speed towards the goal"),
         tunable("guidance.rate", "1/s", "Speed towards the goal over its distance"),
@@ -201,6 +210,7 @@ def approach_table() -> tuple[Variable, ...]:
         ),
         Variable("keepOut.distance", OUT, "m", "Distance from the keep-out sphere, below 0 inside", discrete=True),
         Variable("corridor.inside", OUT, "1", "Whether the sphere may be entered", boolean=True, discrete=True),
+        Variable("goal.synchronised", OUT, "1", "Whether the goal turns with the body", boolean=True, discrete=True),
         Variable(
             "camera.attitude", OUT, "1", "Attitude quaternion (w, x, y, z), camera to inertial, with the target ahead",
             (4,), discrete=True,
@@ -210,7 +220,7 @@ def approach_table() -> tuple[Variable, ...]:
 
 def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
     """The conditions on the parameters, in the order of reporting."""
-    length, angle = ca.norm_2(given["grapple.direction"]), given["corridor.halfAngle"]
+    angle = given["corridor.halfAngle"]
 
     def check(name: str, expected: str, quantity: str, found: Symbol, margin: Symbol) -> Check:
         return Check(name, name, expected, quantity, found, margin)
@@ -223,7 +233,6 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
 
     return (
         *orbit_checks(Elements.named(given)),
-        check("grapple.direction", "a direction", "length", length, ca.fmin(length - DIRECTED, 1 / DIRECTED - length)),
         not_negative("grapple.standoff"),
         positive("guidance.speed", "m/s"),
         positive("guidance.rate", "1/s"),

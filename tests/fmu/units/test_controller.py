@@ -66,8 +66,9 @@ def fly(small_fmu, controller_fmu, tmp_path):
                         "command": command,
                         "distance": controller.get("keepOut.distance")[0],
                         "inside": controller.true("corridor.inside"),
-                        "grapple": session["features"][0]
-                        + STANDOFF * session["normals"][0],  # the goal from the chaser
+                        "feature": session["features"][0],  # from the chaser, as the next two
+                        "normal": session["normals"][0],
+                        "centre": session["target.position"],
                         "offset": controller.get("goal.offset"),
                     }
                 )
@@ -124,17 +125,38 @@ def test_a_goal_inside_the_sphere_is_not_reached(fly):
     assert np.linalg.norm(flight["position"][-1] - [0.0, -12.0, 0.0]) < 1e-2
 
 
-def test_an_approach_to_a_grapple_point(fly, envisat):
+@pytest.mark.parametrize("told", [True, False], ids=["along the normal", "away from the CoM"])
+def test_an_approach_to_a_grapple_point(fly, told):
     """Envisat at 3.5 °/s: around on the sphere, in through the corridor, and at rest in the body's axes."""
-    flight = fly([0.0, -20.0, 0.0], 900, synchronised=True)
+    flight = fly([0.0, -20.0, 0.0], 900, synchronised=True, **({} if told else {"grapple__direction": np.zeros(3)}))
     outside = ~flight["inside"].astype(bool)
     assert outside[0]
     assert not outside[-1]
     assert flight["distance"][outside].min() > -0.02
     assert np.linalg.norm(flight["command"], axis=1).max() < LIMIT * (1 + 1e-12)
-    last = flight["grapple"][-400:]  # 200 s, two thirds of a turn and more
-    assert np.linalg.norm(last, axis=1).max() < 0.02
-    np.testing.assert_allclose(np.linalg.norm(last, axis=1), np.linalg.norm(flight["offset"][-400:], axis=1), atol=1e-9)
+    away = flight["feature"] - flight["centre"]
+    direction = flight["normal"] if told else away / np.linalg.norm(away, axis=1, keepdims=True)
+    off = np.linalg.norm(flight["feature"] + STANDOFF * direction, axis=1)[-400:]  # 200 s, nearly two turns
+    assert off.max() < 0.02
+    np.testing.assert_allclose(off, np.linalg.norm(flight["offset"][-400:], axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("unknown", ["target.inertia", "grapple.point"])
+def test_before_the_tumble_is_known_it_waits(controller_fmu, tmp_path, unknown):
+    """An estimator tells zeros till then."""
+    controller = Controller(controller_fmu, tmp_path, synchronised=True, hold__position=[0.0, -10.0, 0.0])
+    controller.set("target.position", [20.0, 3.0, 4.0])
+    controller.fmu.doStep(0.0, STEP)
+    assert controller.true("goal.synchronised")
+    controller.set(unknown, np.zeros(len(controller.places(unknown))))
+    controller.fmu.doStep(STEP, STEP)
+    assert not controller.true("goal.synchronised")
+    waiting = controller.get("command.acceleration")
+    controller.synchronise(False)
+    controller.fmu.doStep(2 * STEP, STEP)
+    turned = LIMIT * 1.1e-3 * STEP  # LVLH goes on by up to 1.1 mrad/s
+    np.testing.assert_allclose(controller.get("command.acceleration"), waiting, atol=turned)
+    controller.fmu.freeInstance()
 
 
 def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
@@ -152,7 +174,9 @@ def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
     assert np.linalg.norm(controller.get("command.acceleration")) == pytest.approx(LIMIT, rel=1e-12)
     assert controller.true("command.limited")
     controller.set("target.attitude", np.zeros(4))
-    controller.refused(lambda: s.doStep(3 * STEP, STEP), "no finite outputs: a vector without length")
+    s.doStep(3 * STEP, STEP)  # which has no part in a hold
+    controller.synchronise(True)
+    controller.refused(lambda: s.doStep(4 * STEP, STEP), "no finite outputs: a vector without length")
     controller.refused(
         lambda: controller.set("guidance.speed", 0.0), "guidance.speed: found value 0, expected a value above 0"
     )
