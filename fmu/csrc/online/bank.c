@@ -117,8 +117,8 @@ static void update_bank(Online *filter, double lag, const double c[3], const dou
     filter->density = exp(mean / sum);
 }
 
-/* By what the bank as a mixture differs from a filter of one density at a time, the shadow: mean and covariance. */
-static void mixture(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL]) {
+/* The mixture of the bank, against the shadow: its mean, and its covariance. */
+static void mixed(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL]) {
     const Member *shadow = &filter->bank[SHADOW];
     double weights[DENSITIES], sum = 0.0;
     for (int m = 0; m < DENSITIES; m++) sum += weights[m] = exp(filter->bank[m].weight);
@@ -128,11 +128,70 @@ static void mixture(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL
     }
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) {
-            P[a][b] = -shadow->P[a][b];
+            P[a][b] = 0.0;
             for (int m = 0; m < DENSITIES; m++) {
                 const Member *member = &filter->bank[m];
                 double u = member->x[a] - shadow->x[a] - x[a], v = member->x[b] - shadow->x[b] - x[b];
                 P[a][b] += weights[m] / sum * (member->P[a][b] + u * v);
             }
         }
+}
+
+/* L A L' of a lower triangle L and a symmetric A. */
+static void congruent(const double L[LEVEL * LEVEL], double A[LEVEL][LEVEL]) {
+    double T[LEVEL][LEVEL];
+    for (int i = 0; i < LEVEL; i++)
+        for (int j = 0; j < LEVEL; j++) {
+            T[i][j] = 0.0;
+            for (int k = 0; k <= i; k++) T[i][j] += L[LEVEL * i + k] * A[k][j];
+        }
+    for (int i = 0; i < LEVEL; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = 0.0;
+            for (int k = 0; k <= j; k++) sum += T[i][k] * L[LEVEL * j + k];
+            A[i][j] = A[j][i] = sum;
+        }
+}
+
+/* The inverse of a lower triangle in place. */
+static void invert_triangle(double L[LEVEL * LEVEL]) {
+    for (int j = 0; j < LEVEL; j++) {
+        L[LEVEL * j + j] = 1.0 / L[LEVEL * j + j];
+        for (int i = j + 1; i < LEVEL; i++) {
+            double sum = 0.0;
+            for (int k = j; k < i; k++) sum += L[LEVEL * i + k] * L[LEVEL * k + j];
+            L[LEVEL * i + j] = -sum / L[LEVEL * i + i];
+        }
+    }
+}
+
+/* What is to be added to the large filter's (r, v, offset) and to its covariance, so that this is to the filter's own as the
+   mixture's is to the shadow's: with M M' the filter's and S S' the shadow's, M S^-1 P S'^-1 M'. */
+static void mixture(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL]) {
+    double own[LEVEL][LEVEL] = {{0}}, M[LEVEL * LEVEL], S[LEVEL * LEVEL];
+    int used = (int)filter->used;
+    mixed(filter, x, P);
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) {
+            if (a < 6 && b < 6) own[a][b] = filter->P[PLACE + a][PLACE + b];
+            for (int f = 0; f < used && a >= 6; f++) {
+                if (b < 6) own[a][b] += filter->P[BODY + 3 * f + a - 6][PLACE + b] / used;
+                for (int g = 0; g < used && b >= 6; g++)
+                    own[a][b] += filter->P[BODY + 3 * f + a - 6][BODY + 3 * g + b - 6] / ((double)used * used);
+            }
+        }
+    for (int a = 0; a < 6; a++)
+        for (int b = 6; b < LEVEL; b++) own[a][b] = own[b][a];
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) {
+            M[LEVEL * a + b] = own[a][b];
+            S[LEVEL * a + b] = filter->bank[SHADOW].P[a][b];
+        }
+    if (factored(LEVEL, M) && factored(LEVEL, S)) {
+        invert_triangle(S);
+        congruent(S, P);
+        congruent(M, P);
+    }
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) P[a][b] -= own[a][b];
 }

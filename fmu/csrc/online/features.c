@@ -9,11 +9,28 @@ static int slot_of(const Online *filter, long long name) {
     return -1;
 }
 
-/* The weight of a residual of a point that is a mean of `count`: a feature seen k times has 1/k of the noise, about. */
-static void weigh(const Online *filter, Frame *frame, int i, double inverse[3][3], double count) {
-    double k = frame->slot[i] < 0 ? 0.0 : filter->feature[frame->slot[i]].sightings;
+/* The weight of a residual of a point that is a mean of `count`, at the attitude R: its noise and the map's. */
+static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3], double count) {
+    double spread[3][3], T[3][3], both[3][3];
+    frame->sightings[i] = count;
+    if (frame->slot[i] < 0 || !inverted(filter->feature[frame->slot[i]].information, spread)) return;
+    product(R, spread, T);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) frame->W[i][a][b] = inverse[a][b] * (k / (k + count));
+        for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]);
+    if (!inverted(both, frame->W[i])) frame->slot[i] = -1;
+}
+
+/* What a point says of its feature, at the attitude R. */
+static void inform(Feature *feature, const Frame *frame, int i, const double R[3][3]) {
+    double weight[3][3], T[3][3];
+    if (!inverted(frame->noise[i], weight)) return;
+    product(weight, R, T);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b <= a; b++) {
+            feature->information[a][b] += R[0][a] * T[0][b] + R[1][a] * T[1][b] + R[2][a] * T[2][b];
+            feature->information[b][a] = feature->information[a][b];
+        }
+    feature->sightings += frame->sightings[i];
 }
 
 /* Take a feature out of the map; the last one takes its place. */
@@ -81,7 +98,8 @@ static void add(Online *filter, const Frame *frame, int i, double lag) {
                        G[b][k] * rows[a][TURN + k];
             filter->P[at + a][at + b] = filter->P[at + b][at + a] = sum;
         }
-    filter->feature[slot] = (Feature){frame->name[i], filter->time, 1.0, 0.0};
+    filter->feature[slot] = (Feature){frame->name[i], filter->time, 0.0, 0.0, {{0}}};
+    inform(&filter->feature[slot], frame, i, R);
 }
 
 /* The feature out of sight whose place a point has, -1 if there is none or more than one. */
@@ -122,12 +140,15 @@ static int recognised(const Online *filter, const Frame *frame, int i) {
     return found;
 }
 
+static int known_in(const Frame *frame) {
+    int known = 0;
+    for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;
+    return known;
+}
+
 /* Where too few names are known: features that are foreseen to be where unknown points are, at R from the centre of mass,
    with a deviation in m. A point is given a feature that is much nearer than any other; whether the frame fits, tells. */
 static void guess_by_place(const Online *filter, Frame *frame, const double R[3][3], double deviation) {
-    int known = 0;
-    for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;
-    if (known >= 3) return;
     for (int i = 0; i < frame->count; i++) {
         const double(*noise)[3] = frame->noise[i];
         double nearest = INFINITY, second = INFINITY, variance = (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0;
@@ -146,10 +167,8 @@ static void guess_by_place(const Online *filter, Frame *frame, const double R[3]
         for (int j = 0; j < frame->count; j++)
             if (found >= 0 && frame->slot[j] == found) found = -1;
         if (found < 0 || nearest > PLACED * (variance + deviation * deviation) || second < 4.0 * nearest) continue;
-        double inverse[3][3];
         frame->slot[i] = found;
-        inverted(frame->noise[i], inverse);
-        weigh(filter, frame, i, inverse, 1.0);
+        weigh(filter, frame, i, R, 1.0);
     }
 }
 
@@ -166,21 +185,24 @@ static void settle_names(Online *filter, Frame *frame) {
 /* After a registered frame: what was seen, and what is not where it should be and is measured afresh. */
 static void note_sightings(Online *filter, Frame *frame) {
     for (int i = 0; i < frame->count; i++) {
-        if (frame->slot[i] < 0) continue;
-        Feature *feature = &filter->feature[frame->slot[i]];
-        feature->last = filter->time;
-        if (frame->fits[i]) feature->sightings += 1.0, feature->refused = 0.0;
-        else feature->refused += 1.0;
+        int slot = slot_of(filter, frame->name[i]); /* places may have changed since the frame was read */
+        if (frame->slot[i] < 0 || slot < 0) continue;
+        filter->feature[slot].last = filter->time;
+        filter->feature[slot].refused = frame->fits[i] ? 0.0 : filter->feature[slot].refused + 1.0;
     }
     for (int f = (int)filter->used - 1; f >= 0; f--) /* from the last, as `forget` moves that to f */
         if (filter->feature[f].refused >= STUBBORN) forget(filter, f);
 }
 
-/* After an update: points that are features under a new name, and new features. */
+/* After an update: features that it was made with, points that are features under a new name, and new features. */
 static void extend_map(Online *filter, const Frame *frame, double lag) {
     for (int i = 0; i < frame->count; i++) {
-        if (slot_of(filter, frame->name[i]) >= 0) continue;
-        int known = recognised(filter, frame, i);
+        int known = slot_of(filter, frame->name[i]);
+        if (known >= 0) {
+            if (frame->fits[i]) inform(&filter->feature[known], frame, i, filter->R);
+            continue;
+        }
+        known = recognised(filter, frame, i);
         if (known >= 0) filter->feature[known].name = frame->name[i], filter->feature[known].last = filter->time;
         else add(filter, frame, i, lag);
     }

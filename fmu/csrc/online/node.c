@@ -70,7 +70,7 @@ static double as_frame(const Online *filter, const double R[3][3], Frame *frame)
     frame->count = (int)node->used;
     for (int i = 0; i < frame->count; i++) {
         const Sum *sum = &node->seen[i];
-        double arm[3] = {0}, moved[3], bent[3], swung[3], inverse[3][3], at = sum->times / sum->count, later = mean - at;
+        double arm[3] = {0}, moved[3], bent[3], swung[3], at = sum->times / sum->count, later = mean - at;
         double square = sum->squares / sum->count - 2.0 * mean * at + mean * mean;
         frame->name[i] = sum->name;
         frame->slot[i] = slot_of(filter, sum->name);
@@ -84,8 +84,7 @@ static double as_frame(const Online *filter, const double R[3][3], Frame *frame)
             frame->y[i][a] -= 0.5 * square * (bent[a] + swung[a]);
             for (int b = 0; b < 3; b++) frame->noise[i][a][b] = sum->noise[a][b] / (sum->count * sum->count);
         }
-        inverted(frame->noise[i], inverse);
-        weigh(filter, frame, i, inverse, sum->count);
+        weigh(filter, frame, i, R, sum->count);
     }
     return filter->time - node->begin - mean;
 }

@@ -9,7 +9,7 @@ void online_start(Online *filter, const OnlineOptions *options) {
 }
 
 /* The frame of what is given, or why it is refused. */
-static int read_frame(const Online *filter, int count, const long long *names, const double *points,
+static int read_frame(const Online *filter, const double R[3][3], int count, const long long *names, const double *points,
                       const double *covariances, Frame *frame) {
     if (count < 0 || count > MOST_FEATURES) return TOO_MANY;
     frame->count = count;
@@ -29,7 +29,7 @@ static int read_frame(const Online *filter, int count, const long long *names, c
         if (!inverted(frame->noise[i], inverse)) return BAD_COVARIANCE;
         frame->name[i] = names[i];
         frame->slot[i] = slot_of(filter, names[i]);
-        weigh(filter, frame, i, inverse, 1.0);
+        weigh(filter, frame, i, R, 1.0);
     }
     return ACCEPTED;
 }
@@ -90,15 +90,16 @@ int online_update(Online *filter, double time, int count, const long long *names
     double foreseen[3][3], R[3][3], turn[3];
     if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (!finite(acceleration, 3)) return BAD_ACCELERATION;
-    int refused = read_frame(filter, count, names, points, covariances, &frame);
+    foresee(filter, time, &tumble, foreseen);
+    int refused = read_frame(filter, foreseen, count, names, points, covariances, &frame);
     if (refused) return refused;
     if (filter->frames == 0.0) {
         begin(filter, &frame, time);
         return ACCEPTED;
     }
-    foresee(filter, time, &tumble, foreseen);
     advance(filter, time, acceleration);
-    if (tumble.known != 0.0) guess_by_place(filter, &frame, foreseen, place_deviation(filter, &tumble, time, acceleration));
+    if (tumble.known != 0.0 && known_in(&frame) < 3)
+        guess_by_place(filter, &frame, foreseen, place_deviation(filter, &tumble, time, acceleration));
     if (!registered(filter, &frame, foreseen, &pose)) {
         if (frame.count >= 3 && ++filter->lost >= HOPELESS) begin(filter, &frame, time);
         return ACCEPTED;

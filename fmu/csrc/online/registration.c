@@ -12,6 +12,7 @@ typedef struct {
     long long name[MOST_FEATURES];
     int slot[MOST_FEATURES]; /* of the map, -1: not in it */
     int fits[MOST_FEATURES];
+    double sightings[MOST_FEATURES]; /* of which a point is the mean */
 } Frame;
 
 typedef struct {

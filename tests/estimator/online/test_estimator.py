@@ -147,8 +147,14 @@ def test_fast_frames_claim_no_more_than_they_show():
     worst = []
     for draw in range(8):
         rng = np.random.default_rng([5, draw])
-        states = run(OnlineEstimator(SIGMA * 4), time, tracks(rng, time, path, sigma=SIGMA * 4))
+        filter = OnlineEstimator(SIGMA * 4)
+        states = run(filter, time, tracks(rng, time, path, sigma=SIGMA * 4))
         worst.append(errors(states, path)[1][[300, 600, 900, 1199]])
+        observed = len(time) * len(POINTS)
+        assert states[-1].noise_ratio == pytest.approx(1, abs=4 * np.sqrt(2 / (3 * observed)) + 1 / len(time))
+        shape = filter.features().position
+        gaps = np.linalg.norm(shape[1:] - shape[0], axis=1) - np.linalg.norm(POINTS[1:] - POINTS[0], axis=1)
+        assert np.abs(gaps).max() < 5 * 4 * SIGMA * np.sqrt(2 / len(time))  # of two means over all frames
     assert (np.sum(worst, axis=0) < chi2.ppf(1 - ALPHA, 24)).all()
 
 
@@ -353,3 +359,24 @@ def test_a_blackout_is_bridged_by_the_tumble():
     assert set(filter.features().names) == {100 + k for k in range(len(POINTS))}
     assert state.status is OnlineStatus.TRACKING
     assert errors([state], path[-1:])[1][0] < chi2.ppf(1 - ALPHA, 3)
+
+
+def test_points_of_a_stereo_rig_count_by_their_covariances():
+    """Depth has 15 times the deviation of the other coordinates, along y of C."""
+    deviations = np.array([0.01, 0.15, 0.01])
+    time = np.arange(FRAMES, dtype=float)
+    path = straight(time)
+    covariance = np.tile(np.diag(deviations**2), (len(POINTS), 1, 1))
+    nees, distance = [], []
+    for draw in range(8):
+        rng = np.random.default_rng([19, draw])
+        seen = tracks(rng, time, path, sigma=0.0)
+        seen += deviations * rng.standard_normal(seen.shape)
+        states = run(OnlineEstimator(1.0), time, seen, covariance=covariance)
+        off, own = errors(states[-1:], path[-1:])
+        nees.append(own[0])
+        distance.append(off[0])
+        assert (np.linalg.eigvalsh([s.covariance for s in states])[:, 0] > 0).all()
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 24)
+    # With the deviation of the depth in all coordinates the bound would be 7.5 times that of 0.02 m.
+    assert np.sqrt(np.mean(np.square(distance))) < 7.5 * batch_bound(time)
