@@ -19,7 +19,7 @@ LAYERS = [
     ["fmu.layout", "estimator.limits", "estimator.progress", "estimator.geometry"],
     ["fmu.units", "estimator.thrust"],
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],
-    ["fmu.check", "estimator.camera"],
+    ["fmu.check", "fmu.system", "estimator.camera"],
     ["estimator.tracks", "estimator.online"],
     ["estimator.registration", "estimator.plausibility"],
     ["estimator.details", "estimator.dynamics"],

@@ -18,6 +18,7 @@ from baryscope.scripts.cli.compare import compare
 from baryscope.scripts.cli.estimate import estimate_file
 from baryscope.scripts.cli.scenarios import scenarios
 from baryscope.scripts.cli.simulate import simulate_scenario
+from baryscope.scripts.cli.system import system
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
@@ -36,6 +37,7 @@ app.register_install_completion_command()
 app.command(compare)
 app.command(build)
 app.command(check)
+app.command(system)
 app.command(simulate_scenario, name="simulate")
 app.command(estimate_file, name="estimate")
 app.command(campaign)

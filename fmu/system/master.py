@@ -1,0 +1,266 @@
+"""A master for systems of FMI 2.0 units: all step at once, then outputs become inputs (Jacobi), by fmpy."""
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+from fmpy.fmi2 import FMU2Slave
+from fmpy.ssp.ssd import Component, read_ssd
+from lxml import etree
+from numpy.typing import NDArray
+
+from baryscope.fmu.layout.archive import unpack
+from baryscope.fmu.runtime.instance import UnitError
+from baryscope.fmu.system.structure import NAMESPACES, STRUCTURE
+from baryscope.models.errors import InputError
+
+FloatArray = NDArray[np.float64]
+EXPECTED = "a system of FMI 2.0 units, SSP 1.0, made by `baryscope system`"
+SHORTEST_STEP = 1e-6  # s
+
+
+@dataclass(eq=False)
+class Unit:
+    """An instance in a system.
+
+    Attributes:
+        name: of its element.
+        model: name of its model.
+        references: value references of its scalars by name.
+        booleans: the names of those that are Booleans.
+        step_size: of its default experiment, s; None if it has none.
+        fmu: the instance, by fmpy.
+        parameters: bound values by name.
+    """
+
+    name: str
+    model: str
+    references: Mapping[str, int]
+    booleans: frozenset[str]
+    step_size: float | None
+    fmu: Any
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def get(self, names: Sequence[str]) -> FloatArray:
+        """Scalars of one type by their names."""
+        read = self.fmu.getBoolean if self._are_booleans(names) else self.fmu.getReal
+        return np.asarray(self._called(read, [self.references[name] for name in names]), dtype=np.float64)
+
+    def set(self, names: Sequence[str], values: FloatArray) -> None:
+        """Set scalars of one type."""
+        places = [self.references[name] for name in names]
+        if self._are_booleans(names):
+            self._called(self.fmu.setBoolean, places, [bool(value) for value in values])
+        else:
+            self._called(self.fmu.setReal, places, values.tolist())
+
+    def vector(self, name: str) -> FloatArray:
+        """A variable with its elements in order."""
+        return self.get(self.scalars(name))
+
+    def scalars(self, name: str) -> list[str]:
+        """The names of a variable's elements."""
+        return [known for known in self.references if known == name or known.startswith(f"{name}[")]
+
+    def start(self) -> None:
+        """Set the bound parameters and initialise."""
+        reals = [name for name in self.parameters if name not in self.booleans]
+        switches = [name for name in self.parameters if name in self.booleans]
+        for names in (reals, switches):
+            if names:
+                self.set(names, np.array([self.parameters[name] for name in names]))
+        self._called(self.fmu.setupExperiment, startTime=0.0)
+        self._called(self.fmu.enterInitializationMode)
+        self._called(self.fmu.exitInitializationMode)
+
+    def step(self, time: float, length: float) -> None:
+        """Step from a time, s."""
+        self._called(self.fmu.doStep, currentCommunicationPoint=time, communicationStepSize=length)
+
+    def _are_booleans(self, names: Sequence[str]) -> bool:
+        return bool(names) and names[0] in self.booleans
+
+    def _called(self, function: Any, *arguments: Any, **named: Any) -> Any:
+        try:
+            return function(*arguments, **named)
+        except Exception as error:  # fmpy raises bare Exceptions
+            raise UnitError(f"{self.name}: {error}") from error
+
+
+@dataclass(frozen=True)
+class _Bundle:
+    """Scalars of one type that go from one unit to another."""
+
+    start: str
+    outputs: tuple[str, ...]
+    end: str
+    inputs: tuple[str, ...]
+
+
+class Master:
+    """Steps a system.
+
+    Attributes:
+        units: by their elements' names.
+        time: s.
+        step_size: the shortest of the units' own, s.
+        stop_time: of the default experiment, s; None if there is none.
+    """
+
+    def __init__(self, units: Mapping[str, Unit], bundles: Sequence[_Bundle], stop_time: float | None):
+        self.units = units
+        self.stop_time = stop_time
+        self.step_size = min((unit.step_size for unit in units.values() if unit.step_size), default=1.0)
+        self.time = 0.0
+        self._steps = 0
+        self._bundles = bundles
+        for unit in units.values():
+            unit.start()
+        self._exchange()
+
+    def of_model(self, model: str) -> Unit | None:
+        """The first unit of a model."""
+        return next((unit for unit in self.units.values() if unit.model == model), None)
+
+    def step(self) -> None:
+        """Step all units, then hand their outputs on.
+
+        Raises:
+            UnitError: a unit refuses the step or a value.
+        """
+        for unit in self.units.values():
+            unit.step(self.time, self.step_size)
+        self._steps += 1
+        self.time = self._steps * self.step_size
+        self._exchange()
+
+    def _exchange(self) -> None:
+        values = [self.units[one.start].get(one.outputs) for one in self._bundles]
+        for one, value in zip(self._bundles, values, strict=True):
+            self.units[one.end].set(one.inputs, value)
+
+
+@contextmanager
+def open_system(path: Path, step_size: float | None = None) -> Iterator[Master]:
+    """A master of the system in an .ssp archive, initialised.
+
+    Args:
+        path: the archive.
+        step_size: of all steps, s; None: the shortest of the units' own.
+
+    Raises:
+        InputError: it cannot be read, is unsafe, or is no system of FMI 2.0 units for Co-Simulation.
+        UnitError: a unit refuses its parameters.
+    """
+    if step_size is not None and not step_size >= SHORTEST_STEP:
+        raise InputError(f"step: found {step_size:g} s, expected at least {SHORTEST_STEP:g} s")
+    folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
+    opened: dict[str, Unit] = {}
+    try:
+        unpack(path, folder, EXPECTED)
+        components, links = _structure(path)
+        stop_time = _stop_time(path, folder)
+        for component in components:
+            opened[component.name] = _opened(path, folder, component)
+        master = Master(opened, _bundles(path, opened, links), stop_time)
+        if step_size is not None:
+            master.step_size = step_size
+        yield master
+    finally:
+        for unit in opened.values():
+            unit.fmu.freeInstance()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+Link = tuple[str, str, str, str]  # element and scalar, of start and end
+
+
+def _structure(path: Path) -> tuple[list[Component], list[Link]]:
+    try:
+        description = read_ssd(str(path))
+    except Exception as error:  # fmpy raises bare Exceptions
+        raise InputError(f"{path}: {' '.join(str(error).split())}, expected {EXPECTED}") from error
+    components = list(description.system.elements)
+    strangers = [element.name for element in components if not isinstance(element, Component)]
+    if strangers:
+        raise InputError(f"{path}: {strangers[0]} is a system in the system, expected {EXPECTED}")
+    links = [
+        (one.startElement or "", one.startConnector, one.endElement or "", one.endConnector)
+        for one in description.system.connections
+    ]
+    return components, links
+
+
+def _stop_time(path: Path, folder: Path) -> float | None:
+    """That of the default experiment; what fmpy passes over in a structure that it has found valid.
+
+    Raises:
+        InputError: values are transformed where they are connected.
+    """
+    root = etree.parse(folder / STRUCTURE, etree.XMLParser(resolve_entities=False)).getroot()
+    if any(etree.QName(element).localname.endswith("Transformation") for element in root.iter("{*}*")):
+        raise InputError(f"{path}: a connection transforms its values, expected {EXPECTED}")
+    experiment = root.find(f"{{{NAMESPACES['ssd']}}}DefaultExperiment")
+    stop = None if experiment is None else experiment.get("stopTime")
+    return None if stop is None else float(stop)
+
+
+def _opened(path: Path, folder: Path, component: Component) -> Unit:
+    """An instance of a component's unit, with its parameters."""
+    where = folder / component.source
+    if not where.resolve().is_relative_to(folder.resolve()) or not where.is_file():
+        raise InputError(f"{path}: {component.name} is of {component.source}, expected a file in the archive")
+    place = folder / f"unpacked-{component.name}"
+    place.mkdir()
+    unpack(where, place, EXPECTED)
+    description = fmpy.read_model_description(str(place), validate=False)
+    if description.fmiVersion != "2.0" or description.coSimulation is None:
+        raise InputError(f"{path}: {component.name} is of FMI {description.fmiVersion}, expected {EXPECTED}")
+    fmu = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=str(place),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName=component.name,
+    )
+    fmu.instantiate()
+    experiment = description.defaultExperiment
+    return Unit(
+        component.name,
+        description.modelName,
+        {variable.name: variable.valueReference for variable in description.modelVariables},
+        frozenset(variable.name for variable in description.modelVariables if variable.type == "Boolean"),
+        None if experiment is None or experiment.stepSize is None else float(experiment.stepSize),
+        fmu,
+        _parameters(component),
+    )
+
+
+def _parameters(component: Component) -> dict[str, float]:
+    """The values that are bound at a component."""
+    sets = [values for binding in component.parameterBindings for values in binding.parameterValues]
+    return {one.name: _number(one.value) for own in sets for one in own.parameters}
+
+
+def _number(text: str) -> float:
+    return {"true": 1.0, "false": 0.0}[text] if text in ("true", "false") else float(text)
+
+
+def _bundles(path: Path, units: Mapping[str, Unit], links: Sequence[Link]) -> list[_Bundle]:
+    """Connections of scalars of one type between the same units, together."""
+    groups: dict[tuple[str, str, bool], list[Link]] = {}
+    for link in links:
+        start, output, end, taken = link
+        for element, scalar in ((start, output), (end, taken)):
+            if element not in units or scalar not in units[element].references:
+                raise InputError(f"{path}: connects {element}.{scalar}, which is in no unit, expected {EXPECTED}")
+        groups.setdefault((start, end, output in units[start].booleans), []).append(link)
+    return [
+        _Bundle(start, tuple(link[1] for link in own), end, tuple(link[3] for link in own))
+        for (start, end, _), own in groups.items()
+    ]

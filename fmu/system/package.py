@@ -1,0 +1,47 @@
+"""From a scenario to a packed system: the units and the .ssd in one .ssp archive."""
+
+import zipfile
+from pathlib import Path
+
+from baryscope.fmu.generate.build import pack_unit
+from baryscope.fmu.generate.compiler import Progress
+from baryscope.fmu.layout.platforms import Selection
+from baryscope.fmu.system.chain import chain_of
+from baryscope.fmu.system.structure import STRUCTURE, source_of, system_structure
+from baryscope.models.files import AnyPath, replacing, temporary_folder
+from baryscope.models.scenario import Scenario
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
+
+
+def build_system(
+    scenario: Scenario, path: AnyPath, *, platforms: Selection = "host", progress: Progress | None = None
+) -> Path:
+    """Build the chain of target, rig, estimator and controller of a scenario as SSP 1.0, with units of FMI 2.0.
+
+    Args:
+        scenario: gives the start values, which are bound as parameters, too.
+        path: where to write; an existing file is replaced when the build has succeeded.
+        platforms: as of `build_fmu`.
+        progress: told which platforms are still being compiled for.
+
+    Returns:
+        The path written.
+
+    Raises:
+        InputError: the path cannot be written, or a unit cannot be made of the scenario.
+        ComputationError: there is no C compiler, or no ziglang for other platforms, or it fails.
+    """
+    path, chain = Path(path), chain_of(scenario)
+    members = {STRUCTURE: system_structure(chain, scenario.name, scenario.duration)}
+    with replacing(path) as temporary, temporary_folder() as folder:
+        for element, unit in chain.units.items():
+            fmu = pack_unit(unit, folder / f"{element}.fmu", platforms=platforms, progress=progress)
+            members[source_of(element)] = fmu.read_bytes()
+        with zipfile.ZipFile(temporary, "w") as archive:
+            for name, content in members.items():
+                member = zipfile.ZipInfo(name, date_time=_EPOCH)
+                member.compress_type = zipfile.ZIP_DEFLATED
+                member.create_system, member.external_attr = 3, 0o644 << 16  # Unix, on every machine
+                archive.writestr(member, content)
+    return path

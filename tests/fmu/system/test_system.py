@@ -1,0 +1,187 @@
+"""The chain of units as an SSP: the same in four masters, closed on estimates, refused where it is none of ours."""
+
+import importlib
+import re
+import shutil
+import zipfile
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+
+from baryscope.fmu.runtime.instance import UnitError
+from baryscope.fmu.system import build_system, open_system
+from baryscope.fmu.system.structure import STRUCTURE
+from baryscope.models.errors import InputError
+
+STEPS = 120
+WATCHED = {
+    "target": [f"chaser.position[{k}]" for k in (1, 2, 3)],
+    "rig": ["pixels[1,1]", "pixels[7,3]"],
+    "estimator": [f"target.position[{k}]" for k in (1, 2, 3)] + ["target.positionCovariance[1]"],
+    "controller": [f"command.acceleration[{k}]" for k in (1, 2, 3)],
+}
+
+
+@pytest.fixture(scope="module")
+def system(envisat, tmp_path_factory):
+    return build_system(envisat, tmp_path_factory.mktemp("system") / "chain.ssp")
+
+
+@pytest.fixture(scope="module")
+def flown(system):
+    """What is watched after so many steps by our master."""
+    with open_system(system) as master:
+        assert master.step_size == 1.0
+        for _ in range(STEPS):
+            master.step()
+        found = {element: master.units[element].get(names) for element, names in WATCHED.items()}
+    assert found["estimator"][3] > 0
+    assert (found["rig"] > 0).any()
+    assert found["controller"].any()
+    return found
+
+
+def same(found, flown):
+    for element, names in WATCHED.items():
+        np.testing.assert_array_equal(found(element, names), flown[element], err_msg=element)
+
+
+def test_fmpy_flies_it_alike(system, flown):
+    rows = simulate_ssp(str(system), stop_time=float(STEPS), step_size=1.0)
+    assert len(rows) == STEPS
+
+    def found(element, names):
+        there = [name for name in names if f"{element}.{name}" in rows.dtype.names]
+        values = dict(zip(names, flown[element], strict=True)) | {name: rows[f"{element}.{name}"][-1] for name in there}
+        return [values[name] for name in names]
+
+    assert "estimator.target.position[1]" in rows.dtype.names
+    same(found, flown)
+
+
+@pytest.mark.filterwarnings("ignore:'ctypes.POINTER with string':DeprecationWarning")  # its, on 3.14
+def test_libcosim_flies_it_alike(system, flown, tmp_path):
+    package = "libcosimpy"
+    pytest.importorskip(package, reason=f"{package} has wheels for Linux and Windows on x86-64")
+    part = {name: importlib.import_module(f"{package}.Cosim{name}") for name in ("Execution", "Logging", "Observer")}
+    part["Logging"].log_output_level(part["Logging"].CosimLogLevel.ERROR)
+    with zipfile.ZipFile(system) as archive:  # libcosim reads a folder
+        archive.extractall(tmp_path)
+    execution = part["Execution"].CosimExecution.from_ssp_file(str(tmp_path), 10**9)
+    observer = part["Observer"].CosimObserver.create_last_value()
+    assert execution.add_observer(observer)
+    assert execution.step(STEPS)
+    slaves = {info.name.decode(): info.index for info in execution.slave_infos()}
+
+    def found(element, names):
+        unit = fmpy.read_model_description(str(tmp_path / "resources" / f"{element}.fmu"))
+        references = {variable.name: variable.valueReference for variable in unit.modelVariables}
+        return observer.last_real_values(slaves[element], [references[name] for name in names])
+
+    same(found, flown)
+
+
+def test_ecos_flies_it_alike(system, flown):
+    try:
+        ecospy = importlib.import_module("ecospy")
+    except ImportError as problem:
+        pytest.skip(f"ecospy has libraries for Linux and Windows on x86-64 only ({problem})")
+    except OSError as problem:
+        pytest.skip(f"ecospy needs the system's libtbb.so.12, in Debian's package libtbb12 ({problem})")
+    with ecospy.EcosSimulation(ssp_path=str(system), step_size=1.0) as simulation:
+        simulation.init()
+        simulation.step(STEPS)
+        same(lambda element, names: [simulation.get_real(f"{element}::{name}") for name in names], flown)
+
+
+def test_it_holds_on_estimates_alone(system):
+    """Ten minutes at 20 m: the centre of mass within what is claimed, the chaser where it shall be."""
+    squares = []
+    with open_system(system) as master:
+        target, estimator, controller = (master.units[name] for name in ("target", "estimator", "controller"))
+        for k in range(600):
+            master.step()
+            if k >= 120 and k % 60 == 0:
+                assert estimator.vector("navigation.valid")[0] == 1.0
+                error = estimator.vector("target.position") - target.vector("target.position")
+                covariance = np.zeros((3, 3))
+                covariance[np.triu_indices(3)] = estimator.vector("target.positionCovariance")
+                covariance = covariance + np.triu(covariance, 1).T
+                squares.append(error @ np.linalg.solve(covariance, error))
+        away = target.vector("chaser.position") - [0.0, -20.0, 0.0]
+        assert np.linalg.norm(away) < 0.02
+        assert np.linalg.norm(controller.vector("goal.offset")) < 0.02
+    assert max(squares) < 21.1  # p = 1e-4
+    # Eight times of one flight are correlated: as if they were two, whose mean is below 3 + 4 √(6/2).
+    assert np.mean(squares) < 10
+
+
+def test_equal_scenarios_give_equal_files(envisat, system, tmp_path):
+    assert build_system(envisat, tmp_path / "again.ssp").read_bytes() == system.read_bytes()
+
+
+def rewritten(system, path, *changes):
+    """A copy with changes of the structure: a pattern, and what comes in its place."""
+    with zipfile.ZipFile(system) as archive, zipfile.ZipFile(path, "w") as copy:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name == STRUCTURE:
+                for pattern, new in changes:
+                    content, count = re.subn(pattern.encode(), new.encode(), content)
+                    assert count
+            copy.writestr(name, content)
+    return path
+
+
+def test_parameters_are_those_that_are_bound(system, tmp_path):
+    nearer = (r'(name="chaser\.position0\[2\]">\s*<ssv:Real value=")-20\.0', r"\g<1>-12.5")
+    changed = rewritten(system, tmp_path / "near.ssp", nearer)
+    with open_system(changed) as master:
+        assert master.units["target"].vector("chaser.position").tolist() == [0.0, -12.5, 0.0]
+        assert master.stop_time == pytest.approx(6016.86, abs=0.01)
+
+
+def test_a_parameter_that_a_unit_refuses_is_named(system, tmp_path):
+    never = (r'(name="sampling\.period">\s*<ssv:Real value=")1\.0', r"\g<1>-1.0")
+    with pytest.raises(UnitError, match=r"^rig: "), open_system(rewritten(system, tmp_path / "bad.ssp", never)):
+        pass
+
+
+BAD = {
+    "no such scalar": (
+        [(r'startConnector="sample\.time"', 'startConnector="sample.tune"')],
+        r"connects rig\.sample\.tune, which is in no unit",
+    ),
+    "a transformation": (
+        [(r'(endConnector="sample\.time") />', r'\1><ssc:LinearTransformation factor="2" /></ssd:Connection>')],
+        r"a connection transforms its values",
+    ),
+    "not SSP": ([("ssd:Component ", "ssd:Part ")], r"bad\.ssp: .*, expected a system of FMI 2\.0 units"),
+    "a unit that is not there": ([(r"resources/rig\.fmu", "resources/rag.fmu")], r"rig is of resources/rag\.fmu"),
+    "a unit from elsewhere": ([(r"resources/rig\.fmu", "../../rig.fmu")], r"rig is of \.\./\.\./rig\.fmu"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_no_system_of_ours_is_refused(case, system, tmp_path):
+    changes, message = BAD[case]
+    with pytest.raises(InputError, match=message), open_system(rewritten(system, tmp_path / "bad.ssp", *changes)):
+        pass
+
+
+def test_other_files_and_steps_are_refused(system, envisat_fmu, envisat_fmu3, tmp_path):
+    (tmp_path / "text.ssp").write_text("no archive")
+    with pytest.raises(InputError, match="is not a whole zip file"), open_system(tmp_path / "text.ssp"):
+        pass
+    with pytest.raises(InputError, match=r"expected a system of FMI 2\.0 units"), open_system(envisat_fmu):
+        pass
+    with pytest.raises(InputError, match="step: found 0 s"), open_system(system, 0.0):
+        pass
+    with zipfile.ZipFile(system) as archive:
+        archive.extractall(tmp_path / "new")
+    shutil.copy(envisat_fmu3, tmp_path / "new" / "resources" / "target.fmu")
+    shutil.make_archive(str(tmp_path / "three"), "zip", tmp_path / "new")
+    with pytest.raises(InputError, match=r"target is of FMI 3\.0"), open_system(tmp_path / "three.zip"):
+        pass
