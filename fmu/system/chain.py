@@ -23,6 +23,9 @@ _LINKS = (
     ("estimator", "target.position", "controller", "target.position"),
     ("estimator", "target.velocity", "controller", "target.velocity"),
     ("estimator", "target.attitude", "controller", "target.attitude"),
+    ("estimator", "target.angularRate", "controller", "target.angularRate"),
+    ("estimator", "target.inertia", "controller", "target.inertia"),
+    ("estimator", "body.features", "controller", "grapple.point"),
     ("estimator", "navigation.valid", "controller", "navigation.valid"),
     ("controller", "camera.attitude", "rig", "camera.attitude"),
     ("controller", "command.acceleration", "target", "chaser.acceleration"),
@@ -32,15 +35,21 @@ _LINKS = (
 
 @dataclass(frozen=True)
 class Connection:
-    """An output that becomes an input in the next step; scalars are connected in their order.
+    """An output that becomes an input in the next step; scalars are connected in their order, as many as the input has.
 
     Attributes:
         start: element and output.
-        end: element and input, of the same shape.
+        end: element and input.
     """
 
     start: tuple[str, Variable]
     end: tuple[str, Variable]
+
+    @property
+    def scalars(self) -> list[tuple[str, str]]:
+        """The names of its scalars: of the output and of the input."""
+        output, taken = self.start[1].scalar_names, self.end[1].scalar_names
+        return list(zip(output[: len(taken)], taken, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,15 +59,17 @@ class Chain:
     units: Mapping[str, Blueprint]
     connections: tuple[Connection, ...]
 
-    def connected(self, element: str) -> list[Variable]:
-        """The variables of an element that are connected, inputs first, each once."""
-        ends = [one.end[1] for one in self.connections if one.end[0] == element]
-        starts = [one.start[1] for one in self.connections if one.start[0] == element]
-        return list(dict.fromkeys([*ends, *starts]))
+    def connected(self, element: str) -> dict[str, Variable]:
+        """The scalars of an element that are connected, and the variables that they are of; inputs first."""
+        ends = {name: one.end[1] for one in self.connections if one.end[0] == element for _, name in one.scalars}
+        starts = {name: one.start[1] for one in self.connections if one.start[0] == element for name, _ in one.scalars}
+        return ends | starts
 
 
 def chain_of(scenario: Scenario) -> Chain:
     """The chain of a scenario. The target's orbit is connected only where its unit has it, with forces.
+
+    The grapple point is the first feature, where the estimator's map has it.
 
     Raises:
         InputError: a unit cannot be made of the scenario.

@@ -6,6 +6,7 @@ values that the units start with anyway, for masters that pass over bindings.
 """
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 from baryscope import __version__
 from baryscope.fmu.system.chain import Chain
@@ -46,8 +47,8 @@ def system_structure(chain: Chain, name: str, stop_time: float) -> bytes:
         _add_component(elements, element, unit, chain.connected(element))
     connections = ET.SubElement(system, _tag("ssd", "Connections"))
     for one in chain.connections:
-        (start, output), (end, taken) = one.start, one.end
-        for first, second in zip(output.scalar_names, taken.scalar_names, strict=True):
+        for first, second in one.scalars:
+            start, end = one.start[0], one.end[0]
             places = {"startElement": start, "startConnector": first, "endElement": end, "endConnector": second}
             ET.SubElement(connections, _tag("ssd", "Connection"), places)
     ET.SubElement(root, _tag("ssd", "DefaultExperiment"), startTime="0", stopTime=repr(float(stop_time)))
@@ -56,15 +57,14 @@ def system_structure(chain: Chain, name: str, stop_time: float) -> bytes:
     return text
 
 
-def _add_component(parent: ET.Element, name: str, unit: Blueprint, connected: list[Variable]) -> None:
+def _add_component(parent: ET.Element, name: str, unit: Blueprint, connected: Mapping[str, Variable]) -> None:
     values = {"name": name, "type": FMU_TYPE, "source": source_of(name), "description": unit.summary}
     component = ET.SubElement(parent, _tag("ssd", "Component"), values)
     connectors = ET.SubElement(component, _tag("ssd", "Connectors"))
-    for variable in connected:
+    for scalar, variable in connected.items():
         kind = "input" if variable.kind == Kind.INPUT else "output"
-        for scalar in variable.scalar_names:
-            connector = ET.SubElement(connectors, _tag("ssd", "Connector"), name=scalar, kind=kind)
-            _add_type(connector, variable)
+        connector = ET.SubElement(connectors, _tag("ssd", "Connector"), name=scalar, kind=kind)
+        ET.SubElement(connector, _tag("ssc", "Boolean" if variable.boolean else "Real"))
     bindings = ET.SubElement(component, _tag("ssd", "ParameterBindings"))
     binding = ET.SubElement(bindings, _tag("ssd", "ParameterBinding"))
     held = ET.SubElement(binding, _tag("ssd", "ParameterValues"))
@@ -77,13 +77,6 @@ def _add_component(parent: ET.Element, name: str, unit: Blueprint, connected: li
                 ET.SubElement(parameter, _tag("ssv", "Boolean"), value="true" if value else "false")
             else:
                 ET.SubElement(parameter, _tag("ssv", "Real"), value=repr(float(value)))
-
-
-def _add_type(connector: ET.Element, variable: Variable) -> None:
-    if variable.boolean:
-        ET.SubElement(connector, _tag("ssc", "Boolean"))
-    else:
-        ET.SubElement(connector, _tag("ssc", "Real"))
 
 
 def _tag(prefix: str, name: str) -> str:
