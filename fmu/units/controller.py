@@ -43,7 +43,8 @@ _LAW = (
 )
 _USE = (
     "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration.",
-    "The command is computed from the inputs at the beginning of a step, and stands in the outputs after it.",
+    "The command is computed from the inputs at the beginning of a step, and stands in the outputs after it. Where a "
+    "master hands it on in the next step, command.delay is a step: a command that turns with the body turns so far.",
     "While navigation.valid is false the command is zero, and other outputs are those of a chaser at hold.position; "
     "but camera.attitude looks at target.position, unless that is zero.",
     "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",

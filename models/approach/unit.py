@@ -59,7 +59,7 @@ def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol]
 
 
 def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
-    """Outputs by name. The command is held over the step while the goal turns on: it turns with it by half the step."""
+    """Outputs by name. The command acts after a delay, for a step, while the goal turns on: it turns to the middle."""
     time, length = ca.vertsplit(step)
     elements = Elements.named(parameters)
     true_anomaly = true_anomaly_after(time, elements)
@@ -76,7 +76,7 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
         ca.cos(parameters["corridor.halfAngle"]),
     )
     wanted = commanded(motion, goal, limits, parameters["control.rate"])
-    wanted += ca.cross(goal.turning, wanted) * length / 2
+    wanted += ca.cross(goal.turning, wanted) * (parameters["command.delay"] + length / 2)
     size, limit, valid = ca.norm_2(wanted), parameters["thrust.limit"], inputs["navigation.valid"]
     return {
         "command.acceleration": valid * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED)),
@@ -197,6 +197,7 @@ def approach_table() -> tuple[Variable, ...]:
         tunable("control.rate", "1/s", "Rate at which errors of velocity decay"),
         tunable("keepOut.radius", "m", "Radius of the keep-out sphere about the CoM; 0: none"),
         tunable("corridor.halfAngle", "rad", "Half angle of the cone before the grapple point", (0.0, pi)),
+        tunable("command.delay", "s", "Time from the beginning of a step until its command acts"),
         tunable("thrust.limit", "m/s2", "Largest commanded acceleration"),
         Variable(
             "command.acceleration", OUT, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH,
@@ -228,19 +229,20 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
     def positive(name: str, unit: str) -> Check:
         return check(name, f"a value above 0 {unit}", "value", given[name], given[name])
 
-    def not_negative(name: str) -> Check:
-        return check(name, "a value of at least 0 m", "value", given[name], ca.if_else(given[name] >= 0, 1, -1))
+    def not_negative(name: str, unit: str) -> Check:
+        return check(name, f"a value of at least 0 {unit}", "value", given[name], ca.if_else(given[name] >= 0, 1, -1))
 
     return (
         *orbit_checks(Elements.named(given)),
-        not_negative("grapple.standoff"),
+        not_negative("grapple.standoff", "m"),
         positive("guidance.speed", "m/s"),
         positive("guidance.rate", "1/s"),
         positive("control.rate", "1/s"),
-        not_negative("keepOut.radius"),
+        not_negative("keepOut.radius", "m"),
         check(
             "corridor.halfAngle", "0 to pi rad", "value", angle,
             ca.if_else(ca.logic_and(angle >= 0, angle <= pi), 1, -1),
         ),
+        not_negative("command.delay", "s"),
         positive("thrust.limit", "m/s2"),
     )  # fmt: skip

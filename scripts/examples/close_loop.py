@@ -1,4 +1,4 @@
-"""Close the loop with four units: the chaser glides to 15 m on V-bar, on estimates only. Copy and change it.
+"""Close the loop with four units: a chaser flies to a grapple point of tumbling Envisat, on estimates only. To copy.
 
 python scripts/examples/close_loop.py
 """
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from baryscope.fmu import UnitSession, build_fmu
 from baryscope.models.scenario import load_scenario
 
-STEP = 1.0  # s
+STEP, DURATION, GRAPPLED = 0.5, 900.0, 0  # s, s, the feature to fly to
 LINKS = {  # unit → its input: the unit and the output that it comes from
     "target": {"chaser.acceleration": ("controller", "command.acceleration")},
     "rig": {
@@ -25,12 +25,16 @@ LINKS = {  # unit → its input: the unit and the output that it comes from
         "camera.attitude": ("rig", "camera.measuredAttitude"),
         "chaser.acceleration": ("controller", "command.acceleration"),
     },
-    "controller": {name: ("estimator", name) for name in ("target.position", "target.velocity", "navigation.valid")},
+    "controller": {
+        **{f"target.{name}": ("estimator", f"target.{name}") for name in ("position", "velocity", "attitude")},
+        **{f"target.{name}": ("estimator", f"target.{name}") for name in ("angularRate", "inertia")},
+        "navigation.valid": ("estimator", "navigation.valid"),
+    },
 }
 PARAMETERS: dict[str, dict[str, ArrayLike]] = {
-    "rig": {"camera.attitudeNoise": 1e-4},
+    "rig": {"sampling.period": STEP, "camera.attitudeNoise": 1e-4},
     "estimator": {"camera.attitudeNoise": 1e-4},
-    "controller": {"hold.position": [0.0, -15.0, 0.0], "keepOut.radius": 12.0, "guidance.speed": 0.05},
+    "controller": {"synchronised": True, "command.delay": STEP},  # outputs become inputs a step later
 }
 
 scenario = load_scenario("envisat")
@@ -39,15 +43,20 @@ with tempfile.TemporaryDirectory() as folder:
     for name in LINKS:
         fmu = build_fmu(scenario, Path(folder) / f"{name}.fmu", unit=name)
         units[name] = UnitSession(fmu, PARAMETERS.get(name))
+    target, estimator, controller = (units[name] for name in ("target", "estimator", "controller"))
 
-    for step in range(901):
-        if step % 100 == 0:
-            true, found = units["target"]["target.position"], units["estimator"]["target.position"]
-            away, error = np.linalg.norm([true, found - true], axis=1)
-            valid = "tracking" if units["estimator"]["navigation.valid"] else "not yet"
-            print(f"{step * STEP:5.0f} s: {valid}, {away:6.2f} m away, estimated within {1000 * error:5.0f} mm")
-        for name, links in LINKS.items():  # all inputs of a step are outputs of the step before
+    for step in range(round(DURATION / STEP) + 1):
+        if step * STEP % 100 == 0:
+            centre, feature = target["target.position"], target["features"][GRAPPLED]
+            away, error = np.linalg.norm([feature, estimator["target.position"] - centre], axis=1)
+            print(
+                f"{step * STEP:5.0f} s: {away:6.2f} m from the grapple point; centre of mass known to {error:7.3f} m, "
+                f"tumble {'known' if estimator['tumble.known'] else 'not yet'}"
+            )
+        for name, links in LINKS.items():
             units[name].set_inputs({own: units[other][output] for own, (other, output) in links.items()})
+        grapple = estimator["body.features"][GRAPPLED]  # in the estimator's map, and from straight above it
+        controller.set_inputs({"grapple.point": grapple, "grapple.direction": np.zeros(3)})
         for unit in units.values():
             unit.step(STEP)
 

@@ -21,10 +21,11 @@ def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
 
 
 def test_the_closed_loop_to_copy_arrives_on_estimates(capsys):
-    """At 15 m within two centimetres, the centre of mass known to one."""
+    """2 m before the grapple point within 3 cm, in step with 3.5 °/s; the centre of mass known to one."""
     runpy.run_path(str(EXAMPLES / "close_loop.py"))
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 10
-    found = re.fullmatch(r"  900 s: tracking, +([0-9.]+) m away, estimated within +([0-9]+) mm", lines[-1])
-    assert abs(float(found[1]) - 15.0) <= 0.02
-    assert int(found[2]) <= 10
+    words = r"  900 s: +([0-9.]+) m from the grapple point; centre of mass known to +([0-9.]+) m, tumble known"
+    away, error = map(float, re.fullmatch(words, lines[-1]).groups())
+    assert abs(away - 2.0) <= 0.03
+    assert error <= 0.01
