@@ -134,7 +134,7 @@ def test_a_command_that_comes_a_step_late(fly):
     for delay in (0.0, STEP):
         flight = fly([0.0, -20.0, 0.0], 900, late=True, synchronised=True, command__delay=delay)
         off[delay] = np.linalg.norm(flight["feature"] + STANDOFF * flight["normal"], axis=1)[-400:]
-    assert off[STEP].max() < 0.02
+    assert off[STEP].max() < 0.03
     assert off[0.0].min() > 0.04
 
 
