@@ -89,7 +89,7 @@ def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]
         **orbit_parameters(scenario.orbit),
         "hold.position": known["chaser.position0"],
         "grapple.point": first.position,
-        "grapple.direction": first.normal,
+        "command.delay": scenario.run.sample_time,
         "keepOut.radius": CLEARANCE * np.linalg.norm(known["chaser.position0"]),
         **USUAL,
     }

@@ -55,8 +55,7 @@ with tempfile.TemporaryDirectory() as folder:
             )
         for name, links in LINKS.items():
             units[name].set_inputs({own: units[other][output] for own, (other, output) in links.items()})
-        grapple = estimator["body.features"][GRAPPLED]  # in the estimator's map, and from straight above it
-        controller.set_inputs({"grapple.point": grapple, "grapple.direction": np.zeros(3)})
+        controller.set_inputs({"grapple.point": estimator["body.features"][GRAPPLED]})  # where its map has it
         for unit in units.values():
             unit.step(STEP)
 

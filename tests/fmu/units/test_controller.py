@@ -47,12 +47,13 @@ def controller_fmu(small, tmp_path_factory):
 
 
 @pytest.fixture
-def fly(small_fmu, controller_fmu, tmp_path):
+def fly(small, small_fmu, controller_fmu, tmp_path):
     """Fly the loop from a place in LVLH; the flight as columns."""
     number = count()
 
     def flown(start, duration, fmus=(small_fmu, controller_fmu), late=False, **parameters):
-        controller = Controller(fmus[1], tmp_path / f"controller{next(number)}", **parameters)
+        told = {"command__delay": 0.0, "grapple__direction": small.features.points[0].normal} | parameters
+        controller = Controller(fmus[1], tmp_path / f"controller{next(number)}", **told)
         places = {name: controller.places(name) for name in INPUTS}
         rows, before = [], np.zeros(3)
         with Session(fmus[0], {"chaser.position0": start}) as session:
