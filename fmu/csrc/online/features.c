@@ -20,10 +20,20 @@ static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3
     if (!inverted(both, frame->W[i])) frame->slot[i] = -1;
 }
 
-/* What a point says of its feature, at the attitude R. */
-static void inform(Feature *feature, const Frame *frame, int i, const double R[3][3]) {
-    double weight[3][3], T[3][3];
-    if (!inverted(frame->noise[i], weight)) return;
+/* What a point says of its feature, seen from a pose whose place and rotation vector in C have the covariance V. */
+static void inform(Feature *feature, const Frame *frame, int i, const double arm[3], const double R[3][3],
+                   double V[6][6]) {
+    double K[3][3], own[3][3], weight[3][3], T[3][3], J[3][6];
+    moved_by_turn(arm, K);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) J[a][b] = a == b, J[a][3 + b] = K[a][b];
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            own[a][b] = frame->noise[i][a][b];
+            for (int k = 0; k < 6; k++)
+                for (int l = 0; l < 6; l++) own[a][b] += J[a][k] * V[k][l] * J[b][l];
+        }
+    if (!inverted(own, weight)) return;
     product(weight, R, T);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b <= a; b++) {
@@ -66,8 +76,8 @@ static int free_slot(Online *filter, const Frame *frame) {
     return (int)filter->used - 1;
 }
 
-/* Put a point into the map: b = R' (y - shift - r + lag v), with the errors of all of these. */
-static void add(Online *filter, const Frame *frame, int i, double lag) {
+/* Put a point into the map: b = R' (y - shift - r + lag v), with the errors of all of these; V is that of `inform`. */
+static void add(Online *filter, const Frame *frame, int i, double lag, double V[6][6]) {
     int slot = free_slot(filter, frame);
     if (slot < 0) return;
     int at = BODY + 3 * slot, n = size_of(filter);
@@ -99,7 +109,7 @@ static void add(Online *filter, const Frame *frame, int i, double lag) {
             filter->P[at + a][at + b] = filter->P[at + b][at + a] = sum;
         }
     filter->feature[slot] = (Feature){frame->name[i], filter->time, 0.0, 0.0, {{0}}};
-    inform(&filter->feature[slot], frame, i, R);
+    inform(&filter->feature[slot], frame, i, arm, R, V);
 }
 
 /* The feature out of sight whose place a point has, -1 if there is none or more than one. */
@@ -195,15 +205,17 @@ static void note_sightings(Online *filter, Frame *frame) {
 }
 
 /* After an update: features that it was made with, points that are features under a new name, and new features. */
-static void extend_map(Online *filter, const Frame *frame, double lag) {
+static void extend_map(Online *filter, const Frame *frame, double lag, double V[6][6]) {
     for (int i = 0; i < frame->count; i++) {
         int known = slot_of(filter, frame->name[i]);
         if (known >= 0) {
-            if (frame->fits[i]) inform(&filter->feature[known], frame, i, filter->R);
+            double arm[3];
+            times(filter->R, filter->b[known], arm);
+            if (frame->fits[i]) inform(&filter->feature[known], frame, i, arm, filter->R, V);
             continue;
         }
         known = recognised(filter, frame, i);
         if (known >= 0) filter->feature[known].name = frame->name[i], filter->feature[known].last = filter->time;
-        else add(filter, frame, i, lag);
+        else add(filter, frame, i, lag, V);
     }
 }

@@ -104,5 +104,12 @@ static void close_node(Online *filter, const double R[3][3]) {
     of_pose(&pose, 3, noise);
     follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
     filter->turned = time;
-    extend_map(filter, &frame, lag);
+    double V[6][6];
+    for (int j = 0; j < 6; j++) {
+        double column[6] = {0};
+        column[j] = 1.0;
+        solved(6, pose.factor, column);
+        for (int k = 0; k < 6; k++) V[k][j] = column[k];
+    }
+    extend_map(filter, &frame, lag, V);
 }

@@ -56,7 +56,8 @@ static void begin(Online *filter, const Frame *frame, double time) {
         filter->P[PLACE + k][PLACE + k] = variance;
         filter->P[SPEED + k][SPEED + k] = options.speed * options.speed;
     }
-    for (int i = 0; i < frame->count; i++) add(filter, frame, i, 0.0);
+    double exact[6][6] = {{0}};
+    for (int i = 0; i < frame->count; i++) add(filter, frame, i, 0.0, exact);
     filter->density = LEAST_DENSITY;
     filter->frames = 1.0;
     start_interval(filter);

@@ -55,7 +55,7 @@ typedef struct {
     double last; /* time of the last sighting, s */
     double sightings;
     double refused; /* sightings in a row that did not fit */
-    double information[3][3]; /* of its place in B, had the attitudes been known, 1/m2 */
+    double information[3][3]; /* of its place in B, as if its sightings were independent, 1/m2 */
 } Feature;
 
 /* What frames of nearly the same attitude saw of a feature: sums over its sightings. */
