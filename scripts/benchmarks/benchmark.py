@@ -3,8 +3,9 @@
     make benchmark        or        python scripts/benchmarks/benchmark.py [--peers all|NAME,…]
 
 Peers: fmpy's own `simulate_fmu`, scipy's DOP853, CasADi's cvodes, one call of scipy's `Rotation.align_vectors` a frame,
-scipy's `least_squares`, a Kalman filter in numpy; and, where they are installed (pip install -e '.[bench]'), heyoka, Basilisk, GTSAM and a
-pythonfmu unit of the same model. The least squares of `pivot` are compared without and with process noise.
+scipy's `least_squares`, a Kalman filter in numpy; and, where they are installed (pip install -e '.[bench]'), heyoka,
+Basilisk, GTSAM and a pythonfmu unit of the same model. The least squares of `pivot` are compared without and with
+process noise.
 Accuracies are measured against the closed forms of the tests: Jacobi's functions with one quadrature for the
 attitude, the difference of two Kepler orbits for the position. With J2, drag and gravity gradient the unit must be
 where Basilisk is. Times are the best of several runs.
