@@ -23,11 +23,12 @@ static void mean_push(const Model *model, double begin, double end, double push[
     for (int k = 0; k < 3; k++) push[k] = end > begin ? (change[1][k] - change[0][k]) / (end - begin) : 0.0;
 }
 
-/* Remember the step from `time` to `next` with its command. */
+/* Remember the step from `time` to `next` with its command, which turns with LVLH: on the mean as in its middle. */
 static void remember(Model *model, const double *values, double time, double next)
 {
     double push[3];
-    const double *arguments[] = {&time, values + AT_ORBIT, values + AT_ACCELERATION};
+    const double middle = time + 0.5 * (next - time);
+    const double *arguments[] = {&middle, values + AT_ORBIT, values + AT_ACCELERATION};
     double *results[] = {push};
     if (values[AT_ON_ORBIT] != 0.0)
         unit_push(arguments, results, NULL, NULL, 0);
@@ -38,6 +39,18 @@ static void remember(Model *model, const double *values, double time, double nex
     Past *now = &model->past[model->count++];
     now->time = next;
     for (int k = 0; k < 3; k++) now->change[k] = last->change[k] + push[k] * (next - time);
+}
+
+/* Bring the filter to the last communication point before a time, through each step with its own command. */
+static void go_through(const Model *model, Online *filter, double end)
+{
+    double push[3];
+    for (int i = 0; i < model->count && filter->frames > 0.0; i++) {
+        const double time = model->past[i].time;
+        if (time <= filter->time || time >= end) continue;
+        mean_push(model, filter->time, time, push);
+        advance(filter, time, push);
+    }
 }
 
 /* ---- samples ---- */
@@ -66,6 +79,7 @@ static void take_sample(Model *model, const double *values)
     }
     const double time = values[AT_SAMPLE_TIME];
     if (count == 0 || (model->samples > 0.0 && !(time > model->filter.time))) return;
+    go_through(model, &model->filter, time);
     mean_push(model, model->filter.time, time, push);
     if (online_update(&model->filter, time, count, names, points[0], largest > 0.0 ? covariances[0] : NULL, push) != ACCEPTED) return;
     model->samples += 1.0;
@@ -124,9 +138,12 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_SAMPLES] = model->samples;
     write_tumble(model, values, time);
     if (model->filter.frames == 0.0) return true;
-    mean_push(model, model->filter.time, time, push);
-    if (online_predict(&model->filter, time, push, &now) != ACCEPTED) return false;
-    if (online_predict(&model->filter, time + values[AT_HORIZON], none, &ahead) != ACCEPTED) return false;
+    Online filter = model->filter;
+    go_through(model, &filter, time);
+    mean_push(model, filter.time, time, push);
+    if (time > filter.time) advance(&filter, time, push);
+    if (online_predict(&filter, time, none, &now) != ACCEPTED) return false;
+    if (online_predict(&filter, time + values[AT_HORIZON], none, &ahead) != ACCEPTED) return false;
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
     memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);
     write_upper(now.covariance[0], 6, values + AT_POSITION_COVARIANCE);
