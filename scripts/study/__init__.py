@@ -1,6 +1,6 @@
 """Studies with simulated tracks: functions that return data and print nothing, for the command line and notebooks.
 
-Here: flights, comparisons and tables of bounds. In `baryscope.study.campaign`: scenarios drawn many times.
+Here: flights, closed loops, comparisons, tables of bounds. In `baryscope.study.campaign`: scenarios drawn many times.
 """
 
 from baryscope.study.bound_files import write_bounds
@@ -8,6 +8,8 @@ from baryscope.study.bounds import BoundTable, Grid, bound_table
 from baryscope.study.comparison import Comparison, Outcome, compare
 from baryscope.study.comparison_files import write_comparison
 from baryscope.study.flight import Flight, build_unit, fly, write_flight
+from baryscope.study.loop import Loop, fly_loop
+from baryscope.study.loop_files import loop_figure, write_loop
 from baryscope.study.pictures import comparison_figure, outcome_figure
 from baryscope.study.table import Table
 
@@ -16,6 +18,7 @@ __all__ = [
     "Comparison",
     "Flight",
     "Grid",
+    "Loop",
     "Outcome",
     "Table",
     "bound_table",
@@ -23,8 +26,11 @@ __all__ = [
     "compare",
     "comparison_figure",
     "fly",
+    "fly_loop",
+    "loop_figure",
     "outcome_figure",
     "write_bounds",
     "write_comparison",
     "write_flight",
+    "write_loop",
 ]

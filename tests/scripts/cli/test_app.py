@@ -59,7 +59,7 @@ def test_scenarios_has_a_line_for_each_preset(capsys):
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (["fly"], "fly"),
+    (["flie"], "fly"),
     (["estimate"], "argument"),
     (["estimate", "x.csv", "--method", "magic"], "magic"),
     (["estimate", "x.csv", "--lag", "long"], "long"),

@@ -1,0 +1,95 @@
+"""`baryscope fly`: the closed loop, on estimates alone."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from baryscope.fmu.system import build_system
+from baryscope.models.errors import InputError
+from baryscope.models.files import refuse_overwriting, temporary_folder
+from baryscope.models.scenario import load_scenario, scenario_path
+from baryscope.scripts.cli.console import Show
+from baryscope.study.loop import Loop, fly_loop
+from baryscope.study.loop_files import loop_paths, summary_of, write_loop
+from baryscope.study.progress import Progress, stage
+
+
+def fly(
+    system: Annotated[Path | None, Parameter(name="CHAIN")] = None,
+    *,
+    scenario: str | None = None,
+    duration: float | None = None,
+    step: float | None = None,
+    approach: Annotated[bool, Parameter(negative=())] = False,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    show: Show | None = None,
+) -> None:
+    """Fly target, rig, estimator and controller as one loop, on estimates alone; write what was measured and estimated.
+
+    Parameters
+    ----------
+    system
+        A system that `baryscope system` wrote, CHAIN.ssp, perhaps with other parameters. Default: that of --scenario.
+    scenario
+        A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml. [default: envisat]
+    duration
+        How long to fly, s. Default: that of the scenario.
+    step
+        From one communication point to the next, s. What the chaser does is late by two. Default: the units' own.
+    approach
+        Once the target's tumble is known, glide to 2 m before its first feature, and stay there as it turns. Else the
+        chaser holds where it starts.
+    output
+        Folder for tracks.csv, truth.csv, estimate.csv, flight.json and flight.png. Default: the scenario's or the
+        system's name, followed by -flight.
+    """
+    show = show or Show()
+    if system is not None and scenario is not None:
+        raise InputError(f"{system} and --scenario {scenario}: found two, expected a system or a scenario")
+    name = scenario or "envisat"
+    flown = load_scenario(name) if system is None else None
+    folder = output or Path(f"{flown.name if flown else Path(str(system)).stem}-flight")
+    refuse_overwriting(loop_paths(folder), [path for path in (system, scenario_path(name)) if path is not None])
+    with show.progress() as progress:
+
+        def flight(archive: Path, progress: Progress | None) -> Loop:
+            return fly_loop(archive, duration=duration, step=step, approach=approach, progress=progress)
+
+        if system is not None:
+            loop = flight(system, progress)
+        else:
+            assert flown is not None  # noqa: S101  there is a scenario without a system
+            with temporary_folder() as place:
+                with stage(progress, "building the units") as share:
+                    archive = build_system(flown, place / "chain.ssp", progress=lambda _, done: share(done))
+                loop = flight(archive, progress)
+        options = {"of": str(system or name), "duration": duration, "step": step, "approach": approach}
+        with stage(progress, "writing"):
+            files = write_loop(loop, folder, options)
+    found = summary_of(loop)
+    show.result(found | {"files": [str(path) for path in files]}, *_words(found), f"files in {folder}")
+
+
+def _words(found: dict[str, Any]) -> list[str]:
+    """A flight in a few lines."""
+    lines = [f"{found['duration']:.0f} s in steps of {found['step']:g} s, {found['samples']} samples of the rig"]
+    if found["tracking_since"] is None:
+        lines.append(f"the estimator never tracked the target: it is {found['status']}")
+        return lines
+    tumble = found["tumble_known_since"]
+    lines.append(
+        f"tracking since {found['tracking_since']:.0f} s, "
+        + ("tumble not known" if tumble is None else f"tumble known since {tumble:.0f} s")
+    )
+    if found["position_rmse"] is not None:
+        lines.append(
+            f"second half: centre of mass within {1e3 * found['position_rmse']:.3g} mm rms, claimed "
+            f"{1e3 * found['claimed_rmse']:.3g} mm, NEES {found['mean_nees']:.2f} (3 expected)"
+        )
+    goal = "its place" if found["synchronised_since"] is None else "the point before the feature"
+    lines += [
+        f"last tenth: chaser at most {found['largest_miss']:.3g} m from {goal}",
+        f"nearest {found['nearest']:.3g} m to the centre of mass; {found['velocity_change']:.3g} m/s of commands",
+    ]
+    return lines

@@ -1,0 +1,221 @@
+"""The closed loop: target, rig, estimator and controller flown together on estimates alone, and what came of it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.fmu import Recording
+from baryscope.fmu.runtime.instance import UnitError
+from baryscope.fmu.system import Master, open_system
+from baryscope.fmu.system.master import Unit
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath
+from baryscope.models.sensor.navigation import STATUSES
+from baryscope.models.variables import Kind, variable_table
+from baryscope.study.flight import TRUTH_COLUMNS
+from baryscope.study.progress import Progress, stage
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MODELS = {
+    "target": "TumblingTarget",
+    "rig": "StereoRig",
+    "estimator": "CentreOfMassEstimator",
+    "controller": "ApproachController",
+}
+UPPER = np.triu_indices(3)
+MOST_STEPS = 10_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A flown loop at n communication points after the start; frame C has its origin at the chaser, inertial axes.
+
+    Attributes:
+        truth: the target's position, velocity, attitude and rate.
+        tracks: what the rig has sampled, in C by the measured attitude.
+        position, covariance: (n, 3) and (n, 3, 3), the estimated CoM, m; zeros while the estimator waits.
+        status: (n,), of the estimator, places in `STATUSES`.
+        tumble: (n,), whether the estimator knows rate and inertia.
+        chaser: (n, 3), LVLH, m.
+        command: (n, 3), m/s², LVLH.
+        miss: (n,), how far the chaser is from where it shall be: from `hold.position`, or while it is synchronised
+            from the true point before the true grapple point, m.
+        synchronised: (n,), whether the goal turns with the body.
+    """
+
+    truth: Recording
+    tracks: FeatureTracks
+    position: FloatArray
+    covariance: FloatArray
+    status: NDArray[np.intp]
+    tumble: BoolArray
+    chaser: FloatArray
+    command: FloatArray
+    miss: FloatArray
+    synchronised: BoolArray
+
+    @property
+    def time(self) -> FloatArray:
+        """The communication points (n,), s."""
+        return self.truth.time
+
+    @property
+    def error(self) -> FloatArray:
+        """Of the estimated CoM, (n,), m; NaN while the estimator waits."""
+        error = np.linalg.norm(self.position - self.truth["target.position"], axis=1)
+        return np.where(self.status > 0, error, np.nan)
+
+    @property
+    def deviation(self) -> FloatArray:
+        """That the estimator claims for it, (n,), m; NaN while it waits."""
+        return np.where(self.status > 0, np.sqrt(np.trace(self.covariance, axis1=1, axis2=2)), np.nan)
+
+    @property
+    def nees(self) -> FloatArray:
+        """eᵀ P⁻¹ e of the CoM, (n,), of 3 degrees of freedom; NaN unless the estimator tracks the target."""
+        error, known = self.position - self.truth["target.position"], self.tracking
+        P = np.where(known[:, None, None], self.covariance, np.eye(3))
+        squares = np.einsum("ki,ki->k", error, np.linalg.solve(P, error[..., None])[..., 0])
+        return np.where(known, squares, np.nan)
+
+    @property
+    def tracking(self) -> BoolArray:
+        """Whether the estimator tracks the target, (n,)."""
+        return np.asarray(self.status == STATUSES.index("tracking"))
+
+
+def fly_loop(
+    path: AnyPath,
+    *,
+    duration: float | None = None,
+    step: float | None = None,
+    approach: bool = False,
+    progress: Progress | None = None,
+) -> Loop:
+    """Fly a system that `baryscope system` wrote.
+
+    Args:
+        path: the .ssp archive.
+        duration: s; None: that of the archive.
+        step: from one communication point to the next, s; None: the units' own.
+        approach: begin the approach to the grapple point as soon as the tumble is known.
+        progress: told how far the flight is.
+
+    Raises:
+        InputError: the archive holds no such system, or a number is out of range.
+        UnitError: a unit refuses a value or a step.
+    """
+    with open_system(Path(path), step) as master:
+        units = {name: _unit(master, path, name) for name in MODELS}
+        length = master.stop_time if duration is None else duration
+        if length is None or not master.step_size <= length <= MOST_STEPS * master.step_size:
+            raise InputError(
+                f"duration: found {length} s, expected {master.step_size:g} s or more, in steps of that size"
+            )
+        if approach:
+            units["controller"].set(["synchronised"], np.ones(1))
+        count = round(length / master.step_size)
+        recorder = _Recorder(units, count)
+        with stage(progress, f"flying {length:.0f} s at {1 / master.step_size:g} Hz") as share:
+            for index in range(count):
+                master.step()
+                recorder.take(index, master.time)
+                if index % max(1, count // 200) == 0:
+                    share(index / count)
+        return recorder.loop()
+
+
+def _unit(master: Master, path: AnyPath, name: str) -> Unit:
+    found = master.of_model(MODELS[name])
+    if found is None:
+        raise InputError(f"{path}: has no {MODELS[name]}, expected a system made by `baryscope system`")
+    return found
+
+
+class _Recorder:
+    """What is seen of the units at each communication point."""
+
+    def __init__(self, units: dict[str, Unit], count: int) -> None:
+        self._units = units
+        self._time = np.empty(count)
+        self._rows: dict[str, FloatArray] = {}
+        self._places = {
+            "target": (*TRUTH_COLUMNS, "chaser.position"),
+            "estimator": ("target.position", "target.positionCovariance", "status", "tumble.known"),
+            "controller": ("command.acceleration", "goal.synchronised"),
+        }
+        for name, variables in self._places.items():
+            for variable in variables:
+                self._rows[f"{name} {variable}"] = np.empty((count, len(units[name].scalars(variable))))
+        self._miss = np.empty(count)
+        self._samples: list[tuple[float, FloatArray, FloatArray]] = []
+        rig, controller = units["rig"], units["controller"]
+        self._seen, self._arm, self._taken = rig.scalars("seen"), rig.vector("camera.leverArm"), 0.0
+        self._hold, (self._standoff,) = controller.vector("hold.position"), controller.vector("grapple.standoff")
+
+    def take(self, index: int, time: float) -> None:
+        """Record the point of that index."""
+        self._time[index] = time
+        for name, variables in self._places.items():
+            for variable in variables:
+                self._rows[f"{name} {variable}"][index] = self._units[name].vector(variable)
+        self._miss[index] = self._missed(index)
+        self._take_sample()
+
+    def _missed(self, index: int) -> float:
+        if self._rows["controller goal.synchronised"][index, 0] == 0.0:
+            return float(np.linalg.norm(self._rows["target chaser.position"][index] - self._hold))
+        feature = self._units["target"].vector("features")[:3]
+        outward = feature - self._rows["target target.position"][index]
+        return float(np.linalg.norm(feature + self._standoff * outward / np.linalg.norm(outward)))
+
+    def _take_sample(self) -> None:
+        """The rig's newest sample, if it is another one than before."""
+        rig = self._units["rig"]
+        (number,), (time,) = rig.vector("sample.number"), rig.vector("sample.time")
+        if number <= self._taken:
+            return
+        self._taken = number
+        R = Rotation.from_quat(rig.vector("camera.measuredAttitude"), scalar_first=True).as_matrix()
+        seen = rig.get(self._seen)[:, None] > 0
+        points = (rig.vector("points").reshape(-1, 3) + self._arm) @ R.T
+        covariances = R @ _symmetric(rig.vector("covariances").reshape(-1, 6)) @ R.T
+        self._samples.append((time, np.where(seen, points, np.nan), np.where(seen[..., None], covariances, np.nan)))
+
+    def loop(self) -> Loop:
+        """All that was recorded.
+
+        Raises:
+            UnitError: the rig has taken no sample.
+        """
+        if not self._samples:
+            raise UnitError("the rig has taken no sample: fly longer than its period and latency")
+        rows, truth = self._rows, [self._rows[f"target {name}"] for name in TRUTH_COLUMNS]
+        table = {variable.name: variable for variable in variable_table(3) if variable.kind == Kind.OUTPUT}
+        time, position, covariance = (np.array(values) for values in zip(*self._samples, strict=True))
+        labels = tuple(str(k + 1) for k in range(position.shape[1]))
+        return Loop(
+            truth=Recording(self._time, np.hstack(truth), tuple(table[name] for name in TRUTH_COLUMNS)),
+            tracks=FeatureTracks(time, position, labels, covariance),
+            position=rows["estimator target.position"],
+            covariance=_symmetric(rows["estimator target.positionCovariance"]),
+            status=rows["estimator status"][:, 0].astype(np.intp),
+            tumble=rows["estimator tumble.known"][:, 0] > 0,
+            chaser=rows["target chaser.position"],
+            command=rows["controller command.acceleration"],
+            miss=self._miss,
+            synchronised=rows["controller goal.synchronised"][:, 0] > 0,
+        )
+
+
+def _symmetric(upper: FloatArray) -> FloatArray:
+    """Matrices (n, 3, 3) from their upper triangles (n, 6), row by row."""
+    full = np.empty((*upper.shape[:-1], 3, 3))
+    full[..., UPPER[0], UPPER[1]] = full[..., UPPER[1], UPPER[0]] = upper
+    return full

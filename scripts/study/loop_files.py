@@ -1,0 +1,132 @@
+"""The files of a flown loop: tracks, truth, estimate, a summary and a picture."""
+
+import csv
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+import numpy as np
+
+from baryscope import __version__
+from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
+from baryscope.models.files import AnyPath, write_together
+from baryscope.models.sensor.navigation import STATUSES
+from baryscope.study.flight import write_truth
+from baryscope.study.loop import UPPER, Loop
+from baryscope.study.pictures import pictures_possible, save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TRACKS, TRUTH, ESTIMATE, SUMMARY, PICTURE = "tracks.csv", "truth.csv", "estimate.csv", "flight.json", "flight.png"
+
+
+def loop_paths(folder: AnyPath) -> tuple[Path, ...]:
+    """The files that a flight may have."""
+    return tuple(Path(folder) / name for name in (TRACKS, TRUTH, ESTIMATE, SUMMARY, PICTURE))
+
+
+def summary_of(loop: Loop) -> dict[str, Any]:
+    """What came of a flight, in SI units; None where there is no value.
+
+    The second half of the flight counts for errors and NEES, which is of 3 degrees of freedom; the last tenth for the
+    largest miss.
+    """
+    half = slice(len(loop.time) // 2, None)
+    known = loop.tracking[half]
+    step = float(loop.time[0])
+
+    def first(flags: Any) -> float | None:
+        return float(loop.time[np.argmax(flags)]) if flags.any() else None
+
+    def rms(values: Any) -> float | None:
+        return float(np.sqrt(np.mean(values[half][known] ** 2))) if known.any() else None
+
+    return {
+        "version": __version__,
+        "duration": float(loop.time[-1]),
+        "step": step,
+        "samples": len(loop.tracks.time),
+        "tracking_since": first(loop.tracking),
+        "tumble_known_since": first(loop.tumble),
+        "synchronised_since": first(loop.synchronised),
+        "tracking_share": float(known.mean()),
+        "position_rmse": rms(loop.error),
+        "claimed_rmse": rms(loop.deviation),
+        "mean_nees": float(loop.nees[half][known].mean()) if known.any() else None,
+        "largest_miss": float(loop.miss[-max(1, len(loop.time) // 10) :].max()),
+        "last_miss": float(loop.miss[-1]),
+        "nearest": float(np.linalg.norm(loop.chaser, axis=1).min()),
+        "velocity_change": float(np.linalg.norm(loop.command, axis=1).sum() * step),
+        "status": STATUSES[loop.status[-1]],
+    }
+
+
+def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Path, ...]:
+    """Write tracks.csv, truth.csv, estimate.csv, flight.json and, with matplotlib, flight.png.
+
+    Args:
+        loop: the flight.
+        folder: where to.
+        options: of the flight, which stand in flight.json.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: a file cannot be written.
+    """
+    tracks, truth, estimate, summary, picture = loop_paths(folder)
+    text = json.dumps(summary_of(loop) | {"options": options}, indent=2, allow_nan=False)
+    write_together(
+        {
+            tracks: loop.tracks.write_rows,
+            truth: lambda stream: write_truth(loop.truth, stream),
+            estimate: lambda stream: _write_estimate(loop, stream),
+            summary: lambda stream: stream.write(text + "\n"),
+        }
+    )
+    if not pictures_possible():
+        return tracks, truth, estimate, summary
+    save(loop_figure(loop), picture)
+    return tracks, truth, estimate, summary, picture
+
+
+def _write_estimate(loop: Loop, stream: TextIO) -> None:
+    """The online estimate as `baryscope estimate` writes one; cells are empty while the estimator waits."""
+    upper = loop.covariance[:, UPPER[0], UPPER[1]]
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["time", "x", "y", "z", *COVARIANCE_COLUMNS])
+    for time, status, position, covariance in zip(
+        loop.time.tolist(), loop.status, loop.position.tolist(), upper.tolist(), strict=True
+    ):
+        writer.writerow([time, *([*position, *covariance] if status else [""] * 9)])
+
+
+def loop_figure(loop: Loop) -> "Figure":
+    """Error and claim of the CoM, how far the chaser is from target and goal, and the command over time."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 8), dpi=120, layout="constrained")
+    error, place, push = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.4, 1))
+    error.semilogy(loop.time, loop.error, color="#264ee4", lw=1, label="error of the centre of mass")
+    error.semilogy(loop.time, loop.deviation, color="#333333", lw=1, ls="--", label="claimed, 1σ")
+    error.set_ylabel("m")
+    place.semilogy(loop.time, np.linalg.norm(loop.chaser, axis=1), color="#333333", lw=1, label="range")
+    place.semilogy(loop.time, np.maximum(loop.miss, 1e-4), color="#d1495b", lw=1, label="chaser from its goal")
+    place.set_ylabel("m")
+    push.plot(loop.time, 1e3 * np.linalg.norm(loop.command, axis=1), color="#2a9d8f", lw=1, label="command")
+    push.set_ylabel("mm/s²")
+    push.set_xlabel("time in s")
+    marks = {"tracking": loop.tracking, "tumble known": loop.tumble, "synchronised": loop.synchronised}
+    first = {word: float(loop.time[np.argmax(flags)]) for word, flags in marks.items() if flags.any()}
+    for panel in (error, place, push):
+        panel.grid(alpha=0.3)
+        for time in first.values():
+            panel.axvline(time, color="#999999", lw=0.8, ls=":")
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    for height, (word, time) in enumerate(first.items()):
+        error.annotate(
+            f" {word}", (time, 0.95 - 0.08 * height), xycoords=("data", "axes fraction"), fontsize=8, color="#555555"
+        )
+    return figure

@@ -1,0 +1,108 @@
+"""The closed loop on estimates alone: what it records, its files, an approach, and what is refused."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import FeatureTracks, estimate
+from baryscope.fmu.system import build_system
+from baryscope.models.errors import InputError
+from baryscope.scripts.cli.app import main
+from baryscope.study.loop import fly_loop
+from baryscope.study.loop_files import loop_paths, summary_of, write_loop
+
+
+@pytest.fixture(scope="module")
+def system(envisat, tmp_path_factory):
+    return build_system(envisat, tmp_path_factory.mktemp("loop") / "chain.ssp")
+
+
+@pytest.fixture(scope="module")
+def held(system):
+    return fly_loop(system, duration=400.0)
+
+
+def test_a_hold_on_estimates(held):
+    """At 20 m within centimetres; the claim is true, and the command small."""
+    found = summary_of(held)
+    assert len(held.time) == found["samples"] == 400
+    assert found["tracking_since"] < 60 < found["tumble_known_since"] < 200
+    assert found["synchronised_since"] is None
+    assert found["position_rmse"] < 0.02
+    # The NEES of 200 s of one flight: as if of five independent times, 3 ± 4 √(6/5).
+    assert found["mean_nees"] < 3 + 4 * np.sqrt(6 / 5)
+    assert held.miss[-100:].max() < 0.05
+    assert found["velocity_change"] < 0.2
+    np.testing.assert_allclose(np.linalg.norm(held.chaser - [0, -20, 0], axis=1), held.miss)
+
+
+def test_tracks_and_truth_are_of_one_flight(held, envisat):
+    """The batch finds the centre of mass in the rig's samples; both are in frame C. Sample k is of time k."""
+    tracks = held.tracks
+    np.testing.assert_array_equal(tracks.time, np.arange(400.0))
+    assert not tracks.seen[0].any()  # the camera's attitude is not there yet
+    found = estimate(tracks, orbit=envisat.orbit)
+    error = found.position[1:] - held.truth["target.position"][:-1]
+    squares = np.einsum("ki,ki->k", error, np.linalg.solve(found.covariance[1:], error[..., None])[..., 0])
+    assert np.median(squares) < 10
+
+
+def test_an_approach_comes_to_the_feature(system):
+    """With commands of centimetres per second squared the estimate stays true."""
+    loop = fly_loop(system, duration=900.0, approach=True)
+    found = summary_of(loop)
+    assert found["synchronised_since"] == pytest.approx(found["tumble_known_since"], abs=2.0)
+    assert found["largest_miss"] < 0.1
+    assert found["position_rmse"] < 0.005
+    assert found["mean_nees"] < 3 + 4 * np.sqrt(6 / 5)
+    assert np.linalg.norm(loop.command, axis=1).max() > 0.01
+
+
+def test_files_hold_the_flight(held, tmp_path):
+    files = write_loop(held, tmp_path, {"of": "envisat"})
+    assert files == loop_paths(tmp_path)
+    back = FeatureTracks.read_csv(tmp_path / "tracks.csv")
+    assert back.position[5:].shape == held.tracks.position[5:].shape
+    with (tmp_path / "estimate.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [len(rows), rows[0]["x"]] == [400, ""]
+    assert [float(rows[-1][name]) for name in "xyz"] == held.position[-1].tolist()
+    with (tmp_path / "truth.csv").open(newline="") as stream:
+        truth = list(csv.DictReader(stream))
+    assert float(truth[-1]["x"]) == held.truth["target.position"][-1, 0]
+    summary = json.loads((tmp_path / "flight.json").read_text())
+    assert summary["options"] == {"of": "envisat"}
+    assert summary["position_rmse"] == summary_of(held)["position_rmse"]
+
+
+def test_the_command(system, tmp_path, capsys):
+    assert main(["fly", str(system), "--duration", "30", "-o", str(tmp_path / "out"), "-q"]) == 0
+    out = capsys.readouterr().out
+    assert "30 s in steps of 1 s, 30 samples of the rig" in out
+    assert "tumble not known" in out
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {path.name for path in loop_paths("x")}
+    assert main(["fly", "--scenario", "tiangong", "--duration", "5", "-o", str(tmp_path / "t"), "-q", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["tracking_since"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["{system}", "--scenario", "envisat"], "found two, expected a system or a scenario"),
+        (["{system}", "--duration", "0"], "duration: found 0.0 s, expected 1 s or more"),
+        (["{system}", "--step", "-1"], "step: found -1 s, expected at least 1e-06 s"),
+        (["no.ssp"], "no.ssp: No such file or directory, expected a system of FMI 2.0 units"),
+    ],
+)
+def test_what_is_refused_in_a_line(arguments, line, system, tmp_path, capsys):
+    given = [argument.replace("{system}", str(system)) for argument in arguments]
+    assert main(["fly", *given, "-o", str(tmp_path / "out")]) == 2
+    assert line in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_unit_alone_is_no_system(envisat_fmu):
+    with pytest.raises(InputError, match=r"expected a system of FMI 2\.0 units"):
+        fly_loop(envisat_fmu)
