@@ -30,10 +30,12 @@ class OnlineStatus(StrEnum):
     WAITING = "waiting"
     """No frame yet with three features that are not in a line."""
     STARTING = "starting"
-    """The position of the centre of mass is less certain than the features are far from each other."""
+    """The position of the centre of mass is less certain than the features are far from each other, or what is known of
+    it along some axis of the body is less than what only the noise of the attitudes seemed to show."""
     TRACKING = "tracking"
     DOUBTFUL = "doubtful"
-    """The residuals are larger than the told noise: it is wrong, or features are confused with each other."""
+    """The residuals are larger than the told noise: it is wrong, or features are confused with each other. Or the path
+    needs more process noise than the filter has."""
     LOST = "lost"
     """The last frame did not fit the map of the features; after ten of those the filter starts again."""
 

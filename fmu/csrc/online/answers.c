@@ -2,16 +2,6 @@
 
 #define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
 
-/* The mean square distance of points from their centroid. */
-static double mean_square(const double (*points)[3], int count) {
-    double mean[3] = {0}, sum = 0.0;
-    for (int i = 0; i < count; i++)
-        for (int k = 0; k < 3; k++) mean[k] += points[i][k] / count;
-    for (int i = 0; i < count; i++)
-        for (int k = 0; k < 3; k++) sum += (points[i][k] - mean[k]) * (points[i][k] - mean[k]) / count;
-    return sum;
-}
-
 static int finite(const double *values, int count) {
     for (int k = 0; k < count; k++)
         if (!isfinite(values[k])) return 0;
@@ -25,12 +15,27 @@ static double noise_ratio(const Online *filter) {
     return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
 }
 
+/* Whether along some direction less is known of the offset than was taken back: then what is left is not to be trusted. */
+static int only_seems(const Online *filter) {
+    double P[LEVEL][LEVEL], v[3] = {1.0, 0.7, 0.4}, size = 0.0;
+    of_level(filter, P);
+    for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
+        double u[3];
+        times(filter->seeming, v, u);
+        for (int k = 0; k < 3; k++) v[k] = dot(&P[6 + k][6], u);
+        size = sqrt(dot(v, v));
+        if (!(size > 0.0)) return 0;
+        for (int k = 0; k < 3; k++) v[k] /= size;
+    }
+    return size > 1.0;
+}
+
 static double status_of(const Online *filter, double P[6][6]) {
     if (filter->frames == 0.0) return WAITING;
     if (filter->lost > 0.0) return LOST;
     double square = mean_square(filter->b, (int)filter->used);
-    if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
-    return noise_ratio(filter) > UNLIKE ? DOUBTFUL : TRACKING;
+    if (!(P[0][0] + P[1][1] + P[2][2] < square) || only_seems(filter)) return STARTING;
+    return noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0 ? DOUBTFUL : TRACKING;
 }
 
 /* P = F P F'. */

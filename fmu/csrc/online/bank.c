@@ -11,23 +11,27 @@ far less likely than the best goes on from the best's state, so that no evidence
 
 static double density_of(int member) { return LEAST_DENSITY * pow(RATIO, member); }
 
-static void start_bank(Online *filter) {
-    Member first = {{0}, {{0}}, 0.0};
+/* The large filter's covariance of (r, v, offset), the offset being that of the features' mean. */
+static void of_level(const Online *filter, double P[LEVEL][LEVEL]) {
     int used = (int)filter->used;
-    for (int a = 0; a < 3; a++) {
-        first.x[a] = filter->x[a];
-        first.P[3 + a][3 + a] = filter->options.speed * filter->options.speed;
-        for (int b = 0; b < 3; b++) {
-            first.P[a][b] = filter->P[PLACE + a][PLACE + b];
-            for (int f = 0; f < used; f++) {
-                first.P[a][6 + b] += filter->P[PLACE + a][BODY + 3 * f + b] / used;
-                for (int g = 0; g < used; g++)
-                    first.P[6 + a][6 + b] += filter->P[BODY + 3 * f + a][BODY + 3 * g + b] / ((double)used * used);
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) {
+            P[a][b] = a < 6 && b < 6 ? filter->P[PLACE + a][PLACE + b] : 0.0;
+            for (int f = 0; f < used && a >= 6; f++) {
+                if (b < 6) P[a][b] += filter->P[BODY + 3 * f + a - 6][PLACE + b] / used;
+                for (int g = 0; g < used && b >= 6; g++)
+                    P[a][b] += filter->P[BODY + 3 * f + a - 6][BODY + 3 * g + b - 6] / ((double)used * used);
             }
         }
-    }
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) first.P[6 + b][a] = first.P[a][6 + b];
+    for (int a = 0; a < 6; a++)
+        for (int b = 6; b < LEVEL; b++) P[a][b] = P[b][a];
+}
+
+/* All members as the large filter is. */
+static void start_bank(Online *filter) {
+    Member first = {{0}, {{0}}, 0.0};
+    for (int k = 0; k < 6; k++) first.x[k] = filter->x[k];
+    of_level(filter, first.P);
     for (int m = 0; m <= SHADOW; m++) filter->bank[m] = first;
 }
 
@@ -168,20 +172,9 @@ static void invert_triangle(double L[LEVEL * LEVEL]) {
 /* What is to be added to the large filter's (r, v, offset) and to its covariance, so that this is to the filter's own as the
    mixture's is to the shadow's: with M M' the filter's and S S' the shadow's, M S^-1 P S'^-1 M'. */
 static void mixture(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL]) {
-    double own[LEVEL][LEVEL] = {{0}}, M[LEVEL * LEVEL], S[LEVEL * LEVEL];
-    int used = (int)filter->used;
+    double own[LEVEL][LEVEL], M[LEVEL * LEVEL], S[LEVEL * LEVEL];
     mixed(filter, x, P);
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) {
-            if (a < 6 && b < 6) own[a][b] = filter->P[PLACE + a][PLACE + b];
-            for (int f = 0; f < used && a >= 6; f++) {
-                if (b < 6) own[a][b] += filter->P[BODY + 3 * f + a - 6][PLACE + b] / used;
-                for (int g = 0; g < used && b >= 6; g++)
-                    own[a][b] += filter->P[BODY + 3 * f + a - 6][BODY + 3 * g + b - 6] / ((double)used * used);
-            }
-        }
-    for (int a = 0; a < 6; a++)
-        for (int b = 6; b < LEVEL; b++) own[a][b] = own[b][a];
+    of_level(filter, own);
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) {
             M[LEVEL * a + b] = own[a][b];

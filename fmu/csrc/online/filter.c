@@ -263,6 +263,8 @@ static void update_frame(Online *filter, Frame *frame, const Pose *pose, double 
     double M[3][3];
     seeming(pose, C, M);
     take_back(filter, M);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];
     update_bank(filter, lag, c, pose->R, C, moved);
     for (int m = 0; m <= SHADOW; m++) take_back_of_member(&filter->bank[m], M);
 }

@@ -45,6 +45,9 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
     }
 }
 
+/* What two attitudes of a node are apart at most: beyond it there was a gap. */
+static double widest_within(const Node *node) { return WIDEST + 8.0 * sqrt(node->variance / node->count); }
+
 /* Whether the node is far enough from the one before. */
 static int far_enough(const Online *filter, double R[3][3]) {
     const Node *node = &filter->node;

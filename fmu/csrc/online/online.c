@@ -112,7 +112,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     filter->lost = 0.0;
     copy(pose.R, filter->attitude);
     filter->registered = time;
-    if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > WIDEST) {
+    if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > widest_within(&filter->node)) {
         far_enough(filter, R);
         close_node(filter, R);
     }

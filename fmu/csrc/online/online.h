@@ -105,6 +105,7 @@ typedef struct {
     double attitude[3][3], registered; /* of the last frame that fits, and its time */
     double x[6];                       /* r, v at `time` */
     double from[6], F[6][6], elapsed;  /* r, v at the time of the covariances, the transition since, s */
+    double seeming[3][3]; /* information on the offset that was taken back so far, in B, 1/m2 */
     double density; /* of white acceleration, m2/s3 */
     double squares, freedom; /* of the residuals of frames, in units of the noise */
     double used;             /* features */

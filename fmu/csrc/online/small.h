@@ -76,6 +76,16 @@ static void solved(int n, const double *L, double *x) {
     }
 }
 
+/* The mean square distance of points from their centroid. */
+static double mean_square(const double (*points)[3], int count) {
+    double mean[3] = {0}, sum = 0.0;
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) mean[k] += points[i][k] / count;
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) sum += (points[i][k] - mean[k]) * (points[i][k] - mean[k]) / count;
+    return sum;
+}
+
 /* The rotation by a rotation vector (Rodrigues). */
 static void rotation(const double turn[3], double C[3][3]) {
     double square = dot(turn, turn), angle = sqrt(square);

@@ -380,3 +380,19 @@ def test_points_of_a_stereo_rig_count_by_their_covariances():
     assert sum(nees) < chi2.ppf(1 - ALPHA, 24)
     # With the deviation of the depth in all coordinates the bound would be 7.5 times that of 0.02 m.
     assert np.sqrt(np.mean(np.square(distance))) < 7.5 * batch_bound(time)
+
+
+def test_a_spin_about_one_axis_does_not_show_the_offset_along_it():
+    """What the noise of the attitudes shows of it is no knowledge: the claim stays wide, or is not vouched for."""
+    time = np.arange(400.0)
+    path = straight(time)
+    turned = Rotation.from_rotvec(0.05 * time[:, None] * np.array([0.6, 0.0, 0.8])).as_matrix()
+    places = path[:, None] + (POINTS + np.array([1.0, 2.0, 3.0])) @ np.swapaxes(turned, 1, 2)
+    for draw in range(4):
+        filter = OnlineEstimator(0.1)
+        seen = places + 0.1 * np.random.default_rng([20, draw]).standard_normal(places.shape)
+        states = run(filter, time, seen)
+        _, nees = errors(states, path)
+        tracking = np.array([state.status is OnlineStatus.TRACKING for state in states])
+        assert not (tracking & (nees > chi2.ppf(1 - ALPHA, 3))).any()
+        assert not tracking[-1]
