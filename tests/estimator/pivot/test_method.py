@@ -32,11 +32,11 @@ def moving(degree):
     return START + np.zeros((300, 3)) + sum(s**k * directions[k] for k in range(1, degree + 1))
 
 
-@pytest.mark.parametrize("degree", [0, 1, 2, 4])
+@pytest.mark.parametrize("degree", [0, 2, 4])
 def test_a_smooth_path_needs_no_degree(tumbling, degree):
     """The covariance holds without a degree, and is at most half larger than for the right one."""
     squares, smooth, known = [], [], []
-    for seed in range(30):
+    for seed in range(16):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
         found = estimate(case.tracks, method="pivot")
         right = estimate(
@@ -47,8 +47,8 @@ def test_a_smooth_path_needs_no_degree(tumbling, degree):
         smooth.append(found.predicted_rmse)
         known.append(right.predicted_rmse)
         assert found.findings == ()
-    # The mean of 30 values of χ²₃ has a standard deviation of √(6/30): four of them.
-    assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 30))
+    # The mean of 16 values of χ²₃ has a standard deviation of √(6/16): four of them.
+    assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 16))
     assert np.median(smooth) < 1.5 * np.median(known)
 
 
@@ -179,11 +179,11 @@ def test_unknowns_that_only_a_prior_holds_are_not_counted():
 @pytest.mark.parametrize("trajectory", ["fixed", "polynomial"])
 def test_a_body_seen_in_few_of_many_frames_is_kept(trajectory):
     """Its frames remain in the subsample for the initial solution and the degree."""
-    time = np.arange(20_000.0)
+    time = np.arange(8000.0)
     spin, roll = (Rotation.from_rotvec(np.outer(0.05 * time, axis)) for axis in ([1.0, 0, 0], [0, 0.6, 0.8]))
-    clusters = [(0.0, 9000.0, [0, 1, 2, 3]), (9001.0, 9017.0, [4, 5, 6, 7]), (9018.0, 20_000.0, [8, 9, 0, 1])]
+    clusters = [(0.0, 3600.0, [0, 1, 2, 3]), (3601.0, 3617.0, [4, 5, 6, 7]), (3618.0, 8000.0, [8, 9, 0, 1])]
     case = make_case(time, (spin * roll).as_matrix(), at_rest(time), TEN, noise=NOISE, clusters=clusters)
     found = estimate(case.tracks, options=PathOptions(trajectory=trajectory))
-    assert sorted(len(cluster.frames) for cluster in found.clusters) == [16, 9000, 10_982]
+    assert sorted(len(cluster.frames) for cluster in found.clusters) == [16, 3600, 4382]
     assert_good(found, case)
     assert squared_error_of_cluster(found, case, 2) < 4.5**2
