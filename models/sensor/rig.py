@@ -139,19 +139,19 @@ def rig_table(feature_count: int) -> tuple[Variable, ...]:
         ),
         Variable("camera.baseline", PAR, "m", "Distance of the right camera from the left one", limits=NOT_NEGATIVE),
         Variable("camera.leverArm", PAR, "m", "Left camera from the chaser's CoM, camera axes", (3,), axes=CAMERA),
-        _noise("camera.pixelNoise", "1", "Standard deviation of a pixel coordinate, px"),
-        _noise("camera.attitudeNoise", "rad", "Standard deviation of the measured attitude, each axis", (0.0, pi)),
+        _tunable("camera.pixelNoise", "1", "Standard deviation of a pixel coordinate, px"),
+        _tunable("camera.attitudeNoise", "rad", "Standard deviation of the measured attitude, each axis", (0.0, pi)),
         Variable("sampling.period", PAR, "s", "Time from sample to sample", limits=(SHORTEST_PERIOD, inf)),
         Variable("sampling.latency", PAR, "s", "Time from a sample to its output", limits=NOT_NEGATIVE),
         Variable(
             "visibility.maxIncidence", PAR, "rad", "Largest angle between a normal and the direction to the camera",
             tunable=True, limits=(0.0, pi),
         ),
-        _noise("visibility.minRange", "m", "Smallest distance of a feature that is seen"),
-        _noise("visibility.maxRange", "m", "Largest distance of a feature that is seen"),
-        _noise("dropout", "1", "Share of observations that are lost", limits=BELOW_ONE),
-        _noise("outliers.share", "1", "Share of observations that are blunders", limits=BELOW_ONE),
-        _noise("outliers.size", "m", "Root mean square length of a blunder"),
+        _tunable("visibility.minRange", "m", "Smallest distance of a feature that is seen"),
+        _tunable("visibility.maxRange", "m", "Largest distance of a feature that is seen"),
+        _tunable("dropout", "1", "Share of observations that are lost", limits=BELOW_ONE),
+        _tunable("outliers.share", "1", "Share of observations that are blunders", limits=BELOW_ONE),
+        _tunable("outliers.size", "m", "Root mean square length of a blunder"),
         Variable(
             "sun.shadowRadius", PAR, "m", "Radius of the sphere that shades the target; 0: none", display="km",
             limits=NOT_NEGATIVE,
@@ -167,7 +167,7 @@ def rig_table(feature_count: int) -> tuple[Variable, ...]:
     )  # fmt: skip
 
 
-def _noise(name: str, unit: str, what: str, limits: tuple[float, float] = NOT_NEGATIVE) -> Variable:
+def _tunable(name: str, unit: str, what: str, limits: tuple[float, float] = NOT_NEGATIVE) -> Variable:
     """A tunable number that is not negative."""
     return Variable(name, Kind.PARAMETER, unit, what, tunable=True, limits=limits)
 

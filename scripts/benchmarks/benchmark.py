@@ -3,8 +3,9 @@
     make benchmark        or        python scripts/benchmarks/benchmark.py [--peers all|NAME,…]
 
 Peers: fmpy's own `simulate_fmu`, scipy's DOP853, CasADi's cvodes, one call of scipy's `Rotation.align_vectors` a frame,
-scipy's `least_squares`; and, where they are installed (pip install -e '.[bench]'), heyoka, Basilisk, GTSAM and a
-pythonfmu unit of the same model. The least squares of `pivot` are compared without and with process noise.
+scipy's `least_squares`, a Kalman filter in numpy; and, where they are installed (pip install -e '.[bench]'), heyoka,
+Basilisk, GTSAM and a pythonfmu unit of the same model. The least squares of `pivot` are compared without and with
+process noise.
 Accuracies are measured against the closed forms of the tests: Jacobi's functions with one quadrature for the
 attitude, the difference of two Kepler orbits for the position. With J2, drag and gravity gradient the unit must be
 where Basilisk is. Times are the best of several runs.
@@ -26,6 +27,7 @@ from baryscope import __version__
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.benchmarks.adjusting import DENSITY, adjusting
 from baryscope.scripts.benchmarks.estimating import estimating, reading
+from baryscope.scripts.benchmarks.flying import flying
 from baryscope.scripts.benchmarks.orbit import whole_orbit
 from baryscope.scripts.benchmarks.report import Part, rows_table
 from baryscope.scripts.benchmarks.setting import PEERS, Setting, installed_peers
@@ -39,6 +41,7 @@ PARTS: Mapping[str, Callable[[Setting], Part]] = {
     "stepping": stepping,
     "reading tables": reading,
     "estimating": estimating,
+    "frame by frame": flying,
     "the same least squares": adjusting,
     "the same with process noise": partial(adjusting, density=DENSITY),
     "one orbit in one step": whole_orbit,

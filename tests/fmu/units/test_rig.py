@@ -1,5 +1,7 @@
 """StereoRig: against the campaigns' sensor on the same draws; samples, latency, light, saved states."""
 
+import re
+
 import fmpy
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from baryscope.models.scenario import Run, Sensor, StereoRig, Tracking
 from baryscope.models.sensor import observe
 from baryscope.scripts.cli.app import main
 from importer import Importer
+from mutations import flag, mutated, variable
 
 COUNT, PERIOD = 3, 0.5
 RIG = StereoRig(focal_length=900.0, baseline=0.8, pixel_noise=0.4)
@@ -322,3 +325,25 @@ def test_the_command_names_it_after_its_scenario(tmp_path, monkeypatch, capsys):
     assert main(["build", "--scenario", "cubesat-class", "--unit", "rig"]) == 0
     assert "cubesat-class-rig.fmu: 10 features" in capsys.readouterr().out
     assert fmpy.read_model_description(str(tmp_path / "cubesat-class-rig.fmu")).modelName == "StereoRig"
+
+
+def _continuous(root):
+    variable(root, "points[2,1]").set("variability", "continuous")
+
+
+@pytest.mark.parametrize(
+    "mutate, words",
+    [
+        (_continuous, r"points\[2,1\]: is a continuous output, expected a discrete output"),
+        (
+            flag("CoSimulation", "maxOutputDerivativeOrder", "1"),
+            "maxOutputDerivativeOrder: is declared, but .* sampled",
+        ),
+        (flag("CoSimulation", "canInterpolateInputs", "true"), "canInterpolateInputs: is declared, but .* sampled"),
+        (flag("CoSimulation", "providesDirectionalDerivative", "true"), "sampled"),
+    ],
+    ids=["variability", "output derivatives", "input derivatives", "directional derivatives"],
+)
+def test_a_declaration_that_is_not_true_is_found(rig_fmu, tmp_path, mutate, words):
+    found = [str(finding) for finding in check_unit(mutated(rig_fmu, tmp_path / "m.fmu", mutate), isolated=False)]
+    assert any(re.search(words, line) for line in found), found

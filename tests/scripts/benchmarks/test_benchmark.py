@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.scripts.benchmarks import adjusting, benchmark, estimating, orbit, setting, stepping
+from baryscope.scripts.benchmarks import adjusting, benchmark, estimating, flying, orbit, setting, stepping
 from baryscope.scripts.benchmarks.report import Part, Row, differs, exceeds
 
 STEPS = 100  # of 0.1 s
@@ -197,3 +197,13 @@ def test_tables_that_are_not_read_as_written_are_a_fault(short, monkeypatch):
 
     monkeypatch.setattr(FeatureTracks, "read_csv", broken)
     assert len(estimating.reading(short).faults) == 2
+
+
+def test_frames_are_timed_and_the_end_is_judged(short, monkeypatch):
+    found = flying.flying(short, frames=20)
+    assert [row.what.split(",")[0] for row in found.rows] == ["online", "its slowest in a hundred"] * 2 + ["its memory"]
+    assert found.rows[-1].measured <= 256 * 1024
+    assert found.faults == ()
+    monkeypatch.setattr(flying, "SHORT", 20)  # twenty frames show no centre of mass to a centimetre
+    (fault,) = flying.flying(short, frames=20).faults
+    assert "online, at the end: path" in fault
