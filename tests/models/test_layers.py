@@ -11,7 +11,11 @@ ABOVE = "baryscope.estimator", "baryscope.fmu", "baryscope.study", "baryscope.sc
 DYNAMICS = sorted((ROOT / "models").glob("*.py"))
 # The bound is that of a scenario; pydantic makes the schema of the file that an estimate is written to, and reads rigs.
 FILED = {"bound.py", "document.py", "document_details.py", "rig.py"}
-ESTIMATORS = sorted(path for path in (ROOT / "estimator").rglob("*.py") if path.name not in FILED)
+# The online estimator is C, compiled as the units are.
+COMPILED = ROOT / "estimator" / "online"
+ESTIMATORS = sorted(
+    path for path in (ROOT / "estimator").rglob("*.py") if path.name not in FILED and COMPILED not in path.parents
+)
 SCENARIO, SENSOR = (sorted((ROOT / "models" / room).glob("*.py")) for room in ("scenario", "sensor"))
 
 

@@ -2,7 +2,7 @@
 
 #define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
 
-static int finite(const double *values, int count) {
+static int are_finite(const double *values, int count) {
     for (int k = 0; k < count; k++)
         if (!isfinite(values[k])) return 0;
     return 1;
@@ -73,7 +73,7 @@ static void go_ahead(const Online *filter, double time, const double *accelerati
 
 int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
     if (!isfinite(time) || time < filter->time) return BAD_TIME;
-    if (!finite(acceleration, 3)) return BAD_ACCELERATION;
+    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     double x[6], P[6][6], F[6][6];
     go_ahead(filter, time, acceleration, x, P, F);
     state->time = time;
@@ -118,7 +118,7 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     OnlineTumble tumble;
     int slot = slot_of(filter, name);
     if (!isfinite(time) || time < filter->time) return BAD_TIME;
-    if (!finite(acceleration, 3)) return BAD_ACCELERATION;
+    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     double x[6], P[6][6], F[6][6], more[LEVEL], wider[LEVEL][LEVEL], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];

@@ -14,7 +14,7 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
     if (count < 0 || count > MOST_FEATURES) return TOO_MANY;
     frame->count = count;
     for (int i = 0; i < count; i++) {
-        if (!finite(points + 3 * i, 3)) return BAD_POINT;
+        if (!are_finite(points + 3 * i, 3)) return BAD_POINT;
         for (int j = 0; j < i; j++)
             if (names[j] == names[i]) return BAD_NAME;
         double inverse[3][3];
@@ -90,7 +90,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     OnlineTumble tumble;
     double foreseen[3][3], R[3][3], turn[3];
     if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
-    if (!finite(acceleration, 3)) return BAD_ACCELERATION;
+    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     foresee(filter, time, &tumble, foreseen);
     int refused = read_frame(filter, foreseen, count, names, points, covariances, &frame);
     if (refused) return refused;
