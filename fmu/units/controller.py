@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from baryscope.fmu.units.blueprint import Blueprint, Core, FloatArray, Section, UnitKind, facts_of, labels_of
+from baryscope.fmu.units.blueprint import Blueprint, Core, FloatArray, Section, UnitKind, facts_of, labels_of, starts_of
 from baryscope.fmu.units.structure import sampled_dependencies
 from baryscope.models.approach.unit import ApproachSystem, approach_system, approach_table
 from baryscope.models.orbit import orbit_parameters
 from baryscope.models.scenario import Scenario
-from baryscope.models.variables import AXES, Kind, Variable
+from baryscope.models.variables import AXES, Variable
 
 NAME = "ApproachController"
 USUAL = {
@@ -93,8 +93,7 @@ def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]
         "keepOut.radius": CLEARANCE * np.linalg.norm(known["chaser.position0"]),
         **USUAL,
     }
-    others = {v.name: np.zeros(v.shape) for v in system.variables if v.kind in (Kind.INPUT, Kind.PARAMETER)}
-    return {name: np.asarray(given.get(name, value), dtype=float) for name, value in others.items()}
+    return starts_of(system.variables, given)
 
 
 def _table(described: Mapping[str, tuple[int, ...]]) -> tuple[Variable, ...]:

@@ -2,9 +2,8 @@
 
 from collections.abc import Mapping
 
-import numpy as np
+from numpy.typing import ArrayLike
 
-from baryscope.fmu.layout.references import reference_table
 from baryscope.fmu.units.blueprint import (
     Blueprint,
     Core,
@@ -14,6 +13,8 @@ from baryscope.fmu.units.blueprint import (
     facts_of,
     feature_count,
     labels_of,
+    places_of,
+    starts_of,
 )
 from baryscope.fmu.units.filter import filter_functions, filter_headers, work_of
 from baryscope.fmu.units.structure import sampled_dependencies
@@ -21,7 +22,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.keplerian import PARAMETERS
 from baryscope.models.scenario import Scenario
 from baryscope.models.sensor.navigation import NavigationSystem, navigation_system, navigation_table
-from baryscope.models.variables import Kind, Variable
+from baryscope.models.variables import Variable
 
 NAME = "CentreOfMassEstimator"
 MOST_FEATURES = 32  # of the filter's map
@@ -92,16 +93,15 @@ def estimator_blueprint(scenario: Scenario) -> Blueprint:
 
 
 def _starts(scenario: Scenario, system: NavigationSystem) -> dict[str, FloatArray]:
-    given = {
+    given: dict[str, ArrayLike] = {
         "camera.attitude": (1.0, 0.0, 0.0, 0.0),
         "filter.sigma": scenario.sensor.noise or STEREO_SIGMA,
         "filter.offset": OFFSET,
         "filter.speed": SPEED,
         "onOrbit": 1.0,
     }
-    orbit = dict(zip(PARAMETERS, scenario.orbit.elements, strict=True))
-    others = {v.name: np.zeros(v.shape) for v in system.variables if v.kind in (Kind.INPUT, Kind.PARAMETER)}
-    return others | {name: np.asarray(value, dtype=float) for name, value in (given | orbit).items()}
+    orbit: dict[str, ArrayLike] = dict(zip(PARAMETERS, scenario.orbit.elements, strict=True))
+    return starts_of(system.variables, given | orbit)
 
 
 _PLACES = {
@@ -144,7 +144,6 @@ _PLACES = {
 
 
 def _core(system: NavigationSystem, features: int) -> Core:
-    at = {reference.name: reference.offset for reference in reference_table(system.variables)}
     return Core(
         functions=(
             system.point,
@@ -157,9 +156,7 @@ def _core(system: NavigationSystem, features: int) -> Core:
         checks={"CHECKS": system.checks.checks},
         headers=("navigation.h", "sampled.h"),
         files=("navigation.c", "sampled.c"),
-        sizes={name: at[variable] for name, variable in _PLACES.items()}
-        | {"N_FEATURES": features}
-        | work_of(filter_functions()),
+        sizes=places_of(system.variables, _PLACES) | {"N_FEATURES": features} | work_of(filter_functions()),
         generated=filter_headers(),
     )
 

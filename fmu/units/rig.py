@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from baryscope.fmu.layout.references import reference_table
 from baryscope.fmu.units.blueprint import (
     Blueprint,
     Core,
@@ -14,13 +13,15 @@ from baryscope.fmu.units.blueprint import (
     facts_of,
     feature_count,
     labels_of,
+    places_of,
+    starts_of,
 )
 from baryscope.fmu.units.structure import sampled_dependencies
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, StereoRig
 from baryscope.models.sensor.draws import Purpose
 from baryscope.models.sensor.rig import LARGEST_SEED, MOST_PENDING, StereoSystem, rig_table, stereo_system
-from baryscope.models.variables import Kind, Variable
+from baryscope.models.variables import Variable
 
 NAME = "StereoRig"
 USUAL = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5)
@@ -111,8 +112,7 @@ def _starts(scenario: Scenario, system: StereoSystem) -> dict[str, FloatArray]:
         "sun.shadowRadius": 0.0 if light is None else light.shadow_radius,
         "seed": scenario.run.seed,
     }
-    others = {v.name: np.zeros(v.shape) for v in system.variables if v.kind in (Kind.INPUT, Kind.PARAMETER)}
-    return others | {name: np.asarray(value, dtype=float) for name, value in given.items()}
+    return starts_of(system.variables, given)
 
 
 _PLACES = {
@@ -136,13 +136,12 @@ _PLACES = {
 
 
 def _core(system: StereoSystem, features: int) -> Core:
-    at = {reference.name: reference.offset for reference in reference_table(system.variables)}
     return Core(
         functions=(system.sight, system.attitude, system.light, system.checks.margins, system.checks.found),
         checks={"CHECKS": system.checks.checks},
         headers=("rig.h", "sampled.h"),
         files=("rig.c", "sampled.c"),
-        sizes={name: at[variable] for name, variable in _PLACES.items()}
+        sizes=places_of(system.variables, _PLACES)
         | {f"DRAW_{purpose.name}": purpose.value for purpose in Purpose}
         | {"N_FEATURES": features, "MOST_PENDING": MOST_PENDING},
     )
