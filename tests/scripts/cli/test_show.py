@@ -37,8 +37,10 @@ ARGUMENTS = {
     "check": ["mine.fmu"],
     "compare": ["--scenario", "mine.toml", "--methods", "pivot,screw-gpa", "-o", "compared"],
     "estimate": ["mine.csv", "--orbit", "mine.orbit.toml"],
+    "fly": ["--scenario", "mine.toml", "--duration", "20", "-o", "flown"],
     "scenarios": [],
     "simulate": ["--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "other.csv"],
+    "system": ["--scenario", "mine.toml", "-o", "mine.ssp"],
 }
 
 
@@ -76,6 +78,8 @@ def test_the_documents_hold_the_results(documents, folder):
     assert (folder / found["simulate"]["orbit"]).read_bytes() == (folder / "mine.orbit.toml").read_bytes()
     assert found["simulate"]["frames"] == 101
     assert found["estimate"] == json.loads((folder / "mine.estimate.json").read_text(encoding="utf-8"))
+    assert found["system"]["bytes"] == (folder / "mine.ssp").stat().st_size
+    assert found["fly"]["samples"] == json.loads((folder / "flown" / "flight.json").read_text())["samples"] > 0
     assert [row["duration"] for row in found["bound"]["variants"]] == [50, 100]
     assert found["bound"]["variants"][1]["path_rmse"] < 0.01
     pivot, inertial, lvlh = found["compare"]["methods"]
