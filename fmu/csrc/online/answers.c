@@ -33,7 +33,9 @@ static int only_seems(const Online *filter) {
 static double status_of(const Online *filter, double P[6][6]) {
     if (filter->frames == 0.0) return WAITING;
     if (filter->lost > 0.0) return LOST;
-    double square = mean_square(filter->b, (int)filter->used);
+    double square = mean_square(filter->b, (int)filter->used), L[36];
+    for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
+    if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
     if (!(P[0][0] + P[1][1] + P[2][2] < square) || only_seems(filter)) return STARTING;
     return noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0 ? DOUBTFUL : TRACKING;
 }

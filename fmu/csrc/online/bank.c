@@ -181,9 +181,14 @@ static void mixture(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL
             S[LEVEL * a + b] = filter->bank[SHADOW].P[a][b];
         }
     if (factored(LEVEL, M) && factored(LEVEL, S)) {
+        double scaled[LEVEL][LEVEL], L[LEVEL * LEVEL];
+        for (int k = 0; k < LEVEL * LEVEL; k++) scaled[k / LEVEL][k % LEVEL] = P[k / LEVEL][k % LEVEL];
         invert_triangle(S);
-        congruent(S, P);
-        congruent(M, P);
+        congruent(S, scaled);
+        congruent(M, scaled);
+        for (int k = 0; k < LEVEL * LEVEL; k++) L[k] = scaled[k / LEVEL][k % LEVEL];
+        if (factored(LEVEL, L)) /* else the mixture alone */
+            for (int k = 0; k < LEVEL * LEVEL; k++) P[k / LEVEL][k % LEVEL] = scaled[k / LEVEL][k % LEVEL];
     }
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) P[a][b] -= own[a][b];
