@@ -22,6 +22,7 @@ err = Console(stderr=True, highlight=False, markup=False)
 
 LEAST_HEADING = 9  # characters of a heading's line at least
 LEAST_WIDTH = 90  # columns of a table at least, so that no number is cut off
+UNTRUSTED = 3  # exit code: files are written, but the estimate is not to be trusted
 TELL_EVERY = 60.0  # s between lines of progress where there is no terminal
 
 

@@ -19,13 +19,11 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
-from baryscope.scripts.cli.console import Show
+from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
 from baryscope.scripts.cli.simulate import csv_path
 from baryscope.study.progress import stage
-
-UNTRUSTED = 3  # exit code
 
 
 @Parameter(name="*")

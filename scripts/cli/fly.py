@@ -9,7 +9,7 @@ from baryscope.fmu.system import build_system
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting, temporary_folder
 from baryscope.models.scenario import load_scenario, scenario_path
-from baryscope.scripts.cli.console import Show
+from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.study.loop import Loop, fly_loop
 from baryscope.study.loop_files import loop_paths, summary_of, write_loop
 from baryscope.study.progress import Progress, stage
@@ -24,8 +24,10 @@ def fly(
     approach: Annotated[bool, Parameter(negative=())] = False,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
-) -> None:
+) -> int:
     """Fly target, rig, estimator and controller as one loop, on estimates alone; write what was measured and estimated.
+
+    The exit code is 3 if at last the estimator doubts its estimate or has lost the target.
 
     Parameters
     ----------
@@ -69,6 +71,7 @@ def fly(
             files = write_loop(loop, folder, options)
     found = summary_of(loop)
     show.result(found | {"files": [str(path) for path in files]}, *_words(found), f"files in {folder}")
+    return UNTRUSTED if found["status"] in ("doubtful", "lost") else 0
 
 
 def _words(found: dict[str, Any]) -> list[str]:

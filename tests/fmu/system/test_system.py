@@ -1,7 +1,6 @@
 """The chain of units as an SSP: the same in four masters, closed on estimates, refused where it is none of ours."""
 
 import importlib
-import re
 import shutil
 import zipfile
 
@@ -12,8 +11,8 @@ from fmpy.ssp.simulation import simulate_ssp
 
 from baryscope.fmu.runtime.instance import UnitError
 from baryscope.fmu.system import build_system, open_system
-from baryscope.fmu.system.structure import STRUCTURE
 from baryscope.models.errors import InputError
+from systems import rewritten
 
 STEPS = 120
 WATCHED = {
@@ -120,19 +119,6 @@ def test_it_holds_on_estimates_alone(system):
 
 def test_equal_scenarios_give_equal_files(envisat, system, tmp_path):
     assert build_system(envisat, tmp_path / "again.ssp").read_bytes() == system.read_bytes()
-
-
-def rewritten(system, path, *changes):
-    """A copy with changes of the structure: a pattern, and what comes in its place."""
-    with zipfile.ZipFile(system) as archive, zipfile.ZipFile(path, "w") as copy:
-        for name in archive.namelist():
-            content = archive.read(name)
-            if name == STRUCTURE:
-                for pattern, new in changes:
-                    content, count = re.subn(pattern.encode(), new.encode(), content)
-                    assert count
-            copy.writestr(name, content)
-    return path
 
 
 def test_parameters_are_those_that_are_bound(system, tmp_path):

@@ -12,6 +12,7 @@ from baryscope.models.errors import InputError
 from baryscope.scripts.cli.app import main
 from baryscope.study.loop import fly_loop
 from baryscope.study.loop_files import loop_paths, summary_of, write_loop
+from systems import rewritten
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +105,17 @@ def test_what_is_refused_in_a_line(arguments, line, system, tmp_path, capsys):
 def test_a_unit_alone_is_no_system(envisat_fmu):
     with pytest.raises(InputError, match=r"expected a system of FMI 2\.0 units"):
         fly_loop(envisat_fmu)
+
+
+def test_an_estimate_that_is_doubted_has_its_own_exit_code(system, tmp_path, capsys):
+    """Nine of ten observations are off by metres: files are written, and the command says so."""
+    wrong = rewritten(
+        system,
+        tmp_path / "wrong.ssp",
+        (r'(name="outliers\.share">\s*<ssv:Real value=")0\.0', r"\g<1>0.9"),
+        (r'(name="outliers\.size">\s*<ssv:Real value=")[^"]*', r"\g<1>3.0"),
+    )
+    assert main(["fly", str(wrong), "--duration", "120", "-o", str(tmp_path / "out"), "-q", "--json"]) == 3
+    found = json.loads(capsys.readouterr().out)
+    assert found["status"] in ("doubtful", "lost")
+    assert (tmp_path / "out" / "estimate.csv").exists()
