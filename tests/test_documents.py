@@ -81,7 +81,9 @@ def check_the_table(summary):
 
 
 def smaller(command):
-    """The command with one draw of one scenario, where a campaign would take its hours."""
+    """The command with one draw of one scenario, where a campaign would take its hours; short flights."""
+    if "fly" in command:
+        return ["60" if before == "--duration" else word for before, word in zip(["", *command], command, strict=False)]
     if "campaign" not in command:
         return command
     command = ["1" if before == "--draws" else word for before, word in zip(["", *command], command, strict=False)]

@@ -32,11 +32,11 @@ def moving(degree):
     return START + np.zeros((300, 3)) + sum(s**k * directions[k] for k in range(1, degree + 1))
 
 
-@pytest.mark.parametrize("degree", [0, 2, 4])
+@pytest.mark.parametrize("degree", [0, 4])
 def test_a_smooth_path_needs_no_degree(tumbling, degree):
     """The covariance holds without a degree, and is at most half larger than for the right one."""
     squares, smooth, known = [], [], []
-    for seed in range(16):
+    for seed in range(12):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
         found = estimate(case.tracks, method="pivot")
         right = estimate(
@@ -47,17 +47,16 @@ def test_a_smooth_path_needs_no_degree(tumbling, degree):
         smooth.append(found.predicted_rmse)
         known.append(right.predicted_rmse)
         assert found.findings == ()
-    # The mean of 16 values of χ²₃ has a standard deviation of √(6/16): four of them.
-    assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 16))
+    # The mean of 12 values of χ²₃ has a standard deviation of √(6/12): four of them.
+    assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 12))
     assert np.median(smooth) < 1.5 * np.median(known)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_smooth_path_of_several_turns_needs_no_degree_either(tumbling, seed):
+def test_a_smooth_path_of_several_turns_needs_no_degree_either(tumbling):
     """Four turns of a circle of 20 m, as relative motion makes in two orbits: coefficient 20 is 2 cm, 40 is 1e-15 m."""
     angle = 8 * np.pi * TIME / 300
     path = START + 20 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    case = make_case(TIME, tumbling, path, FEATURES, noise=0.02, seed=seed)
+    case = make_case(TIME, tumbling, path, FEATURES, noise=0.02)
     found = estimate(case.tracks, method="pivot")
     error = found.position[150] - case.com[150]
     assert found.status is Status.GOOD
