@@ -44,7 +44,8 @@ _LAW = (
 _USE = (
     "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration.",
     "The command is computed from the inputs at the beginning of a step, and stands in the outputs after it. Where a "
-    "master hands it on in the next step, command.delay is a step: a command that turns with the body turns so far.",
+    "master hands it on in the next step, it acts a step later (command.steps is 1): a command that turns with the "
+    "body turns so far. Where it acts in the same step, command.steps is 0; thrusters that wait have command.delay.",
     "While navigation.valid is false the command is zero, and other outputs are those of a chaser at hold.position; "
     "but camera.attitude looks at target.position, unless that is zero.",
     "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",
@@ -89,7 +90,7 @@ def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]
         **orbit_parameters(scenario.orbit),
         "hold.position": known["chaser.position0"],
         "grapple.point": first.position,
-        "command.delay": scenario.run.sample_time,
+        "command.steps": 1.0,
         "keepOut.radius": CLEARANCE * np.linalg.norm(known["chaser.position0"]),
         **USUAL,
     }

@@ -59,7 +59,10 @@ def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol]
 
 
 def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
-    """Outputs by name. The command acts after a delay, for a step, while the goal turns on: it turns to the middle."""
+    """Outputs by name. The command acts some steps and a delay later, for a step, while the goal turns on.
+
+    The command turns with it, to the middle of the step in which it acts.
+    """
     time, length = ca.vertsplit(step)
     elements = Elements.named(parameters)
     true_anomaly = true_anomaly_after(time, elements)
@@ -76,7 +79,8 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
         ca.cos(parameters["corridor.halfAngle"]),
     )
     wanted = commanded(motion, goal, limits, parameters["control.rate"])
-    wanted += ca.cross(goal.turning, wanted) * (parameters["command.delay"] + length / 2)
+    late = parameters["command.steps"] * length + parameters["command.delay"]
+    wanted += ca.cross(goal.turning, wanted) * (late + length / 2)
     size, limit, valid = ca.norm_2(wanted), parameters["thrust.limit"], inputs["navigation.valid"]
     return {
         "command.acceleration": valid * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED)),
@@ -197,7 +201,8 @@ def approach_table() -> tuple[Variable, ...]:
         tunable("control.rate", "1/s", "Rate at which errors of velocity decay"),
         tunable("keepOut.radius", "m", "Radius of the keep-out sphere about the CoM; 0: none"),
         tunable("corridor.halfAngle", "rad", "Half angle of the cone before the grapple point", (0.0, pi)),
-        tunable("command.delay", "s", "Time from the beginning of a step until its command acts"),
+        tunable("command.steps", "1", "Steps until a command acts: 1 if handed on in the next step, 0 in the same"),
+        tunable("command.delay", "s", "Time until a command acts on top of command.steps, as of thrusters"),
         tunable("thrust.limit", "m/s2", "Largest commanded acceleration"),
         Variable(
             "command.acceleration", OUT, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH,
@@ -243,6 +248,7 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
             "corridor.halfAngle", "0 to pi rad", "value", angle,
             ca.if_else(ca.logic_and(angle >= 0, angle <= pi), 1, -1),
         ),
+        not_negative("command.steps", "steps"),
         not_negative("command.delay", "s"),
         positive("thrust.limit", "m/s2"),
     )  # fmt: skip

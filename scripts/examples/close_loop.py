@@ -34,7 +34,7 @@ LINKS = {  # unit → its input: the unit and the output that it comes from
 PARAMETERS: dict[str, dict[str, ArrayLike]] = {
     "rig": {"sampling.period": STEP, "camera.attitudeNoise": 1e-4},
     "estimator": {"camera.attitudeNoise": 1e-4},
-    "controller": {"synchronised": True, "command.delay": STEP},  # outputs become inputs a step later
+    "controller": {"synchronised": True},
 }
 
 scenario = load_scenario("envisat")
