@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
 from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, Tumble, library
 from baryscope.models.errors import InputError
@@ -16,7 +17,6 @@ from baryscope.models.orbit import Orbit
 FloatArray = NDArray[np.float64]
 
 MAGIC = b"baryscope online 1\n"
-UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 REFUSED = {
     1: "time: found {time!r} s, expected a time after that of the last frame",
     3: "covariance: found one that is not symmetric positive definite",
@@ -167,7 +167,7 @@ class OnlineEstimator:
         if not abs(time) <= LATEST:
             raise InputError(f"time: found {time!r} s, expected one within {LATEST:g} s")
         spread = None if covariance is None else _covariances(covariance, m)[there]
-        upper = None if spread is None else np.ascontiguousarray(spread[:, UPPER[0], UPPER[1]])
+        upper = None if spread is None else np.ascontiguousarray(elements_of(spread))
         push = _acceleration(acceleration)
         result = self._library.online_update(
             self._memory,

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.geometry.symmetric import FULL
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Recording
-from baryscope.fmu.runtime.instance import UnitError
+from baryscope.fmu.runtime import UnitError
 from baryscope.fmu.system import Master, open_system
 from baryscope.fmu.system.master import Unit
 from baryscope.models.errors import InputError
@@ -28,7 +29,6 @@ MODELS = {
     "estimator": "CentreOfMassEstimator",
     "controller": "ApproachController",
 }
-UPPER = np.triu_indices(3)
 MOST_STEPS = 10_000_000
 
 
@@ -185,7 +185,7 @@ class _Recorder:
         R = Rotation.from_quat(rig.vector("camera.measuredAttitude"), scalar_first=True).as_matrix()
         seen = rig.get(self._seen)[:, None] > 0
         points = (rig.vector("points").reshape(-1, 3) + self._arm) @ R.T
-        covariances = R @ _symmetric(rig.vector("covariances").reshape(-1, 6)) @ R.T
+        covariances = R @ rig.vector("covariances").reshape(-1, 6)[:, FULL] @ R.T
         self._samples.append((time, np.where(seen, points, np.nan), np.where(seen[..., None], covariances, np.nan)))
 
     def loop(self) -> Loop:
@@ -204,7 +204,7 @@ class _Recorder:
             truth=Recording(self._time, np.hstack(truth), tuple(table[name] for name in TRUTH_COLUMNS)),
             tracks=FeatureTracks(time, position, labels, covariance),
             position=rows["estimator target.position"],
-            covariance=_symmetric(rows["estimator target.positionCovariance"]),
+            covariance=rows["estimator target.positionCovariance"][:, FULL],
             status=rows["estimator status"][:, 0].astype(np.intp),
             tumble=rows["estimator tumble.known"][:, 0] > 0,
             chaser=rows["target chaser.position"],
@@ -212,10 +212,3 @@ class _Recorder:
             miss=self._miss,
             synchronised=rows["controller goal.synchronised"][:, 0] > 0,
         )
-
-
-def _symmetric(upper: FloatArray) -> FloatArray:
-    """Matrices (n, 3, 3) from their upper triangles (n, 6), row by row."""
-    full = np.empty((*upper.shape[:-1], 3, 3))
-    full[..., UPPER[0], UPPER[1]] = full[..., UPPER[1], UPPER[0]] = upper
-    return full

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 from baryscope import __version__
+from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
 from baryscope.models.files import AnyPath, write_together
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.study.flight import write_truth
-from baryscope.study.loop import UPPER, Loop
+from baryscope.study.loop import Loop
 from baryscope.study.pictures import pictures_possible, save
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Pa
 
 def _write_estimate(loop: Loop, stream: TextIO) -> None:
     """The online estimate as `baryscope estimate` writes one; cells are empty while the estimator waits."""
-    upper = loop.covariance[:, UPPER[0], UPPER[1]]
+    upper = elements_of(loop.covariance)
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["time", "x", "y", "z", *COVARIANCE_COLUMNS])
     for time, status, position, covariance in zip(
