@@ -1,7 +1,6 @@
 """From a scenario to a packed FMU: generate, describe, compile, zip."""
 
 import hashlib
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,12 +9,11 @@ from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_com
 from baryscope.fmu.generate.description import model_description
 from baryscope.fmu.generate.documentation import documents
 from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
+from baryscope.fmu.layout.archive import pack
 from baryscope.fmu.layout.platforms import X86_64_WINDOWS, FmiVersion, Selection, binary_members, selected
 from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
-
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
 
 def build_fmu(
@@ -80,7 +78,8 @@ def pack_unit(
         members |= documents(unit, fmi, scalar=scalar)
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(unit.name)
-        _pack(temporary, members, sources, binary_members(libraries, unit.name, fmi))
+        members |= {f"sources/{name}": content for name, content in sources.items()}
+        pack(temporary, members, programs=binary_members(libraries, unit.name, fmi))
     return path
 
 
@@ -105,19 +104,3 @@ def _token(sources: Mapping[str, bytes], description: bytes) -> str:
         digest.update(f"\0{name}\0".encode() + content)
     text = digest.hexdigest()
     return f"{{{text[:8]}-{text[8:12]}-{text[12:16]}-{text[16:20]}-{text[20:32]}}}"
-
-
-def _pack(
-    path: Path,
-    documents: Mapping[str, bytes],
-    sources: Mapping[str, bytes],
-    binaries: Mapping[str, bytes],
-) -> None:
-    members = dict(documents) | {f"sources/{name}": content for name, content in sources.items()}
-    with zipfile.ZipFile(path, "w") as archive:
-        for name, content in (members | dict(binaries)).items():
-            member = zipfile.ZipInfo(name, date_time=_EPOCH)
-            member.compress_type = zipfile.ZIP_DEFLATED
-            member.create_system = 3  # Unix, on every machine; its permissions follow
-            member.external_attr = (0o755 if name in binaries else 0o644) << 16
-            archive.writestr(member, content)

@@ -1,4 +1,4 @@
-"""Opens FMU files: checks the paths, unpacks, and recognises a unit of ours by its name and variables."""
+"""Packs FMU files; opens them: checks the paths, unpacks, and recognises a unit of ours by its name and variables."""
 
 import shutil
 import tempfile
@@ -16,6 +16,7 @@ from baryscope.models.files import DISK_TROUBLE, unwritable
 from baryscope.models.variables import Kind, Variable
 
 MODEL_NAME = "TumblingTarget"
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,18 @@ def open_unit(path: Path, tables: Tables) -> UnitFile:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def pack(path: Path, members: Mapping[str, bytes], programs: Mapping[str, bytes] | None = None) -> None:
+    """Write an archive of files by name, programs last; equal contents give equal archives."""
+    executable = programs or {}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in (dict(members) | dict(executable)).items():
+            member = zipfile.ZipInfo(name, date_time=_EPOCH)
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.create_system = 3  # Unix, on every machine; its permissions follow
+            member.external_attr = (0o755 if name in executable else 0o644) << 16
+            archive.writestr(member, content)
 
 
 def unpack(path: Path, folder: Path, expected: str) -> None:

@@ -1,17 +1,15 @@
 """From a scenario to a packed system: the units and the .ssd in one .ssp archive."""
 
-import zipfile
 from pathlib import Path
 
 from baryscope.fmu.generate.build import pack_unit
 from baryscope.fmu.generate.compiler import Progress
+from baryscope.fmu.layout.archive import pack
 from baryscope.fmu.layout.platforms import Selection
 from baryscope.fmu.system.chain import chain_of
 from baryscope.fmu.system.structure import STRUCTURE, source_of, system_structure
 from baryscope.models.files import AnyPath, replacing, temporary_folder
 from baryscope.models.scenario import Scenario
-
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # a fixed date, so that equal contents give equal files
 
 
 def build_system(
@@ -38,10 +36,5 @@ def build_system(
         for element, unit in chain.units.items():
             fmu = pack_unit(unit, folder / f"{element}.fmu", platforms=platforms, progress=progress)
             members[source_of(element)] = fmu.read_bytes()
-        with zipfile.ZipFile(temporary, "w") as archive:
-            for name, content in members.items():
-                member = zipfile.ZipInfo(name, date_time=_EPOCH)
-                member.compress_type = zipfile.ZIP_DEFLATED
-                member.create_system, member.external_attr = 3, 0o644 << 16  # Unix, on every machine
-                archive.writestr(member, content)
+        pack(temporary, members)
     return path
