@@ -46,6 +46,7 @@ class Unit:
     step_size: float | None
     fmu: Any
     parameters: Mapping[str, float] = field(default_factory=dict)
+    _scalars: dict[str, list[str]] = field(default_factory=dict)
 
     def get(self, names: Sequence[str]) -> FloatArray:
         """Scalars of one type by their names."""
@@ -66,7 +67,9 @@ class Unit:
 
     def scalars(self, name: str) -> list[str]:
         """The names of a variable's elements."""
-        return [known for known in self.references if known == name or known.startswith(f"{name}[")]
+        if name not in self._scalars:
+            self._scalars[name] = [known for known in self.references if known == name or known.startswith(f"{name}[")]
+        return self._scalars[name]
 
     def start(self) -> None:
         """Set the bound parameters and initialise."""
