@@ -50,10 +50,16 @@ def model_description(unit: Blueprint, token: str, fmi: FmiVersion = 2, scalar: 
     categories = ET.SubElement(root, "LogCategories")
     for name, text in LOG_CATEGORIES.items():
         ET.SubElement(categories, "Category", name=name, description=text)
-    experiment = {"startTime": 0.0, "stopTime": unit.stop_time, "tolerance": unit.tolerance, "stepSize": unit.step_size}
+    setting = unit.setting
+    experiment = {
+        "startTime": 0.0,
+        "stopTime": setting.stop_time,
+        "tolerance": unit.tolerance,
+        "stepSize": setting.step_size,
+    }
     given = {name: repr(float(value)) for name, value in experiment.items() if value is not None}
     ET.SubElement(root, "DefaultExperiment", given)
-    writer.add_variables(root, references, _starts(references, unit), unit.labels)
+    writer.add_variables(root, references, _starts(references, unit), setting.labels)
     writer.add_structure(root, references, structure_of(unit, references, fmi))
     ET.indent(root)
     document: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)

@@ -48,10 +48,10 @@ def _page(unit: Blueprint, fmi: FmiVersion, *, scalar: bool) -> str:
     arrays = "arrays" if fmi == 3 and not scalar else "scalars, with indices from 1, matrices row by row"
     offered = "Co-Simulation" if unit.is_sampled else "Co-Simulation and Model Exchange"
     facts = [
-        *unit.facts,
+        *unit.setting.facts,
         ("interfaces", f"FMI {fmi}.0, {offered}; variables are {arrays}"),
-        ("features", f"{len(unit.labels)}; their number is built in"),
-        ("default run", f"{unit.stop_time:.9g} s in steps of {unit.step_size:.9g} s"),
+        ("features", f"{len(unit.setting.labels)}; their number is built in"),
+        ("default run", f"{unit.setting.stop_time:.9g} s in steps of {unit.setting.step_size:.9g} s"),
         ("made by", f"baryscope {version('baryscope')}"),
     ]
     inputs = _INPUTS[3 if unit.is_sampled else fmi]
@@ -69,7 +69,7 @@ def _page(unit: Blueprint, fmi: FmiVersion, *, scalar: bool) -> str:
     ]
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f"<title>{unit.name}: {escape(unit.facts[0][1])}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        f"<title>{unit.name}: {escape(unit.setting.facts[0][1])}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
         + "\n".join(body)
         + "\n</body>\n</html>\n"
     )

@@ -63,11 +63,11 @@ def _variables(unit: Blueprint) -> str:
                 "name": variable.name,
                 "kind": variable.kind.value,
                 "unit": variable.unit,
-                "description": variable.whole_description(unit.labels),
+                "description": variable.whole_description(unit.setting.labels),
                 "shape": list(variable.shape),
                 "reference": reference,
             }
         )
         reference += variable.size
-    experiment = {"stopTime": unit.stop_time, "stepSize": unit.step_size}
+    experiment = {"stopTime": unit.setting.stop_time, "stepSize": unit.setting.step_size}
     return json.dumps({"model": unit.name, "experiment": experiment, "variables": variables}, indent=1)

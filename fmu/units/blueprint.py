@@ -55,6 +55,22 @@ class Core:
     generated: Mapping[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Setting:
+    """What every unit of a scenario has of it.
+
+    Attributes:
+        labels: of the features, the rows of matrices.
+        facts: rows of the table at the head of the unit's page.
+        stop_time, step_size: of the default experiment, s.
+    """
+
+    labels: tuple[str, ...]
+    facts: tuple[tuple[str, str], ...]
+    stop_time: float
+    step_size: float
+
+
 @dataclass(frozen=True, eq=False)
 class Blueprint:
     """A unit, as one scenario needs it.
@@ -64,13 +80,12 @@ class Blueprint:
         summary: what it is, in one line.
         variables: the table, in the order of the flat vectors.
         starts: start values of inputs, parameters and states by name, in the variables' shapes.
-        labels: of the features, the rows of matrices.
         core: its C code.
-        dependencies: FMI's version → dependencies of scalars, by their places in the table, in a run and at the start.
-        facts: rows of the table at the head of its page.
+        setting: what it has of its scenario.
         sections: of its page, besides those that all units have.
         use: sentences on how it is used.
-        stop_time, step_size: of the default experiment, s.
+        dependencies: FMI's version → dependencies of scalars, by their places in the table, in a run and at the start;
+            None for a sampled unit, whose outputs are of steps done, so that nothing that is set changes them at once.
         tolerance: of the default experiment; None if the unit integrates nothing.
     """
 
@@ -78,14 +93,11 @@ class Blueprint:
     summary: str
     variables: tuple[Variable, ...]
     starts: Mapping[str, FloatArray]
-    labels: tuple[str, ...]
     core: Core
-    dependencies: Callable[[FmiVersion], tuple[Dependencies, Dependencies]]
-    facts: tuple[tuple[str, str], ...]
+    setting: Setting
     sections: tuple[Section, ...]
     use: tuple[str, ...]
-    stop_time: float
-    step_size: float
+    dependencies: Callable[[FmiVersion], tuple[Dependencies, Dependencies]] | None = None
     tolerance: float | None = None
 
     def of_kind(self, kind: Kind) -> list[Variable]:
@@ -113,9 +125,14 @@ class UnitKind:
     table: Callable[[Mapping[str, tuple[int, ...]]], tuple[Variable, ...]]
 
 
-def labels_of(scenario: Scenario) -> tuple[str, ...]:
-    """The features' labels; `?` stands for characters that do not show, some of which XML cannot hold."""
-    return tuple("".join(c if c.isprintable() else "?" for c in label) for label in scenario.features.labels)
+def setting_of(scenario: Scenario) -> Setting:
+    """What every unit of a scenario has of it; `?` stands for characters of labels that no page shows."""
+    return Setting(
+        labels=tuple("".join(c if c.isprintable() else "?" for c in label) for label in scenario.features.labels),
+        facts=(("scenario", f"{scenario.name}: {scenario.description}" if scenario.description else scenario.name),),
+        stop_time=scenario.duration,
+        step_size=scenario.run.sample_time,
+    )
 
 
 def starts_of(variables: Sequence[Variable], given: Mapping[str, ArrayLike]) -> dict[str, FloatArray]:
@@ -128,11 +145,6 @@ def places_of(variables: Sequence[Variable], scalars: Mapping[str, str]) -> dict
     """Where scalars of a table stand in the flat vector of values: C constants → their places."""
     at = {reference.name: reference.offset for reference in reference_table(variables)}
     return {constant: at[scalar] for constant, scalar in scalars.items()}
-
-
-def facts_of(scenario: Scenario) -> tuple[tuple[str, str], ...]:
-    """What the page of every unit says of its scenario."""
-    return (("scenario", f"{scenario.name}: {scenario.description}" if scenario.description else scenario.name),)
 
 
 def feature_count(described: Mapping[str, tuple[int, ...]], name: str) -> int:

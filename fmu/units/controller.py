@@ -4,8 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from baryscope.fmu.units.blueprint import Blueprint, Core, FloatArray, Section, UnitKind, facts_of, labels_of, starts_of
-from baryscope.fmu.units.structure import sampled_dependencies
+from baryscope.fmu.units.blueprint import Blueprint, Core, FloatArray, Section, UnitKind, setting_of, starts_of
 from baryscope.models.approach.unit import ApproachSystem, approach_system, approach_table
 from baryscope.models.orbit import orbit_parameters
 from baryscope.models.scenario import Scenario
@@ -61,22 +60,18 @@ def controller_blueprint(scenario: Scenario) -> Blueprint:
         "point synchronised with its rotation",
         variables=system.variables,
         starts=_starts(scenario, system),
-        labels=labels_of(scenario),
         core=Core(
             functions=(system.outputs, system.checks.margins, system.checks.found),
             checks={"CHECKS": system.checks.checks},
             headers=("direct.h", "sampled.h"),
             files=("direct.c", "sampled.c"),
         ),
-        dependencies=lambda fmi: sampled_dependencies(system.variables),
-        facts=facts_of(scenario),
+        setting=setting_of(scenario),
         sections=(
             Section("Frames", "Quaternions are (w, x, y, z). Units are SI, angles in radians.", rows=_FRAMES),
             Section("The law", items=_LAW),
         ),
         use=_USE,
-        stop_time=scenario.duration,
-        step_size=scenario.run.sample_time,
     )
 
 

@@ -10,14 +10,12 @@ from baryscope.fmu.units.blueprint import (
     FloatArray,
     Section,
     UnitKind,
-    facts_of,
     feature_count,
-    labels_of,
     places_of,
+    setting_of,
     starts_of,
 )
 from baryscope.fmu.units.filter import filter_functions, filter_headers, work_of
-from baryscope.fmu.units.structure import sampled_dependencies
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import PARAMETERS
 from baryscope.models.scenario import Scenario
@@ -78,17 +76,13 @@ def estimator_blueprint(scenario: Scenario) -> Blueprint:
         summary="The online estimator of a tumbling target's centre of mass, from the points that a rig measures",
         variables=system.variables,
         starts=_starts(scenario, system),
-        labels=labels_of(scenario),
         core=_core(system, count),
-        dependencies=lambda fmi: sampled_dependencies(system.variables),
-        facts=facts_of(scenario),
+        setting=setting_of(scenario),
         sections=(
             Section("Frames", "Quaternions are (w, x, y, z). Units are SI.", rows=_FRAMES),
             Section("How it estimates", items=_EQUATIONS),
         ),
         use=_USE,
-        stop_time=scenario.duration,
-        step_size=scenario.run.sample_time,
     )
 
 

@@ -10,13 +10,11 @@ from baryscope.fmu.units.blueprint import (
     FloatArray,
     Section,
     UnitKind,
-    facts_of,
     feature_count,
-    labels_of,
     places_of,
+    setting_of,
     starts_of,
 )
-from baryscope.fmu.units.structure import sampled_dependencies
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, StereoRig
 from baryscope.models.sensor.draws import Purpose
@@ -74,10 +72,8 @@ def rig_blueprint(scenario: Scenario) -> Blueprint:
         "which features are seen",
         variables=system.variables,
         starts=_starts(scenario, system),
-        labels=labels_of(scenario),
         core=_core(system, len(scenario.features.points)),
-        dependencies=lambda fmi: sampled_dependencies(system.variables),
-        facts=facts_of(scenario),
+        setting=setting_of(scenario),
         sections=(
             Section(
                 "Frames", "Quaternions are (w, x, y, z). Units are SI, pixels and pure numbers have none.", rows=_FRAMES
@@ -85,8 +81,6 @@ def rig_blueprint(scenario: Scenario) -> Blueprint:
             Section("What it measures", items=_EQUATIONS),
         ),
         use=_USE,
-        stop_time=scenario.duration,
-        step_size=scenario.run.sample_time,
     )
 
 

@@ -9,7 +9,7 @@ from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference
 from baryscope.fmu.units.blueprint import Blueprint, Dependencies
 from baryscope.models.target import TumblingTarget
-from baryscope.models.variables import Kind, Variable
+from baryscope.models.variables import Kind
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Structure:
 def structure_of(unit: Blueprint, references: Sequence[Reference], fmi: FmiVersion) -> Structure:
     """The dependencies between value references; an array depends on what any of its scalars depends on."""
     owner = [place for place, reference in enumerate(references) for _ in range(reference.size)]
-    running, initially = unit.dependencies(fmi)
+    running, initially = unit.dependencies(fmi) if unit.dependencies else _of_steps_done(unit)
     return Structure(_gathered(running, owner), _gathered(initially, owner))
 
 
@@ -39,9 +39,8 @@ def _gathered(of_scalars: Dependencies, owner: Sequence[int]) -> dict[int, list[
     return {unknown: sorted(knowns) for unknown, knowns in found.items()}
 
 
-def sampled_dependencies(variables: Sequence[Variable]) -> tuple[Dependencies, Dependencies]:
-    """Those of a sampled unit: its outputs are of steps done, so that nothing that is set changes them at once."""
-    scalars = [variable for variable in variables for _ in range(variable.size)]
+def _of_steps_done(unit: Blueprint) -> tuple[Dependencies, Dependencies]:
+    scalars = [variable for variable in unit.variables for _ in range(variable.size)]
     free: Dependencies = {place: [] for place, variable in enumerate(scalars) if variable.kind == Kind.OUTPUT}
     return free, free
 

@@ -14,9 +14,8 @@ from baryscope.fmu.units.blueprint import (
     FloatArray,
     Section,
     UnitKind,
-    facts_of,
     feature_count,
-    labels_of,
+    setting_of,
 )
 from baryscope.fmu.units.integrator import integrator_header
 from baryscope.fmu.units.series import series_source
@@ -79,14 +78,11 @@ def target_blueprint(scenario: Scenario) -> Blueprint:
         "and the target's features as the chaser sees them",
         variables=system.variables,
         starts=_starts(scenario),
-        labels=labels_of(scenario),
         core=_core(system),
-        dependencies=depending,
-        facts=facts_of(scenario),
+        setting=setting_of(scenario),
         sections=_sections(scenario),
         use=_USE,
-        stop_time=scenario.duration,
-        step_size=scenario.run.sample_time,
+        dependencies=depending,
         tolerance=max(EXPERIMENT_TOLERANCE, scenario.run.tolerance),
     )
 
@@ -153,8 +149,8 @@ def _core(system: TumblingTarget) -> Core:
 def _sections(scenario: Scenario) -> tuple[Section, ...]:
     forces = [_FORCES[force] for force in Force if force in scenario.forces]
     text = "Quaternions are (w, x, y, z) and turn body into inertial coordinates. Units are SI, angles in radians."
-    rows = []
-    for row, (label, point) in enumerate(zip(labels_of(scenario), scenario.features.points, strict=True), start=1):
+    rows, labels = [], setting_of(scenario).labels
+    for row, (label, point) in enumerate(zip(labels, scenario.features.points, strict=True), start=1):
         position, normal = (", ".join(f"{c:.6g}" for c in vector) for vector in (point.position, point.normal))
         rows.append((str(row), label, position, normal))
     return (

@@ -9,8 +9,7 @@ from fmpy.validation import validate_fmu
 
 from baryscope.fmu.check import check_unit
 from baryscope.fmu.generate.build import pack_unit
-from baryscope.fmu.units.blueprint import Blueprint, Core
-from baryscope.fmu.units.structure import sampled_dependencies
+from baryscope.fmu.units.blueprint import Blueprint, Core, Setting
 from baryscope.models.checks import Check, CheckSet
 from baryscope.models.variables import Kind, Variable
 from importer import Importer
@@ -52,7 +51,6 @@ def summing():
         summary="A sum",
         variables=table,
         starts={"x": np.zeros(3), "taken": np.ones(3), "gain": np.array(2.0)},
-        labels=("one", "two", "three"),
         core=Core(
             functions=(checks.margins, checks.found),
             checks={"CHECKS": checks.checks},
@@ -60,12 +58,9 @@ def summing():
             files=("summing.c", "sampled.c"),
             generated={"summing.h": HEADER, "summing.c": SOURCE},
         ),
-        dependencies=lambda fmi: sampled_dependencies(table),
-        facts=(("scenario", "none"),),
+        setting=Setting(labels=("one", "two", "three"), facts=(("scenario", "none"),), stop_time=10.0, step_size=0.5),
         sections=(),
         use=("Sum.",),
-        stop_time=10.0,
-        step_size=0.5,
     )
 
 
