@@ -1,6 +1,7 @@
-"""An importer of FMI 2 units that records the unit's messages."""
+"""Importers of FMI 2 units: one that records the unit's messages, one that is set, stepped and read with arrays."""
 
 import fmpy
+import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
@@ -42,8 +43,54 @@ class Importer(Listener):
         )
         self.fmu.instantiate(callbacks=self.callbacks)
         self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.boolean = {v.name for v in description.modelVariables if v.type == "Boolean"}
 
     def initialise(self):
         self.fmu.setupExperiment()
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
+
+
+class Stepped(Importer):
+    """An initialised instance: `unit[name]` is an array; keywords are parameters, with `__` for dots."""
+
+    step_size = 1.0
+
+    def __init__(self, path, folder, **parameters):
+        super().__init__(path, folder)
+        self._scalars = {}
+        for name, value in parameters.items():
+            self.set(name.replace("__", "."), value)
+        self.initialise()
+        self.time = 0.0
+
+    def scalars(self, name):
+        """The names of its elements."""
+        if name not in self._scalars:
+            self._scalars[name] = [x for x in self.references if x == name or x.startswith(f"{name}[")]
+        return self._scalars[name]
+
+    def places(self, name):
+        return [self.references[scalar] for scalar in self.scalars(name)]
+
+    def is_boolean(self, name):
+        return self.scalars(name)[0] in self.boolean
+
+    def set(self, name, value):
+        if self.is_boolean(name):
+            self.fmu.setBoolean(self.places(name), np.ravel(value).astype(bool).tolist())
+        else:
+            self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
+
+    __setitem__ = set
+
+    def __getitem__(self, name):
+        if self.is_boolean(name):
+            return np.array(self.fmu.getBoolean(self.places(name)), dtype=bool)
+        return np.array(self.fmu.getReal(self.places(name)))
+
+    def step(self, length=None):
+        length = self.step_size if length is None else length
+        self.fmu.doStep(self.time, length)
+        self.time += length
+        return self

@@ -16,19 +16,9 @@
 
 /* ---- randomness, and memory that is scarce at times ---- */
 
-static uint64_t random_state;
+#include "fuzz_random.h"
 
-static uint64_t next_random(void)
-{
-    random_state ^= random_state << 13;
-    random_state ^= random_state >> 7;
-    random_state ^= random_state << 17;
-    return random_state * 2685821657736338717u;
-}
-
-static unsigned below(unsigned n) { return (unsigned)((next_random() >> 32) % n); }
 static bool one_in(unsigned n) { return below(n) == 0; }
-static double uniform(void) { return (double)(next_random() >> 11) / 9007199254740992.0; }
 
 static long blocks, failed_allocations;
 static bool scarce;

@@ -10,35 +10,15 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.check import check_unit
-from importer import Importer
+from importer import Stepped
 
 STEP = 0.5  # s
 SPEED, RATE, GAIN, LIMIT, STANDOFF = 0.1, 0.02, 0.2, 0.05, 2.0  # the start values
 INPUTS = ("target.position", "target.velocity", "target.attitude", "target.angularRate")
 
 
-class Controller(Importer):
-    def __init__(self, path, folder, **parameters):
-        super().__init__(path, folder)
-        self.synchronise(parameters.pop("synchronised", False))
-        for name, value in parameters.items():
-            self.set(name.replace("__", "."), value)
-        self.initialise()
-
-    def places(self, name):
-        return [at for known, at in self.references.items() if known == name or known.startswith(f"{name}[")]
-
-    def set(self, name, value):
-        self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
-
-    def synchronise(self, on):
-        self.fmu.setBoolean([self.references["synchronised"]], [on])
-
-    def get(self, name):
-        return np.array(self.fmu.getReal(self.places(name)))
-
-    def true(self, name):
-        return bool(self.fmu.getBoolean([self.references[name]])[0])
+class Controller(Stepped):
+    step_size = STEP
 
 
 @pytest.fixture(scope="module")
@@ -54,25 +34,24 @@ def fly(small, small_fmu, controller_fmu, tmp_path):
     def flown(start, duration, fmus=(small_fmu, controller_fmu), late=False, **parameters):
         told = {"command__steps": 0.0, "grapple__direction": small.features.points[0].normal} | parameters
         controller = Controller(fmus[1], tmp_path / f"controller{next(number)}", **told)
-        places = {name: controller.places(name) for name in INPUTS}
         rows, before = [], np.zeros(3)
         with Session(fmus[0], {"chaser.position0": start}) as session:
-            for k in range(round(duration / STEP)):
+            for _ in range(round(duration / STEP)):
                 for name in INPUTS:
-                    controller.fmu.setReal(places[name], session[name].tolist())
-                controller.fmu.doStep(k * STEP, STEP)
-                command = controller.get("command.acceleration")
+                    controller[name] = session[name]
+                controller.step()
+                command = controller["command.acceleration"]
                 rows.append(
                     {
                         "position": session.chaser_position,
                         "velocity": session.chaser_velocity,
                         "command": command,
-                        "distance": controller.get("keepOut.distance")[0],
-                        "inside": controller.true("corridor.inside"),
+                        "distance": controller["keepOut.distance"][0],
+                        "inside": controller["corridor.inside"][0],
                         "feature": session["features"][0],  # from the chaser, as the next two
                         "normal": session["normals"][0],
                         "centre": session["target.position"],
-                        "offset": controller.get("goal.offset"),
+                        "offset": controller["goal.offset"],
                     }
                 )
                 session.step(STEP, acceleration=before if late else command)
@@ -178,43 +157,42 @@ def test_an_approach_to_a_grapple_point(fly, told):
 def test_before_the_tumble_is_known_it_waits(controller_fmu, tmp_path, unknown):
     """An estimator tells zeros till then."""
     controller = Controller(controller_fmu, tmp_path, synchronised=True, hold__position=[0.0, -10.0, 0.0])
-    controller.set("target.position", [20.0, 3.0, 4.0])
-    controller.fmu.doStep(0.0, STEP)
-    assert controller.true("goal.synchronised")
-    controller.set(unknown, np.zeros(len(controller.places(unknown))))
-    controller.fmu.doStep(STEP, STEP)
-    assert not controller.true("goal.synchronised")
-    waiting = controller.get("command.acceleration")
-    controller.synchronise(False)
-    controller.fmu.doStep(2 * STEP, STEP)
+    controller["target.position"] = [20.0, 3.0, 4.0]
+    controller.step()
+    assert controller["goal.synchronised"]
+    controller[unknown] = np.zeros(len(controller.places(unknown)))
+    controller.step()
+    assert not controller["goal.synchronised"]
+    waiting = controller["command.acceleration"]
+    controller["synchronised"] = False
+    controller.step()
     turned = LIMIT * 1.1e-3 * STEP  # LVLH goes on by up to 1.1 mrad/s
-    np.testing.assert_allclose(controller.get("command.acceleration"), waiting, atol=turned)
+    np.testing.assert_allclose(controller["command.acceleration"], waiting, atol=turned)
     controller.fmu.freeInstance()
 
 
 def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
     controller = Controller(controller_fmu, tmp_path, hold__position=[0.0, -10.0, 0.0])
-    s, valid = controller.fmu, controller.references["navigation.valid"]
-    controller.set("target.position", [20.0, 3.0, 4.0])
-    s.doStep(0.0, STEP)
-    assert np.linalg.norm(controller.get("command.acceleration")) > 0.01
-    s.setBoolean([valid], [False])
-    s.doStep(STEP, STEP)
-    assert not controller.get("command.acceleration").any()
-    controller.set("target.velocity", [3.0, 0.0, 0.0])
-    s.setBoolean([valid], [True])
-    s.doStep(2 * STEP, STEP)
-    assert np.linalg.norm(controller.get("command.acceleration")) == pytest.approx(LIMIT, rel=1e-12)
-    assert controller.true("command.limited")
-    controller.set("target.attitude", np.zeros(4))
-    s.doStep(3 * STEP, STEP)  # which has no part in a hold
-    controller.synchronise(True)
-    controller.refused(lambda: s.doStep(4 * STEP, STEP), "no finite outputs: a vector without length")
+    controller["target.position"] = [20.0, 3.0, 4.0]
+    controller.step()
+    assert np.linalg.norm(controller["command.acceleration"]) > 0.01
+    controller["navigation.valid"] = False
+    controller.step()
+    assert not controller["command.acceleration"].any()
+    controller["target.velocity"] = [3.0, 0.0, 0.0]
+    controller["navigation.valid"] = True
+    controller.step()
+    assert np.linalg.norm(controller["command.acceleration"]) == pytest.approx(LIMIT, rel=1e-12)
+    assert controller["command.limited"]
+    controller["target.attitude"] = np.zeros(4)
+    controller.step()  # which has no part in a hold
+    controller["synchronised"] = True
+    controller.refused(controller.step, "no finite outputs: a vector without length")
     controller.refused(
         lambda: controller.set("guidance.speed", 0.0), "guidance.speed: found value 0, expected a value above 0"
     )
     controller.refused(lambda: controller.set("orbit.eccentricity", 0.1), "orbit.eccentricity is fixed")
-    s.freeInstance()
+    controller.fmu.freeInstance()
 
 
 def test_the_camera_looks_at_the_target_or_where_it_will_be(controller_fmu, tmp_path, small):
@@ -227,19 +205,17 @@ def test_the_camera_looks_at_the_target_or_where_it_will_be(controller_fmu, tmp_
     ).as_matrix()[:, 1]
 
     def axes():
-        controller.fmu.doStep(0.0 if controller.time is None else controller.time, STEP)
-        controller.time = (controller.time or 0.0) + STEP
-        return Rotation.from_quat(controller.get("camera.attitude"), scalar_first=True).as_matrix()
+        controller.step()
+        return Rotation.from_quat(controller["camera.attitude"], scalar_first=True).as_matrix()
 
-    controller.time = None
     for name in (*INPUTS, "target.inertia"):
-        controller.set(name, np.zeros(len(controller.places(name))))
-    controller.fmu.setBoolean([controller.references["navigation.valid"]], [False])
+        controller[name] = np.zeros(len(controller.places(name)))
+    controller["navigation.valid"] = False
     R = axes()
     np.testing.assert_allclose(R[:, 2], along, atol=1e-9)  # ahead on V-bar
-    np.testing.assert_allclose(controller.get("command.acceleration"), 0.0)
+    np.testing.assert_allclose(controller["command.acceleration"], 0.0)
     for direction in (np.array([3.0, -5.0, 2.0]), normal):
-        controller.set("target.position", direction)
+        controller["target.position"] = direction
         R = axes()
         np.testing.assert_allclose(R[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
         np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)

@@ -13,7 +13,7 @@ from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Run, Sensor, StereoRig
 from baryscope.models.sensor.navigation import STATUSES
-from importer import Importer
+from importer import Stepped
 
 UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 ARM = np.array([0.4, -0.2, 1.1])
@@ -35,38 +35,6 @@ def watched(envisat):
 def units(watched, tmp_path_factory):
     folder = tmp_path_factory.mktemp("units")
     return {unit: build_fmu(watched, folder / f"{unit}.fmu", unit=unit) for unit in ("target", "rig", "estimator")}
-
-
-class Stepped(Importer):
-    """An instance that is set, stepped and read with arrays."""
-
-    def __init__(self, path, folder, **parameters):
-        super().__init__(path, folder)
-        self.known = {}
-        for name, value in parameters.items():
-            self[name.replace("__", ".")] = value
-        self.initialise()
-        self.time = 0.0
-
-    def places(self, name):
-        if name not in self.known:
-            self.known[name] = [at for x, at in self.references.items() if x == name or x.startswith(f"{name}[")]
-        return self.known[name]
-
-    def __setitem__(self, name, value):
-        if name in ("seen", "onOrbit"):
-            self.fmu.setBoolean(self.places(name), np.ravel(value).astype(bool).tolist())
-        else:
-            self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
-
-    def __getitem__(self, name):
-        if name in ("seen", "navigation.valid", "body.known", "tumble.known"):
-            return np.array(self.fmu.getBoolean(self.places(name)), dtype=bool)
-        return np.array(self.fmu.getReal(self.places(name)))
-
-    def step(self, length=PERIOD):
-        self.fmu.doStep(self.time, length)
-        self.time += length
 
 
 @pytest.fixture
@@ -218,3 +186,20 @@ def test_samples_that_are_no_news_change_nothing(started):
         one.step()
     for name in ("target.position", "target.positionCovariance", "status", "samples"):
         np.testing.assert_array_equal(first[name], second[name])
+
+
+def test_after_a_new_start_nothing_is_valid(started):
+    """Where points are no longer those of the body it is lost; after ten samples it waits, if they are in a line."""
+    rng, body = np.random.default_rng(8), np.random.default_rng(2).uniform(-2, 2, (COUNT, 3))
+    unit, said = started("estimator", onOrbit=False), []
+    for k in range(115):
+        R = Rotation.from_euler("ZXZ", [0.1 * k, 0.7, 0.06 * k]).as_matrix()
+        shape = body if k < 100 else np.outer(np.arange(COUNT), [1.0, 2.0, 3.0])
+        unit["points"] = [0.0, 0.0, 20.0] + shape @ R.T + 0.01 * rng.normal(size=(COUNT, 3))
+        unit["seen"], unit["sample.time"], unit["sample.number"] = np.ones(COUNT), float(k), k + 1
+        unit.step()
+        said.append((STATUSES[int(unit["status"][0])], bool(unit["navigation.valid"][0])))
+    assert said[99] == ("tracking", True)
+    assert said[105] == ("lost", False)
+    assert said[-1] == ("waiting", False)
+    assert all(valid == (status == "tracking") for status, valid in said)

@@ -16,7 +16,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.scenario import Run, Sensor, StereoRig, Tracking
 from baryscope.models.sensor import observe
 from baryscope.scripts.cli.app import main
-from importer import Importer
+from importer import Importer, Stepped
 from mutations import flag, mutated, variable
 
 COUNT, PERIOD = 3, 0.5
@@ -37,39 +37,21 @@ def rig_fmu(watched, tmp_path_factory):
     return build_fmu(watched, tmp_path_factory.mktemp("rig") / "rig.fmu", unit="rig")
 
 
-class Rig(Importer):
-    """An instance that is stepped with arrays."""
+class Rig(Stepped):
+    """An instance that sees points of its own, with matrices of a row for each."""
+
+    step_size = PERIOD
 
     def __init__(self, path, folder, **parameters):
-        super().__init__(path, folder)
-        self.known = {}
-        for name, value in parameters.items():
-            self.set(name.replace("__", "."), value)
-        self.initialise()
-        self.time = 0.0
+        super().__init__(path, folder, **parameters)
         self.put(POINTS, -POINTS / np.linalg.norm(POINTS, axis=1, keepdims=True))
-
-    def places(self, name):
-        if name not in self.known:
-            self.known[name] = [at for x, at in self.references.items() if x == name or x.startswith(f"{name}[")]
-        return self.known[name]
-
-    def set(self, name, value):
-        self.fmu.setReal(self.places(name), np.ravel(value).astype(float).tolist())
 
     def put(self, features, normals, attitude=(1, 0, 0, 0)):
         for name, value in (("features", features), ("normals", normals), ("camera.attitude", attitude)):
-            self.set(name, value)
-
-    def step(self, length=PERIOD):
-        self.fmu.doStep(self.time, length)
-        self.time += length
-        return self
+            self[name] = value
 
     def __getitem__(self, name):
-        if name == "seen":
-            return np.array(self.fmu.getBoolean(self.places(name)), dtype=bool)
-        values = np.array(self.fmu.getReal(self.places(name)))
+        values = super().__getitem__(name)
         return values.reshape(COUNT, -1) if name in ("pixels", "points", "covariances") else values
 
     @property
@@ -196,16 +178,16 @@ def test_a_restored_state_draws_the_same(rig):
 def test_dark_is_what_the_central_body_shades(rig):
     one = rig(sun__shadowRadius=6378e3)
     assert one.step()["seen"].all()  # the position is not connected
-    one.set("sun.direction", [5.0, 0.0, 0.0])
+    one["sun.direction"] = [5.0, 0.0, 0.0]
     for position, lit in (([-7000e3, 0, 0], False), ([7000e3, 0, 0], True), ([-7000e3, 6400e3, 0], True)):
-        one.set("orbit.position", position)
+        one["orbit.position"] = position
         assert one.step()["seen"].all() == lit
         assert one["seen"].any() == lit
-    one.set("orbit.position", [-7000e3, 0, 0])
+    one["orbit.position"] = [-7000e3, 0, 0]
     one.step()
     assert one["sample.number"] == 5  # samples of nothing are samples
     bright = rig()  # without a sphere
-    bright.set("orbit.position", [-7000e3, 0, 0])
+    bright["orbit.position"] = [-7000e3, 0, 0]
     assert bright.step()["seen"].all()
 
 
@@ -243,7 +225,7 @@ def test_the_measured_attitude(rig):
 def test_parameters_are_tuned_in_mid_run(rig):
     one = rig()
     assert one.step()["seen"].all()
-    one.set("visibility.maxRange", 1.0)
+    one["visibility.maxRange"] = 1.0
     assert one["seen"].all()
     assert not one.step()["seen"].any()
     one.refused(lambda: one.set("dropout", 1.0), "dropout: found value 1, expected a share from 0 to below 1")
@@ -274,9 +256,9 @@ def test_inputs_without_a_direction_are_refused(rig):
     before = one.all
     for name, value in (("camera.attitude", np.full(4, 1e-60)), ("sun.direction", np.zeros(3))):
         kept = one[name]
-        one.set(name, value)
+        one[name] = value
         one.refused(one.step, f"{name}: found length {np.linalg.norm(value):g}")
-        one.set(name, kept)
+        one[name] = kept
     np.testing.assert_array_equal(one.all, before)
     assert one.step()["sample.number"] == 1
 
