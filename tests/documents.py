@@ -10,6 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 LANGUAGES = {"python", "sh", "text", "toml"}  # text is not run: formulas, output, formats of files
+PROGRAMS = ("baryscope", "pythonfmu")
 FRONT = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
 
@@ -35,9 +36,9 @@ def fences(document):
 
 
 def commands(document):
-    """The calls of baryscope in its shell blocks, in their order, without their comments."""
+    """The calls of baryscope and pythonfmu in its shell blocks, in their order, without their comments."""
     lines = [line for language, block in fences(document)[0] if language == "sh" for line in block.splitlines()]
-    return [words for line in lines if (words := shlex.split(line, comments=True)) and words[0] == "baryscope"]
+    return [words for line in lines if (words := shlex.split(line, comments=True)) and words[0] in PROGRAMS]
 
 
 WITH_PYTHON = [document for document in [*FRONT, *PAGES] if python_blocks(document)]

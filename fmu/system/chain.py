@@ -1,8 +1,9 @@
 """The chain of our units around a scenario: target, rig, estimator, controller."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from baryscope.fmu.system.guest import Guest
 from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.scenario import Scenario
 from baryscope.models.variables import Kind, Variable
@@ -54,10 +55,11 @@ class Connection:
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The units of a system by their elements' names, and the connections."""
+    """The units of a system by their elements' names, and the connections; guests: units in the places of some."""
 
     units: Mapping[str, Blueprint]
     connections: tuple[Connection, ...]
+    guests: Mapping[str, Guest] = field(default_factory=dict)
 
     def connected(self, element: str) -> dict[str, Variable]:
         """The scalars of an element that are connected, and the variables that they are of; inputs first."""
@@ -65,23 +67,32 @@ class Chain:
         starts = {name: one.start[1] for one in self.connections if one.start[0] == element for name, _ in one.scalars}
         return ends | starts
 
+    def parameters(self, element: str) -> list[Variable]:
+        """The parameters of an element's unit that are bound: all of ours, those that a guest has by the same names."""
+        own, guest = self.units[element].of_kind(Kind.PARAMETER), self.guests.get(element)
+        return own if guest is None else [variable for variable in own if guest.has(variable)]
 
-def chain_of(scenario: Scenario) -> Chain:
+
+def chain_of(scenario: Scenario, guests: Mapping[str, Guest] | None = None) -> Chain:
     """The chain of a scenario. The target's orbit is connected only where its unit has it, with forces.
 
-    The grapple point is the first feature, where the estimator's map has it.
+    The grapple point is the first feature, where the estimator's map has it. A guest must have all outputs that are
+    connected; of the inputs it is given those that it has.
 
     Raises:
-        InputError: a unit cannot be made of the scenario.
+        InputError: a unit cannot be made of the scenario, or a guest does not fit.
     """
-    units = {name: blueprint_of(name, scenario) for name in ELEMENTS}
+    units, guests = {name: blueprint_of(name, scenario) for name in ELEMENTS}, guests or {}
     found = []
     for first, output, second, taken in _LINKS:
         start = _variable(units[first], output, Kind.OUTPUT)
         end = _variable(units[second], taken, Kind.INPUT)
         if start is not None and end is not None:
             found.append(Connection((first, start), (second, end)))
-    return Chain(units, tuple(found))
+    for name, guest in guests.items():
+        guest.require({one.start[1].name: one.start[1] for one in found if one.start[0] == name}.values())
+        found = [one for one in found if one.end[0] != name or guest.has(one.end[1])]
+    return Chain(units, tuple(found), guests)
 
 
 def _variable(unit: Blueprint, name: str, kind: Kind) -> Variable | None:

@@ -225,13 +225,16 @@ def _opened(path: Path, folder: Path, component: Component) -> Unit:
     description = fmpy.read_model_description(str(place), validate=False)
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise InputError(f"{path}: {component.name} is of FMI {description.fmiVersion}, expected {EXPECTED}")
-    fmu = FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=str(place),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName=component.name,
-    )
-    fmu.instantiate()
+    try:
+        fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(place),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=component.name,
+        )
+        fmu.instantiate()
+    except Exception as error:  # fmpy raises bare Exceptions
+        raise UnitError(f"{component.name}: {error}") from error
     experiment = description.defaultExperiment
     return Unit(
         component.name,

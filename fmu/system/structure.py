@@ -6,12 +6,10 @@ values that the units start with anyway, for masters that pass over bindings.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
 
 from baryscope import __version__
 from baryscope.fmu.system.chain import Chain
-from baryscope.fmu.units import Blueprint
-from baryscope.models.variables import Kind, Variable
+from baryscope.models.variables import Kind
 
 NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -43,8 +41,8 @@ def system_structure(chain: Chain, name: str, stop_time: float) -> bytes:
     )
     system = ET.SubElement(root, _tag("ssd", "System"), name="loop")
     elements = ET.SubElement(system, _tag("ssd", "Elements"))
-    for element, unit in chain.units.items():
-        _add_component(elements, element, unit, chain.connected(element))
+    for element in chain.units:
+        _add_component(elements, chain, element)
     connections = ET.SubElement(system, _tag("ssd", "Connections"))
     for one in chain.connections:
         for first, second in one.scalars:
@@ -57,11 +55,13 @@ def system_structure(chain: Chain, name: str, stop_time: float) -> bytes:
     return text
 
 
-def _add_component(parent: ET.Element, name: str, unit: Blueprint, connected: Mapping[str, Variable]) -> None:
-    values = {"name": name, "type": FMU_TYPE, "source": source_of(name), "description": unit.summary}
+def _add_component(parent: ET.Element, chain: Chain, name: str) -> None:
+    unit = chain.units[name]
+    summary = (chain.guests.get(name) or unit).summary
+    values = {"name": name, "type": FMU_TYPE, "source": source_of(name), "description": summary}
     component = ET.SubElement(parent, _tag("ssd", "Component"), values)
     connectors = ET.SubElement(component, _tag("ssd", "Connectors"))
-    for scalar, variable in connected.items():
+    for scalar, variable in chain.connected(name).items():
         kind = "input" if variable.kind == Kind.INPUT else "output"
         connector = ET.SubElement(connectors, _tag("ssd", "Connector"), name=scalar, kind=kind)
         ET.SubElement(connector, _tag("ssc", "Boolean" if variable.boolean else "Real"))
@@ -70,7 +70,7 @@ def _add_component(parent: ET.Element, name: str, unit: Blueprint, connected: Ma
     held = ET.SubElement(binding, _tag("ssd", "ParameterValues"))
     own = ET.SubElement(held, _tag("ssv", "ParameterSet"), version="1.0", name=f"{name}-parameters")
     parameters = ET.SubElement(own, _tag("ssv", "Parameters"))
-    for variable in unit.of_kind(Kind.PARAMETER):
+    for variable in chain.parameters(name):
         for scalar, value in zip(variable.scalar_names, unit.starts[variable.name].ravel(), strict=True):
             parameter = ET.SubElement(parameters, _tag("ssv", "Parameter"), name=scalar)
             if variable.boolean:

@@ -17,6 +17,7 @@ from baryscope.study.progress import stage
 def system(
     *,
     scenario: str = "envisat",
+    controller: Path | None = None,
     platforms: Literal["host", "linux", "all"] = "host",
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
@@ -30,6 +31,10 @@ def system(
     ----------
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml.
+    controller
+        Another tool's FMU 2.0 in the place of ApproachController. It is connected by the names of its variables: it
+        needs the outputs command.acceleration and camera.attitude, and has those of the inputs that it wants; its
+        parameters of the same names get the scenario's values.
     platforms
         As of `baryscope build`: `host`, this machine and those with the same C library or a later one; `linux`; `all`.
     output
@@ -40,9 +45,10 @@ def system(
     path = output or Path(f"{flown.name}.ssp")
     if path.suffix != ".ssp":
         raise InputError(f"{path}: ends in {path.suffix!r}, expected .ssp")
-    refuse_overwriting([path], [scenario_path(scenario)])
+    refuse_overwriting([path], [at for at in (scenario_path(scenario), controller) if at is not None])
     with show.progress() as progress, stage(progress, "building the units") as share:
-        build_system(flown, path, platforms=platforms, progress=lambda _, done: share(done))
+        build_system(flown, path, controller=controller, platforms=platforms, progress=lambda _, done: share(done))
+    last = "controller" if controller is None else f"{controller} as controller"
     size = path.stat().st_size
     data = {"version": __version__, "file": str(path), "scenario": flown.name, "bytes": size}
-    show.result(data, f"{path}: target, rig, estimator and controller, {size / 1000:.0f} kB")
+    show.result(data, f"{path}: target, rig, estimator and {last}, {size / 1000:.0f} kB")

@@ -1,5 +1,6 @@
 """The closed loop: target, rig, estimator and controller flown together on estimates alone, and what came of it."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,12 @@ MODELS = {
     "estimator": "CentreOfMassEstimator",
     "controller": "ApproachController",
 }
+Pilot = Callable[[Mapping[str, Unit], float], None]
+"""Called at each communication point with the units, by the names of MODELS, and the time in s: may set their inputs.
+
+Outputs have been handed on by then; what it sets holds in the next step.
+"""
+COMMAND = "command.acceleration"
 MOST_STEPS = 10_000_000
 
 
@@ -44,9 +51,11 @@ class Loop:
         tumble: (n,), whether the estimator knows rate and inertia.
         chaser: (n, 3), LVLH, m.
         command: (n, 3), m/s², LVLH.
-        miss: (n,), how far the chaser is from where it shall be: from `hold.position`, or while it is synchronised
-            from the true point before the true grapple point, m.
-        synchronised: (n,), whether the goal turns with the body.
+        to_grapple: (n,), how far the chaser is from the true point before the true grapple point, m; from the grapple
+            point itself where the controller has no `grapple.standoff`.
+        miss: (n,), how far it is from where it shall be, m: from there while synchronised, else from `hold.position`,
+            or from where it starts if the controller has none.
+        synchronised: (n,), whether the goal turns with the body; never with a controller that does not tell.
     """
 
     truth: Recording
@@ -57,6 +66,7 @@ class Loop:
     tumble: BoolArray
     chaser: FloatArray
     command: FloatArray
+    to_grapple: FloatArray
     miss: FloatArray
     synchronised: BoolArray
 
@@ -96,6 +106,7 @@ def fly_loop(
     duration: float | None = None,
     step: float | None = None,
     approach: bool = False,
+    pilot: Pilot | None = None,
     progress: Progress | None = None,
 ) -> Loop:
     """Fly a system that `baryscope system` wrote.
@@ -105,6 +116,7 @@ def fly_loop(
         duration: s; None: that of the archive.
         step: from one communication point to the next, s; None: the units' own.
         approach: begin the approach to the grapple point as soon as the tumble is known.
+        pilot: interferes between two steps.
         progress: told how far the flight is.
 
     Raises:
@@ -119,23 +131,55 @@ def fly_loop(
                 f"duration: found {length} s, expected {master.step_size:g} s or more, in steps of that size"
             )
         if approach:
-            units["controller"].set(["synchronised"], np.ones(1))
+            controller = units["controller"]
+            if not controller.scalars("synchronised"):
+                raise InputError(f"{path}: {controller.model} has no synchronised, by which an approach begins")
+            controller.set(["synchronised"], np.ones(1))
         count = round(length / master.step_size)
         recorder = _Recorder(units, count)
         with stage(progress, f"flying {length:.0f} s at {1 / master.step_size:g} Hz") as share:
             for index in range(count):
                 master.step()
                 recorder.take(index, master.time)
+                if pilot is not None:
+                    pilot(units, master.time)
                 if index % max(1, count // 200) == 0:
                     share(index / count)
         return recorder.loop()
 
 
 def _unit(master: Master, path: AnyPath, name: str) -> Unit:
+    """The unit of our model; as controller any that has a command."""
     found = master.of_model(MODELS[name])
+    if found is None and name == "controller":
+        found = next((unit for unit in master.units.values() if len(unit.scalars(COMMAND)) == 3), None)
     if found is None:
         raise InputError(f"{path}: has no {MODELS[name]}, expected a system made by `baryscope system`")
     return found
+
+
+Sample = tuple[float, FloatArray, FloatArray]
+"""Time in s, points (m, 3) in C, m, and their covariances (m, 3, 3), m²; NaN for what is not seen."""
+
+
+class RigReader:
+    """Reads the samples of a rig as they come."""
+
+    def __init__(self, rig: Unit) -> None:
+        self._rig, self._arm, self._taken = rig, rig.vector("camera.leverArm"), 0.0
+
+    def newest(self) -> Sample | None:
+        """The newest sample, by the measured attitude, if it is another one than before."""
+        rig = self._rig
+        (number,), (time,) = rig.vector("sample.number"), rig.vector("sample.time")
+        if number <= self._taken:
+            return None
+        self._taken = number
+        R = Rotation.from_quat(rig.vector("camera.measuredAttitude"), scalar_first=True).as_matrix()
+        seen = rig.vector("seen")[:, None] > 0
+        points = (rig.vector("points").reshape(-1, 3) + self._arm) @ R.T
+        covariances = R @ rig.vector("covariances").reshape(-1, 6)[:, FULL] @ R.T
+        return float(time), np.where(seen, points, np.nan), np.where(seen[..., None], covariances, np.nan)
 
 
 class _Recorder:
@@ -148,16 +192,17 @@ class _Recorder:
         self._places = {
             "target": (*TRUTH_COLUMNS, "chaser.position"),
             "estimator": ("target.position", "target.positionCovariance", "status", "tumble.known"),
-            "controller": ("command.acceleration", "goal.synchronised"),
+            "controller": (COMMAND, "goal.synchronised"),
         }
         for name, variables in self._places.items():
             for variable in variables:
                 self._rows[f"{name} {variable}"] = np.empty((count, len(units[name].scalars(variable))))
-        self._miss = np.empty(count)
-        self._samples: list[tuple[float, FloatArray, FloatArray]] = []
-        rig, controller = units["rig"], units["controller"]
-        self._seen, self._arm, self._taken = rig.scalars("seen"), rig.vector("camera.leverArm"), 0.0
-        self._hold, (self._standoff,) = controller.vector("hold.position"), controller.vector("grapple.standoff")
+        self._to_grapple, self._miss = np.empty(count), np.empty(count)
+        self._samples: list[Sample] = []
+        self._rig, controller = RigReader(units["rig"]), units["controller"]
+        held, standoff = controller.vector("hold.position"), controller.vector("grapple.standoff")
+        self._hold = held if held.size else units["target"].vector("chaser.position0")
+        self._standoff = float(standoff.sum())  # 0 where the controller has none
 
     def take(self, index: int, time: float) -> None:
         """Record the point of that index."""
@@ -165,28 +210,18 @@ class _Recorder:
         for name, variables in self._places.items():
             for variable in variables:
                 self._rows[f"{name} {variable}"][index] = self._units[name].vector(variable)
-        self._miss[index] = self._missed(index)
-        self._take_sample()
+        self._to_grapple[index] = self._from_goal(index)
+        held = not self._rows["controller goal.synchronised"][index].any()
+        off = self._rows["target chaser.position"][index] - self._hold
+        self._miss[index] = np.linalg.norm(off) if held else self._to_grapple[index]
+        sample = self._rig.newest()
+        if sample is not None:
+            self._samples.append(sample)
 
-    def _missed(self, index: int) -> float:
-        if self._rows["controller goal.synchronised"][index, 0] == 0.0:
-            return float(np.linalg.norm(self._rows["target chaser.position"][index] - self._hold))
+    def _from_goal(self, index: int) -> float:
         feature = self._units["target"].vector("features")[:3]
         outward = feature - self._rows["target target.position"][index]
         return float(np.linalg.norm(feature + self._standoff * outward / np.linalg.norm(outward)))
-
-    def _take_sample(self) -> None:
-        """The rig's newest sample, if it is another one than before."""
-        rig = self._units["rig"]
-        (number,), (time,) = rig.vector("sample.number"), rig.vector("sample.time")
-        if number <= self._taken:
-            return
-        self._taken = number
-        R = Rotation.from_quat(rig.vector("camera.measuredAttitude"), scalar_first=True).as_matrix()
-        seen = rig.get(self._seen)[:, None] > 0
-        points = (rig.vector("points").reshape(-1, 3) + self._arm) @ R.T
-        covariances = R @ rig.vector("covariances").reshape(-1, 6)[:, FULL] @ R.T
-        self._samples.append((time, np.where(seen, points, np.nan), np.where(seen[..., None], covariances, np.nan)))
 
     def loop(self) -> Loop:
         """All that was recorded.
@@ -208,7 +243,8 @@ class _Recorder:
             status=rows["estimator status"][:, 0].astype(np.intp),
             tumble=rows["estimator tumble.known"][:, 0] > 0,
             chaser=rows["target chaser.position"],
-            command=rows["controller command.acceleration"],
+            command=rows[f"controller {COMMAND}"],
+            to_grapple=self._to_grapple,
             miss=self._miss,
-            synchronised=rows["controller goal.synchronised"][:, 0] > 0,
+            synchronised=np.asarray((rows["controller goal.synchronised"] > 0).any(axis=1)),
         )

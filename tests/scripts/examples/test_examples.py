@@ -4,13 +4,19 @@ import re
 import runpy
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from baryscope.fmu.system import build_system
+from baryscope.study import fly_loop
+
 EXAMPLES = Path(__file__).parents[3] / "scripts" / "examples"
 
 
 def test_every_example_is_run_by_a_test():
     """step_unit.mjs is run by the tests of the WebAssembly module."""
     programs = {path.name for path in EXAMPLES.iterdir() if path.is_file() and path.name != "__init__.py"}
-    assert programs == {"step_unit.py", "step_unit.mjs", "close_loop.py"}
+    assert programs == {"step_unit.py", "step_unit.mjs", "close_loop.py", "own_controller.py"}
 
 
 def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
@@ -29,3 +35,15 @@ def test_the_closed_loop_to_copy_arrives_on_estimates(capsys):
     away, error = map(float, re.fullmatch(words, lines[-1]).groups())
     assert abs(away - 2.0) <= 0.03
     assert error <= 0.01
+
+
+def test_the_controller_to_copy_arrives_as_a_unit(envisat, tmp_path):
+    """Packed by pythonfmu, in the place of ours: 2 m before the grapple point, in step with 3.5 °/s."""
+    builder = pytest.importorskip("pythonfmu.builder", reason="pythonfmu, which packs it, is not installed")
+    builder.FmuBuilder.build_FMU(EXAMPLES / "own_controller.py", dest=tmp_path)
+    unit = tmp_path / "OwnController.fmu"
+    loop = fly_loop(build_system(envisat, tmp_path / "own.ssp", controller=unit), duration=700.0, approach=True)
+    assert loop.synchronised[-1]
+    assert loop.miss[-100:].max() < 0.05
+    assert np.linalg.norm(loop.chaser, axis=1).min() > 8.0
+    assert np.nanmax(loop.error[-100:]) < 0.01
