@@ -7,7 +7,8 @@ inertia is estimated: five coefficients of the logarithm of the second moments o
 Three extensions make the comparison fair, and the filter no longer causal. It starts from a registration of all frames.
 It is iterated: each pass is linearised about the smoothed motion of the one before (Bell 1994), over all frames at
 once. The process noises are those of the greatest likelihood of the innovations, and the result is the mean over the
-probable ones. Without an orbit the path is `pivot`'s, a smooth one with a prior, and white acceleration.
+probable ones. Where passes do not come to rest, others start from the tumble that `ml` finds. Without an orbit the path
+is `pivot`'s, a smooth one with a prior, and white acceleration.
 """
 
 import time as clock
@@ -24,6 +25,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     observability_of,
     rejected_by,
 )
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.details import FilterDetails
@@ -36,8 +38,9 @@ from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.products import product_gradient
 from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
-from baryscope.estimator.ekf.start import Start, starts
+from baryscope.estimator.ekf.start import Start, start_of, starts
 from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.burns import SIGNIFICANT, unknown_burns
 from baryscope.estimator.pivot.method import solve_pivot
@@ -79,12 +82,30 @@ def estimate_by_filter(
         path = _with_burns_of(solved, trajectory.path(orbit, *span, options.acceleration))
     theta = np.array([_found(solved, one.name) for one in path.prior.hyperparameters])
 
-    def followed(start: Start) -> Passes:
+    def followed(start: Start, tracks: FeatureTracks = tracks, measured: Observations = measured) -> Passes:
         _refuse_effort(len(start.nodes.frames), len(start.nodes.time), tracks.seen.shape[1])
         rounds.did(0.5)
         return passes(Problem(tracks, options, measured, start, path, on_orbit, theta, rounds))
 
-    found = _first_of(starts(tracks, measured, solved, torques_of(orbit, options)), followed)
+    def better() -> Passes | None:
+        """From the tumble that `ml` finds: its steps are damped, and arrive from where passes do not."""
+        try:
+            whole = solved if path.prior.hyperparameters and solved else solve_pivot(tracks, orbit, options)
+            points, _, best = likeliest_tumble(tracks, whole, torques, options, rounds)
+            found = followed(start_of(points, best), points, observations_of(points, points.seen))
+        except ComputationError:
+            return None
+        return found if found.converged else None
+
+    torques = torques_of(orbit, options)
+    try:
+        found = _first_of(starts(tracks, measured, solved, torques), followed)
+    except ComputationError:
+        if (other := better()) is None:
+            raise
+        found = other
+    if not found.converged:
+        found = better() or found
     if on_orbit:
         found = _with_unknown_burns(found, orbit)
     return _result(found, begin)

@@ -17,6 +17,7 @@ from baryscope.estimator.dynamics.rotation import Rotation, too_long
 from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
+from baryscope.estimator.ml.maximum import Likelihood
 from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -100,6 +101,28 @@ def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observ
         radius=_radius(registered),
         noise=_noise(registered),
         weight=np.where(tracks.seen, np.maximum(observations.weight, NEGLIGIBLE), 0.0),
+    )
+
+
+def start_of(tracks: FeatureTracks, best: Likelihood) -> Start:
+    """That of the likeliest tumble, with its points and weights."""
+    nodes, points = _nodes(best.rotation, tracks.time), best.found.points
+    found = best.rotation.at(nodes.time)
+    attitude, origin = found.attitude[nodes.frames], best.sampled.position(best.x)
+    seen = (best.observations.weight > NEGLIGIBLE).any(axis=0)
+    middle = points[seen].mean(axis=0)
+    centroid = (origin + attitude @ middle).mean(axis=0)
+    return Start(
+        nodes=nodes,
+        rotation=best.rotation,
+        explained=True,
+        attitude=found.attitude,
+        rate=found.rate,
+        points=points + np.einsum("kij,ki->j", attitude, origin - centroid) / len(attitude),
+        centroid=centroid,
+        radius=float(np.sqrt(np.mean(np.sum((points[seen] - middle) ** 2, axis=1)))),
+        noise=float(np.sqrt(best.residual_variance * unit_of(tracks))),
+        weight=best.observations.weight,
     )
 
 

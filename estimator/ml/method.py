@@ -33,12 +33,11 @@ from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
-from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumble
 from baryscope.estimator.ml.jacobians import Jacobians
-from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised, turned_by
+from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, turned_by
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
-from baryscope.estimator.ml.relabelling import relabelled
+from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot, least_variance, values_for_path
@@ -56,7 +55,7 @@ from baryscope.estimator.result import (
     Noise,
 )
 from baryscope.estimator.tracks import FeatureTracks, errors_of
-from baryscope.models.errors import ComputationError, Reason
+from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -108,11 +107,7 @@ def _tumbling(
     Raises:
         ComputationError: no tumble is found.
     """
-    tracks, pivot = relabelled(tracks, solved)
-    noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
-    tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
-    done.did(STAGE)
-    best = _followed(tracks, pivot, tumble, options, done)
+    tracks, pivot, best = likeliest_tumble(tracks, solved, torques, options, done)
     errors, seen, itself = errors_of(tracks), best.sampled.position(best.x), best.sampled.itself
     origin = itself.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())
@@ -165,23 +160,6 @@ def _tumbling(
             _torque_density(best, options),
         ),
     )
-
-
-def _followed(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
-    """The maximum, if steps from the fitted rotation lead to one.
-
-    Raises:
-        ComputationError: they lead nowhere.
-    """
-    try:
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            best = maximised(tracks, pivot, tumble, options, done)
-        finite = bool(np.isfinite(best.found.cost) and np.isfinite(best.posterior.covariance).all())
-    except np.linalg.LinAlgError:
-        finite = False
-    if not finite:
-        raise ComputationError("no rotation with a torque follows the attitudes over the whole time", Reason.DIVERGED)
-    return best
 
 
 def _findings(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:

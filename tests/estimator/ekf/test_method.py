@@ -15,6 +15,8 @@ from baryscope.estimator.result import FewFrames, Status
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
+from baryscope.study.population.cases import drawn
+from baryscope.study.population.sensing import sampled as sample_of
 from synthetic import ENVISAT, Case, Orbit, attitude, box_features, make_case
 
 FAST, SLOW = (3.38, 0.45, 0.77), (1.0, 0.3, 0.5)  # °/s
@@ -360,3 +362,16 @@ def test_too_few_frames_check_nothing(tracked, method, count):
     few = [one for one in found.findings if isinstance(one, FewFrames)]
     assert [(one.frames, one.unknowns) for one in few] == ([(5, pytest.approx(17.0, abs=1.0))] if count == 5 else [])
     assert found.status.trustworthy == (count > 5)
+
+
+def test_from_the_tumble_of_ml_where_passes_do_not_come_to_rest():
+    """Two labels are exchanged for a stretch of time, and 30 % of the observations displaced."""
+    case = drawn(60, 0)
+    assert "mislabelled" in case.kind
+    assert "outliers" in case.kind
+    found = estimate(sample_of(case).tracks, method="ekf", orbit=case.orbit)
+    assert found.status == Status.GOOD
+    error = found.position - case.path
+    squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance), error)
+    assert squares.max() < 21.1  # p = 1e-4
+    assert np.abs(error).max() < 0.02  # from a registration it is 1.3 m off
