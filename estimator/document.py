@@ -158,7 +158,9 @@ class FindingPart(Part):
     axes: Literal["lvlh", "inertial"] | None = Field(None, description="unknown-burn: axes of change")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
-    reason: str | None = Field(None, description="free-attitudes: why ml tells no tumble, in words; not to be parsed")
+    reason: str | None = Field(
+        None, description="free-attitudes: why ml or ekf tells no tumble, in words; not to be parsed"
+    )
 
 
 class EstimateDocument(Part):

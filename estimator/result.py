@@ -192,7 +192,7 @@ class WrongSigma:
 
 @dataclass(frozen=True)
 class FreeAttitudes:
-    """`ml` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
+    """`ml` or `ekf` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
 
     reason: str
 

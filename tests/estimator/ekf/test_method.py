@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
+from baryscope.estimator.ekf import passes
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import FewFrames, Status
+from baryscope.estimator.result import FewFrames, FreeAttitudes, Status
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
@@ -298,13 +299,30 @@ def test_insufficient_first_frames_are_refused_in_one_sentence(tracked):
     with pytest.raises(ComputationError, match="at most 2 features"):
         run(tracked(members=slice(2)))
     tracks = tracked().tracks
-    short = FeatureTracks(tracks.time[:3], tracks.position[:3], tracks.labels)
-    with pytest.raises(ComputationError, match="3 frames, 4 are needed for a rate"):
-        estimate(short, method="ekf")
     with pytest.raises(InputError, match="gravity-gradient, which needs the target's orbit"):
         estimate(tracks, method="ekf", options=PathOptions(torque="gravity-gradient"))
     with pytest.raises(InputError, match="expected fixed, polynomial"):
         estimate(tracks, method="ekf", options=PathOptions(trajectory="parabola"))
+
+
+def test_where_the_filter_leads_nowhere_it_is_the_estimate_of_pivot(tracked):
+    """Three frames tell no rate, but a fixed point; `ekf` says why it has no tumble."""
+    tracks = tracked().tracks
+    short = FeatureTracks(tracks.time[:3], tracks.position[:3], tracks.labels)
+    found, free = (estimate(short, method=method, options=PathOptions("fixed")) for method in ("ekf", "pivot"))
+    assert found.findings[-1] == FreeAttitudes("attitudes are seen in 3 frames, 4 are needed for a rate")
+    assert found.status == free.status
+    np.testing.assert_array_equal(found.position, free.position)
+    np.testing.assert_array_equal(found.covariance, free.covariance)
+
+
+def test_passes_that_do_not_come_to_rest_give_way_to_pivot(tracked, monkeypatch):
+    monkeypatch.setattr(passes, "MAX_PASSES", 1)
+    case = tracked()
+    found = run(case)
+    assert found.findings[-1] == FreeAttitudes("the passes of the filter do not come to rest")
+    assert found.status is Status.GOOD
+    assert normalised(found, case) < 4 * 3
 
 
 @pytest.mark.parametrize("on_orbit", [False, True])

@@ -1,0 +1,195 @@
+"""What `ekf` answers: the estimate of its last pass, averaged over the probable densities of the process noises."""
+
+import time as clock
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from baryscope.estimator.adjustment.diagnostics import (
+    REJECTED,
+    cluster_of,
+    covered_by,
+    few_frames,
+    observability_of,
+    rejected_by,
+)
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.details import FilterDetails
+from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, TURN
+from baryscope.estimator.ekf.passes import Passes
+from baryscope.estimator.ekf.prediction import PredictedTumble
+from baryscope.estimator.ekf.products import product_gradient
+from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
+from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.pivot.burns import unknown_burns
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.intervals import cut_intervals
+from baryscope.estimator.result import (
+    Cluster,
+    Estimate,
+    FewFrames,
+    Motion,
+    Noise,
+    ProcessNoise,
+    UnknownBurn,
+)
+from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
+
+CREDIBLE = 0.05  # probability on either side of the bounds of a density
+
+
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """Position and velocity (n, 3) at the frames, and the offset (3,) of the features' centroid from the centre of mass
+    in axes attached to the points; with covariances without spurious information. products (q, k): of errors.
+    """
+
+    position: FloatArray
+    covariance: FloatArray
+    velocity: FloatArray
+    velocity_covariance: FloatArray
+    offset: FloatArray
+    offset_covariance: FloatArray
+    products: FloatArray
+
+
+def answer_of(found: Passes, begin: float) -> Estimate:
+    """The estimate of passes; begin: when the work began, s of the performance counter."""
+    problem, last, at, features = found.problem, found.last, found.reference, _features(found)
+    tracks, options, start = problem.tracks, problem.options, problem.start
+    answer = _answer(found, features)
+    cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
+    weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
+    gravity_gradient = start.rotation.orbit is not None
+    return Estimate(
+        time=tracks.time,
+        labels=tracks.labels,
+        position=answer.position,
+        covariance=answer.covariance,
+        motion=_motion(found, features, answer),
+        observability=observability_of([cluster], answer.covariance),
+        clusters=(cluster,),
+        noise=Noise(options.sigma, float(np.sqrt(last.residual_variance)), tracks.covariance is not None),
+        residuals=np.where(tracks.seen[..., None], tracks.position - at.seen_at(start.nodes), np.nan),
+        used=weight > 0,
+        rejected=rejected_by(weight),
+        covered=covered_by([cluster], len(tracks.time)),
+        converged=found.converged,
+        rounds=found.count,
+        findings=_burns(found) + _few_frames(found),
+        method="ekf",
+        path=problem.path.name,
+        options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
+        details=FilterDetails(
+            process_noise=last.member.path,
+            process_noise_bounds=_bounds([member.path for member in found.members], found.probability),
+            torque_noise=last.member.turn,
+            torque_noise_bounds=_bounds([member.turn for member in found.members], found.probability),
+            gravity_gradient=gravity_gradient,
+            nis=last.residual_variance / last.variance,
+            log_likelihood=-0.5 * (last.parameters.log_determinant + last.parameters.squares / last.variance),
+            final_covariance=answer.covariance[-1],
+            angular_rate=at.rate[start.nodes.frames[-1]],
+            inertia=at.inertia,
+        ),
+        wall_time=clock.perf_counter() - begin,
+        process_noise=process_noise_of(found),
+        predictor=PredictedTumble(found, tracks.labels, features, answer.products),
+    )
+
+
+def _burns(found: Passes) -> tuple[UnknownBurn, ...]:
+    """The findings of burns among the path's unknowns."""
+    own = slice(INERTIA, INERTIA + found.problem.path.size)
+    return unknown_burns(found.problem.path, found.shift + found.reference.x, found.solution.of_theta[own, own])
+
+
+def _few_frames(found: Passes) -> tuple[FewFrames, ...]:
+    """A finding if there are too few frames for what the tracks tell of path, rate and inertia."""
+    last = found.last
+    own = slice(last.system.points.start)
+    held = np.vdot(last.prior.information[own, own], last.parameters.covariance[own, own])
+    return few_frames(last.weight, own.stop - float(held))
+
+
+def process_noise_of(found: Passes) -> ProcessNoise:
+    """The process noise of the path."""
+    best, on_position, options = found.last.member, found.problem.slips, found.problem.options
+    if options.process_noise == "none":
+        return ProcessNoise("none", 0.0, of_position=on_position)
+    if not isinstance(options.process_noise, str):
+        return ProcessNoise("given", options.process_noise, of_position=on_position)
+    scores = {} if found.last.bank is None else found.last.bank.scores
+    least = scores.get(replace(best, path=0.0))
+    return ProcessNoise(
+        "estimated",
+        best.path,
+        _bounds([member.path for member in found.members], found.probability),
+        None if least is None else 2 * max(scores[best] - least, 0.0),
+        of_position=on_position,
+    )
+
+
+def _bounds(densities: list[float], probability: FloatArray) -> tuple[float, float]:
+    """The least and greatest densities whose probability on either side is at least CREDIBLE."""
+    order = np.argsort(densities)
+    below = np.cumsum(probability[order])
+    ends = np.searchsorted(below, [CREDIBLE, 1 - CREDIBLE]).clip(max=len(order) - 1)
+    lower, upper = (float(densities[int(order[end])]) for end in ends)
+    return lower, upper
+
+
+def _features(found: Passes) -> IntArray:
+    """The features of which not all observations are rejected."""
+    return np.asarray(np.nonzero((found.last.observations.weight >= REJECTED).any(axis=0))[0])
+
+
+def _answer(found: Passes, features: IntArray) -> _Answer:
+    at, frames, solution, last = found.reference, found.problem.start.nodes.frames, found.solution, found.last
+    points = last.system.points
+    offset, attached, least = attached_offset(found, features)
+    of_offset = attached @ solution.of_theta[points, points] @ attached.T
+    spurious, _ = spurious_growth(solution, last.system, last.variance, attached, least)
+    noise = found.problem.noise([last.member], last.noise_variance)
+    products = product_gradient(last.system, noise, solution, of_offset + spurious @ spurious.T)
+    columns, of_states = growth(found, solution, last.system, features, products)
+    of_states = of_states[frames, PATH]
+    of_path = solution.of_state[frames, PATH, PATH] + of_states @ np.swapaxes(of_states, 1, 2)
+    return _Answer(
+        at.origin[frames],
+        of_path[:, :3, :3],
+        at.path.velocity(at.deviation)[frames],
+        of_path[:, 3:, 3:] / at.path.span**2,
+        offset,
+        of_offset + columns @ columns.T,
+        products,
+    )
+
+
+def _motion(found: Passes, features: IntArray, answer: _Answer) -> Motion:
+    """Velocity of the centre of mass, and attitude and rate of axes that are attached to some features' points."""
+    at, frames, solution = found.reference, found.problem.start.nodes.frames, found.solution
+    points, of_state = found.last.system.points, solution.of_state[frames]
+    turn = np.zeros((3, 3 * len(at.points)))
+    turn.reshape(3, -1, 3)[:, features] = turn_by_points(at.points[features]).reshape(3, -1, 3)
+    crossed = solution.crossed[frames, TURN, points] @ turn.T
+    of_turn = turn @ solution.of_theta[points, points] @ turn.T
+    return Motion(
+        velocity=answer.velocity,
+        velocity_covariance=answer.velocity_covariance,
+        attitude=at.attitude[frames],
+        attitude_covariance=of_state[:, TURN, TURN] + crossed + np.swapaxes(crossed, 1, 2) + of_turn,
+        angular_rate=at.rate[frames],
+        angular_rate_covariance=of_state[:, RATE, RATE],
+    )
+
+
+def _cluster(
+    tracks: FeatureTracks, points: FloatArray, features: IntArray, weight: FloatArray, answer: _Answer
+) -> Cluster:
+    """All features as one cluster, with the mean offset."""
+    frames = np.nonzero((weight > NEGLIGIBLE).sum(axis=1) >= 3)[0]
+    intervals = cut_intervals(tracks.seen, np.zeros(len(tracks.time) - 1, dtype=bool))
+    moved = points - points.mean(axis=0) + answer.offset
+    body = Body(features, frames, moved, np.empty((0, 3, 3)), intervals)
+    return cluster_of(body, moved, answer.offset_covariance, tracks.labels)
