@@ -36,7 +36,7 @@ LAYERS = [
     ["study"],
     ["study.population"],
     ["study.world"],
-    ["study.online"],
+    ["study.online", "study.approach"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
 ]

@@ -1,0 +1,4 @@
+"""An approach to a grapple point on estimates alone, drawn many times: by the online estimator or the published method.
+
+`python -m baryscope.study.approach` runs it: draws → flying (with onboard, the published method on board) → report.
+"""

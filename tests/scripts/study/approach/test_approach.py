@@ -1,0 +1,129 @@
+"""The study of approaches: its draws, the published method on board, the lines of flights and what is made of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.options import ScrewOptions
+from baryscope.fmu.system import build_system
+from baryscope.models.scenario import load_scenario
+from baryscope.study.approach import flying
+from baryscope.study.approach.__main__ import main
+from baryscope.study.approach.draws import PLACE, RATE, SPEED, drawn
+from baryscope.study.approach.onboard import OnBoard
+from baryscope.study.approach.report import WORDS, ends, over_time
+from baryscope.study.loop import fly_loop
+from baryscope.study.population import command
+from oracles import com_in_chaser_frame
+
+
+def test_draws_have_their_sizes_and_come_from_seed_and_number():
+    preset, draws = load_scenario("envisat"), [drawn(7, number) for number in range(200)]
+    again = drawn(7, 3)
+    assert again.parameters().keys() == draws[3].parameters().keys()
+    assert again.target == draws[3].target
+    assert again.chaser == draws[3].chaser
+    assert len({draw.run.seed for draw in draws}) == len({draw.target.attitude for draw in draws}) == 200
+    rates = np.array([draw.target.angular_rate_deg for draw in draws])
+    size = np.linalg.norm(rates, axis=1) / np.linalg.norm(preset.target.angular_rate_deg) - 1
+    places = np.array([draw.chaser.position for draw in draws]) - preset.chaser.position
+    velocities = np.array([draw.chaser.velocity for draw in draws])
+    # A deviation of 200 normal deviates is within 4/√400 of its own, that of 600 within 4/√1200.
+    assert size.std() == pytest.approx(RATE, rel=0.2)
+    assert places.std() == pytest.approx(PLACE, rel=0.12)
+    assert velocities.std() == pytest.approx(SPEED, rel=0.12)
+    Scenario = type(preset)
+    assert Scenario.parse(draws[0].model_dump(), "draw").target.attitude == pytest.approx(draws[0].target.attitude)
+
+
+class Watching(OnBoard):
+    """Tells the controller nothing, so that the online estimator flies."""
+
+    def _tell(self, units):
+        self.truth = [*getattr(self, "truth", []), units["target"].vector("target.position")]
+
+
+@pytest.fixture(scope="module")
+def system(envisat, tmp_path_factory):
+    return build_system(envisat, tmp_path_factory.mktemp("approach") / "chain.ssp")
+
+
+def test_without_what_commands_do_the_target_moves_freely(system, envisat):
+    """What is left of the true path is the difference of two Kepler orbits, while the chaser is pushed by decimetres a
+    second. The method, which sees this path at rest in LVLH, is right to centimetres."""
+    pilot = Watching(envisat.orbit, "screw-gpa", ScrewOptions(lag=15.0, degree=2, axes="lvlh"))
+    loop = fly_loop(system, duration=240.0, approach=True, pilot=pilot)
+    displaced = np.array([point.displaced[:3] for point in pilot._points[1:]])
+    assert np.linalg.norm(displaced[-1]) > 5.0
+    free = com_in_chaser_frame(envisat, loop.time)
+    np.testing.assert_allclose(loop.truth["target.position"] - displaced, free, atol=1e-4)
+    told = np.array(pilot.told)
+    assert np.isnan(told[:98]).all()
+    assert np.isfinite(told[100:]).all()
+    error = np.linalg.norm(told - pilot.truth, axis=1)
+    assert error[-100:].max() < 0.5
+    assert np.median(error[-100:]) < 0.1
+    assert (pilot.runs, pilot.refused) == (15, 0)
+
+
+@pytest.fixture
+def short(envisat, monkeypatch):
+    """Flights of the preset itself, whose units are there, as far as the method has told something."""
+    monkeypatch.setattr(flying, "drawn", lambda seed, draw: envisat)
+    monkeypatch.setattr(flying, "DURATION", 160.0)
+
+
+@pytest.mark.parametrize("loop", flying.LOOPS)
+def test_a_line_has_the_flight(loop, short):
+    line = json.loads(json.dumps(flying.flown(1, 0, loop)))
+    assert (line["loop"], line["seed"], line["draw"]) == (loop, 1, 0)
+    assert line["time"] == list(np.arange(10.0, 161.0, 10.0))
+    assert all(6 < miss < 40 for miss in line["miss"])
+    known = [value is not None for value in line["error"]]
+    assert known == [True] * 16 if loop == "online" else [False] * 9 + [True] * 7
+    assert line["error"][-1] < {"online": 0.1, "pivot": 0.1, "screw-gpa-lvlh": 0.5, "screw-gpa": 5.0}[loop]
+    assert line["arrived"] is None
+    assert (line["body_error"] is None) == (loop == "online")
+    assert 15 < line["nearest"] < 21
+
+
+def made(loop, draw, miss, error):
+    """A line of three times."""
+    return {
+        "loop": loop, "seed": 1, "draw": draw, "time": [150.0, 300.0, 450.0], "miss": [20.0, 2.0, miss],
+        "error": [None, 0.1, error], "arrived": 400.0 + draw if miss < 0.1 else None, "velocity_change": 12.0,
+        "nearest": 8.0, "body_error": None, "refused": 1, "wall": 2.0,
+    }  # fmt: skip
+
+
+def test_tables_and_picture(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    lines = [made("online", draw, 0.01 * (draw + 1), 1e-3 * draw) for draw in range(11)]
+    lines += [made("screw-gpa", 0, 0.5, 0.4), {"loop": "screw-gpa", "seed": 1, "draw": 1, "failure": "killed"}]
+    first, second, third, *_ = over_time(lines).rows
+    assert first == (WORDS["online"], "150", "20", "20–20", "-", "-")
+    assert second[2:] == ("2", "2–2", "100", "100–100")
+    assert third[2:] == ("0.06", "0.02–0.1", "5", "1–9")
+    online, published = ends(lines).rows
+    assert online[:7] == (WORDS["online"], "11", "9", "404", "0.06", "0.11", "5")
+    assert published[:4] == (WORDS["screw-gpa"], "1", "0", "-")
+    path = tmp_path / "lines.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    assert main(["report", str(path), "--picture", str(tmp_path / "a.png")]) == 0
+    assert "1 flight failed" in capsys.readouterr().out
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    path.write_text(json.dumps(lines[-1]) + "\n", encoding="utf-8")
+    with pytest.raises(SystemExit):
+        main(["report", str(path)])
+    assert "has no flight that ended" in capsys.readouterr().err
+
+
+def test_the_command_runs_what_it_is_told(monkeypatch, tmp_path):
+    given = {}
+    monkeypatch.setattr(command, "fill", lambda options, function, names, groups: given.update(locals()))
+    path = str(tmp_path / "lines.jsonl")
+    assert main(["run", "--draws", "2", "--seed", "5", "--loops", "online", "screw-gpa", "-o", path]) == 0
+    assert given["groups"] == [[(5, draw, "online"), (5, draw, "screw-gpa")] for draw in range(2)]
+    assert given["names"] == ("seed", "draw", "loop")
+    assert given["function"] is flying.flown
