@@ -10,6 +10,7 @@ mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bound
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,17 @@ class Linear:
     information: FloatArray
     rhs: FloatArray
     x: FloatArray
+
+    @cached_property
+    def firmest(self) -> FloatArray:
+        """The greatest precision (p,) of a prior: beyond, it fixes the unknowns."""
+        size = np.diag(self.information)
+        return np.asarray(np.maximum(FIRMEST * np.maximum(size, size.max() * RIDGE), 1e-200))
+
+    @cached_property
+    def squares(self) -> FloatArray:
+        """Those of x, (p,)."""
+        return self.x * self.x
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,21 +297,22 @@ def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray
 
 def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
     """The prior's precision (p,), at most FIRMEST times the information; and whose it is not, nor zero, (p,)."""
-    size = np.diag(linear.information)
-    most = np.maximum(FIRMEST * np.maximum(size, size.max() * RIDGE), 1e-200)
     precision = prior.precision(theta)
-    return np.minimum(precision, most), ~prior.free & (precision < most)
+    return np.minimum(precision, linear.firmest), ~prior.free & (precision < linear.firmest)
 
 
 def _factor(linear: Linear, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor (p, p) of the scaled matrix."""
-    matrix = linear.information + np.diag(precision)
-    diagonal = np.diag(matrix)
-    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
-    matrix *= np.outer(scale, scale)
+    diagonal = linear.information.diagonal() + precision
+    positive = diagonal > 0
+    scale = 1 / np.sqrt(np.where(positive, diagonal, 1.0))
     ridge = RIDGE
     while True:
-        factor, failed = dpotrf(matrix + ridge * np.eye(len(matrix)), lower=True)  # a tenth of the time of cho_factor
+        matrix = linear.information * scale
+        matrix *= scale[:, None]
+        matrix.flat[:: len(scale) + 1] = positive + ridge
+        # The transpose, in Fortran's order, is not copied. A tenth of the time of cho_factor.
+        factor, failed = dpotrf(matrix.T, lower=True, overwrite_a=True)
         if not failed:
             return scale, factor
         ridge *= 100  # rounding of the elimination
@@ -334,4 +347,4 @@ def _minimum(
     u = linear.rhs - precision * linear.x
     change = scale * dpotrs(factor, scale * u, lower=True)[0]
     value = 2 * np.log(np.diag(factor)).sum() - 2 * np.log(scale).sum() - np.log(precision[~prior.free]).sum()
-    return change, float(value + precision @ (linear.x * linear.x) - u @ change)
+    return change, float(value + precision @ linear.squares - u @ change)

@@ -1,6 +1,7 @@
 """Gaussian priors of a path's unknowns, whose variances are log-linear in a few hyperparameters."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ class Prior:
         """A prior of given variances (p,)."""
         return cls(np.log(variance), np.zeros((len(variance), 0)))
 
-    @property
+    @cached_property
     def free(self) -> BoolArray:
         """Which unknowns have no prior, (p,)."""
         return np.isposinf(self.offset)
@@ -73,9 +74,13 @@ class Prior:
 
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
-        rate = np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
-        each = rate * np.exp(np.where(rate > 0, theta, 0.0) / 2)
+        each = self._rates * np.exp(np.where(self._rates > 0, theta, 0.0) / 2)
         return 2 * each.sum(axis=-1), each
+
+    @cached_property
+    def _rates(self) -> FloatArray:
+        """Of the exponential priors of the roots (h,), 0 without one."""
+        return np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""
