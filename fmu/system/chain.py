@@ -8,13 +8,17 @@ from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.scenario import Scenario
 from baryscope.models.variables import Kind, Variable
 
-ELEMENTS = ("target", "rig", "estimator", "controller")
-"""The elements' names, which are those of `--unit`, in the order in which they are stepped."""
+ELEMENTS = {"plant": "target", "rig": "rig", "estimator": "estimator", "controller": "controller"}
+"""The elements' names and their units, as `--unit` names them, in the order in which they are stepped.
+
+None is what a variable of its unit begins with: OMSimulator takes `target.inertia` of an element `target` for its
+`inertia`.
+"""
 
 _LINKS = (
-    ("target", "features", "rig", "features"),
-    ("target", "normals", "rig", "normals"),
-    ("target", "orbit.position", "rig", "orbit.position"),
+    ("plant", "features", "rig", "features"),
+    ("plant", "normals", "rig", "normals"),
+    ("plant", "orbit.position", "rig", "orbit.position"),
     ("rig", "points", "estimator", "points"),
     ("rig", "covariances", "estimator", "covariances"),
     ("rig", "seen", "estimator", "seen"),
@@ -29,7 +33,7 @@ _LINKS = (
     ("estimator", "body.features", "controller", "grapple.point"),
     ("estimator", "navigation.valid", "controller", "navigation.valid"),
     ("controller", "camera.attitude", "rig", "camera.attitude"),
-    ("controller", "command.acceleration", "target", "chaser.acceleration"),
+    ("controller", "command.acceleration", "plant", "chaser.acceleration"),
     ("controller", "command.acceleration", "estimator", "chaser.acceleration"),
 )
 
@@ -82,7 +86,7 @@ def chain_of(scenario: Scenario, guests: Mapping[str, Guest] | None = None) -> C
     Raises:
         InputError: a unit cannot be made of the scenario, or a guest does not fit.
     """
-    units, guests = {name: blueprint_of(name, scenario) for name in ELEMENTS}, guests or {}
+    units, guests = {name: blueprint_of(unit, scenario) for name, unit in ELEMENTS.items()}, guests or {}
     found = []
     for first, output, second, taken in _LINKS:
         start = _variable(units[first], output, Kind.OUTPUT)

@@ -2,7 +2,8 @@
 
 Only connectors that are connected are declared: fmpy hands zeros to others, libcosim and Ecos refuse them. There are no
 connectors of the system, no transformations and no unit conversions. Parameters are bound at their components, with the
-values that the units start with anyway, for masters that pass over bindings.
+values that the units start with anyway, for masters that pass over bindings. An annotation tells OMSimulator the step,
+without which it does not know what kind of system it is.
 """
 
 import xml.etree.ElementTree as ET
@@ -12,6 +13,7 @@ from baryscope.fmu.system.chain import Chain
 from baryscope.models.variables import Kind
 
 NAMESPACES = {
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
@@ -49,10 +51,19 @@ def system_structure(chain: Chain, name: str, stop_time: float) -> bytes:
             start, end = one.start[0], one.end[0]
             places = {"startElement": start, "startConnector": first, "endElement": end, "endConnector": second}
             ET.SubElement(connections, _tag("ssd", "Connection"), places)
+    _annotate(system, min(unit.setting.step_size for unit in chain.units.values()))
     ET.SubElement(root, _tag("ssd", "DefaultExperiment"), startTime="0", stopTime=repr(float(stop_time)))
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text
+
+
+def _annotate(system: ET.Element, step: float) -> None:
+    """What OMSimulator needs; others pass over it."""
+    annotations = ET.SubElement(system, _tag("ssd", "Annotations"))
+    annotation = ET.SubElement(annotations, _tag("ssc", "Annotation"), type="org.openmodelica")
+    held = ET.SubElement(ET.SubElement(annotation, _tag("oms", "Annotations")), _tag("oms", "SimulationInformation"))
+    ET.SubElement(held, _tag("oms", "FixedStepMaster"), description="oms-ma", stepSize=repr(float(step)))
 
 
 def _add_component(parent: ET.Element, chain: Chain, name: str) -> None:

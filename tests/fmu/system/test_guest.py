@@ -47,7 +47,7 @@ def test_our_own_controller_as_a_guest_flies_alike(envisat, controller_fmu, tmp_
         with open_system(system) as master:
             for _ in range(STEPS):
                 master.step()
-            flown.append(master.units["target"].vector("chaser.position"))
+            flown.append(master.units["plant"].vector("chaser.position"))
     np.testing.assert_array_equal(flown[0], flown[1])
     assert len(list(structure(own).iter())) == len(list(structure(guest).iter()))
 
