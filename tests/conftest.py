@@ -18,7 +18,7 @@ settings.load_profile("baryscope")
 def pytest_report_header():
     """On what the tests run, and which programs that some of them need are there."""
     packages = ("baryscope", "casadi", "fmpy", "numpy", "scipy")
-    programs = ("cc", "wine64", "qemu-aarch64-static", "node")
+    programs = ("cc", "wine64", "qemu-aarch64-static", "node", "chromium")
     return [
         "with: " + ", ".join(f"{name} {version(name)}" for name in packages),
         "programs: " + ", ".join(name if shutil.which(name) else f"no {name}" for name in programs),

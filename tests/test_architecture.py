@@ -33,6 +33,7 @@ LAYERS = [
     ["estimator.a_priori"],
     ["estimator.methods", "estimator.bound"],
     ["estimator", "fmu"],
+    ["report"],
     ["study"],
     ["study.population"],
     ["study.world"],

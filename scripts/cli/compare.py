@@ -1,4 +1,4 @@
-"""`baryscope compare`: the main job, from the scenario to a table, pictures and files."""
+"""`baryscope compare`: the main job, from the scenario to a table, a report, pictures and files."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,7 @@ from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.scripts.cli.console import Show
 from baryscope.study import build_unit, write_comparison
 from baryscope.study import compare as compare_methods
-from baryscope.study.comparison_files import comparison_paths
+from baryscope.study.comparison_files import REPORT, comparison_paths
 from baryscope.study.methods import labels_of
 from baryscope.study.pictures import pictures_possible
 
@@ -26,7 +26,8 @@ def compare(
 ) -> None:
     """Build the unit, simulate a scenario, estimate with every method, and compare with the truth.
 
-    Writes tracks, truth, orbit, estimates, the unit, pictures of the errors and summary.md.
+    Writes tracks, truth, orbit, estimates, the unit, report.html (the scene in 3D and all errors, for a browser),
+    pictures of the errors and summary.md.
 
     Parameters
     ----------
@@ -57,7 +58,8 @@ def compare(
         show.remark(f"no bound: {comparison.no_bound}")
     if not pictures_possible():
         show.remark("no pictures: they need matplotlib (pip install 'baryscope[report]')")
-    data = comparison.to_json() | {"folder": str(folder)}
-    show.result(data, comparison.table(), f"\nMore in {summary}")
+    report = folder / REPORT
+    data = comparison.to_json() | {"folder": str(folder), "report": str(report)}
+    show.result(data, comparison.table(), f"\nReport, for a browser: {report}", f"More in {summary}")
     if all(outcome.failure for outcome in comparison.outcomes):
         raise ComputationError(f"no method could be carried out; the first says: {comparison.outcomes[0].failure}")

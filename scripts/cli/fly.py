@@ -11,7 +11,7 @@ from baryscope.models.files import refuse_overwriting, temporary_folder
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.study.loop import Loop, fly_loop
-from baryscope.study.loop_files import loop_paths, summary_of, write_loop
+from baryscope.study.loop_files import REPORT, loop_paths, summary_of, write_loop
 from baryscope.study.progress import Progress, stage
 
 
@@ -43,8 +43,8 @@ def fly(
         Once the target's tumble is known, glide to 2 m before its first feature, and stay there as it turns. Else the
         chaser holds where it starts.
     output
-        Folder for tracks.csv, truth.csv, estimate.csv, flight.json and flight.png. Default: the scenario's or the
-        system's name, followed by -flight.
+        Folder for tracks.csv, truth.csv, estimate.csv, flight.json, report.html (the scene in 3D and the estimate's
+        convergence, for a browser) and flight.png. Default: the scenario's or the system's name, followed by -flight.
     """
     show = show or Show()
     if system is not None and scenario is not None:
@@ -68,9 +68,10 @@ def fly(
                 loop = flight(archive, progress)
         options = {"of": str(system or name), "duration": duration, "step": step, "approach": approach}
         with stage(progress, "writing"):
-            files = write_loop(loop, folder, options)
+            files = write_loop(loop, folder, options, flown.orbit if flown else None)
     found = summary_of(loop)
-    show.result(found | {"files": [str(path) for path in files]}, *_words(found), f"files in {folder}")
+    words = [*_words(found), f"report, for a browser: {folder / REPORT}", f"files in {folder}"]
+    show.result(found | {"files": [str(path) for path in files]}, *words)
     return UNTRUSTED if found["status"] in ("doubtful", "lost") else 0
 
 

@@ -7,9 +7,11 @@ from baryscope.study.bound_files import write_bounds
 from baryscope.study.bounds import BoundTable, Grid, bound_table
 from baryscope.study.comparison import Comparison, Outcome, compare
 from baryscope.study.comparison_files import write_comparison
+from baryscope.study.comparison_report import report_of_comparison
 from baryscope.study.flight import Flight, build_unit, fly, write_flight
 from baryscope.study.loop import Loop, fly_loop
 from baryscope.study.loop_files import loop_figure, write_loop
+from baryscope.study.loop_report import report_of_loop
 from baryscope.study.pictures import comparison_figure, outcome_figure
 from baryscope.study.table import Table
 
@@ -29,6 +31,8 @@ __all__ = [
     "fly_loop",
     "loop_figure",
     "outcome_figure",
+    "report_of_comparison",
+    "report_of_loop",
     "write_bounds",
     "write_comparison",
     "write_flight",

@@ -25,6 +25,8 @@ from baryscope.study.table import Table
 FloatArray = NDArray[np.float64]
 
 HEADINGS = ("method", "axes or path", "RMSE, mm", "max, mm", "predicted RMSE, mm", "coverage", "time")
+COVERED = 0.1  # median of the difference of the errors' logarithms, below which one curve covers the other
+LEAST = 1e-12  # m, below which errors are alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +110,14 @@ class Comparison:
             if outcome.label == label:
                 return outcome
         raise InputError(f"{label}: not compared, expected one of {', '.join(one.label for one in self.outcomes)}")
+
+    def hidden(self, outcome: Outcome) -> bool:
+        """Whether the curve of its error lies below that of a later outcome, so that it would not be seen."""
+        if outcome.error is None:
+            return False
+        later = [one.error for one in self.outcomes[self.outcomes.index(outcome) + 1 :] if one.error is not None]
+        mine = np.log(np.maximum(outcome.error, LEAST))
+        return any(np.median(np.abs(np.log(np.maximum(error, LEAST)) - mine)) < COVERED for error in later)
 
     @property
     def scenario(self) -> Scenario:

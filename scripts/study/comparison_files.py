@@ -1,4 +1,4 @@
-"""The files of a comparison: tracks, truth, orbit, estimates, pictures and a summary in Markdown."""
+"""The files of a comparison: tracks, truth, orbit, estimates, pictures, a report and a summary in Markdown."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,24 +10,26 @@ from baryscope.estimator.document import write_estimate
 from baryscope.estimator.prose import summary
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
+from baryscope.report import write_report
 from baryscope.study.comparison import Comparison, Outcome
+from baryscope.study.comparison_report import report_of_comparison
 from baryscope.study.flight import flight_paths, write_flight
 from baryscope.study.pictures import comparison_figure, outcome_figure, pictures_possible, save
 from baryscope.study.progress import Progress, stage
 
-TRACKS = "tracks.csv"
+TRACKS, REPORT = "tracks.csv", "report.html"
 
 
 def comparison_paths(folder: AnyPath, labels: Iterable[str]) -> tuple[Path, ...]:
     """The files that a comparison of the methods of these labels may have."""
     folder = Path(folder)
-    names = ["comparison.png", "summary.md"]
+    names = ["comparison.png", "summary.md", REPORT]
     names += [f"{label}{suffix}" for label in labels for suffix in (".csv", ".json", ".png")]
     return *flight_paths(folder / TRACKS), *(folder / name for name in names)
 
 
 def write_comparison(comparison: Comparison, folder: AnyPath, progress: Progress | None = None) -> Path:
-    """Write tracks.csv, tracks.truth.csv and tracks.orbit.toml, each method's estimate, pictures, and summary.md.
+    """Write tracks with truth and orbit, each method's estimate, pictures, report.html and summary.md.
 
     Pictures are left out where matplotlib is not installed.
 
@@ -43,6 +45,8 @@ def write_comparison(comparison: Comparison, folder: AnyPath, progress: Progress
         for outcome in comparison.outcomes:
             if outcome.estimate is not None:
                 write_estimate(outcome.estimate, folder / f"{outcome.label}.csv")
+    with stage(progress, "writing the report"):
+        write_report(report_of_comparison(comparison), folder / REPORT)
     pictures: list[str] = []
     if pictures_possible():
         with stage(progress, "drawing"):
@@ -68,7 +72,7 @@ def summary_text(comparison: Comparison, pictures: list[str]) -> str:
         f"{int(tracks.seen.sum())} observations of {len(tracks.labels)} features, {_noise(scenario)}, "
         f"seed {scenario.run.seed}.",
         f"Nothing is seen in {100 * np.mean(~tracks.seen.any(axis=1)):.0f} % of the frames; errors are taken at "
-        "all of them.",
+        f"all of them. [{REPORT}]({REPORT}) shows it in 3D and over time, in any browser.",
         "",
         comparison.table().markdown(),
         "",

@@ -1,4 +1,4 @@
-"""The files of a flown loop: tracks, truth, estimate, a summary and a picture."""
+"""The files of a flown loop: tracks, truth, estimate, a summary, a report and a picture."""
 
 import csv
 import json
@@ -11,20 +11,24 @@ from baryscope import __version__
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
 from baryscope.models.files import AnyPath, write_together
+from baryscope.models.orbit import Orbit
 from baryscope.models.sensor.navigation import STATUSES
+from baryscope.report import html_of
 from baryscope.study.flight import write_truth
 from baryscope.study.loop import Loop
+from baryscope.study.loop_report import report_of_loop
 from baryscope.study.pictures import pictures_possible, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-TRACKS, TRUTH, ESTIMATE, SUMMARY, PICTURE = "tracks.csv", "truth.csv", "estimate.csv", "flight.json", "flight.png"
+TRACKS, TRUTH, ESTIMATE, SUMMARY = "tracks.csv", "truth.csv", "estimate.csv", "flight.json"
+REPORT, PICTURE = "report.html", "flight.png"
 
 
 def loop_paths(folder: AnyPath) -> tuple[Path, ...]:
     """The files that a flight may have."""
-    return tuple(Path(folder) / name for name in (TRACKS, TRUTH, ESTIMATE, SUMMARY, PICTURE))
+    return tuple(Path(folder) / name for name in (TRACKS, TRUTH, ESTIMATE, SUMMARY, REPORT, PICTURE))
 
 
 def summary_of(loop: Loop) -> dict[str, Any]:
@@ -63,13 +67,14 @@ def summary_of(loop: Loop) -> dict[str, Any]:
     }
 
 
-def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Path, ...]:
-    """Write tracks.csv, truth.csv, estimate.csv, flight.json and, with matplotlib, flight.png.
+def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any], orbit: Orbit | None = None) -> tuple[Path, ...]:
+    """Write tracks.csv, truth.csv, estimate.csv, flight.json, report.html and, with matplotlib, flight.png.
 
     Args:
         loop: the flight.
         folder: where to.
         options: of the flight, which stand in flight.json.
+        orbit: of the target, if it is known; the report then has LVLH axes.
 
     Returns:
         The files.
@@ -77,20 +82,23 @@ def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Pa
     Raises:
         InputError: a file cannot be written.
     """
-    tracks, truth, estimate, summary, picture = loop_paths(folder)
-    text = json.dumps(summary_of(loop) | {"options": options}, indent=2, allow_nan=False)
+    tracks, truth, estimate, summary, report, picture = loop_paths(folder)
+    found = summary_of(loop)
+    page = html_of(report_of_loop(loop, found, options, orbit))
+    text = json.dumps(found | {"options": options}, indent=2, allow_nan=False)
     write_together(
         {
             tracks: loop.tracks.write_rows,
             truth: lambda stream: write_truth(loop.truth, stream),
             estimate: lambda stream: _write_estimate(loop, stream),
             summary: lambda stream: stream.write(text + "\n"),
+            report: lambda stream: stream.write(page),
         }
     )
     if not pictures_possible():
-        return tracks, truth, estimate, summary
+        return tracks, truth, estimate, summary, report
     save(loop_figure(loop), picture)
-    return tracks, truth, estimate, summary, picture
+    return tracks, truth, estimate, summary, report, picture
 
 
 def _write_estimate(loop: Loop, stream: TextIO) -> None:

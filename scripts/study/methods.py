@@ -38,3 +38,12 @@ def axes_of(label: str) -> str | None:
     if METHODS[method].options is not ScrewOptions:
         return None
     return "inertial" if options is None else options.axes
+
+
+COLOURS = {
+    label: number
+    for number, label in enumerate(
+        ("screw-raw", "screw-ls", "screw-gpa", "screw-gpa-lvlh", "pivot", "ml", "ekf", "score")
+    )
+}
+"""For each label its place in the palette of pictures and reports, the same in all of them."""

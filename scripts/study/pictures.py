@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
+from baryscope.report.charts import expected_error
 from baryscope.study.comparison import Comparison, Outcome
 from baryscope.study.flight import Flight
+from baryscope.study.methods import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _INK, _ESTIMATE, _SHADE = "#333333", "#d1495b", "#e9e9ee"
-_COLOURS = ("#b9b9c3", "#8d99ae", "#e09f3e", "#9e2a2b", "#2a9d8f", "#264ee4", "#8e5bd0", "#c77dbb")
+_PALETTE = ("#8a8f9c", "#5f7396", "#b86e00", "#c62f3d", "#128073", "#2350dd", "#8a4fd0", "#c0489f")  # the report's
 
 
 def pictures_possible() -> bool:
@@ -34,7 +36,7 @@ def save(figure: "Figure", path: AnyPath) -> None:
 
 
 def outcome_figure(flight: Flight, outcome: Outcome) -> "Figure":
-    """The true and the estimated path in C, and the error on a logarithmic scale; blackouts are shaded.
+    """The true and the estimated path in C, and the error on a logarithmic scale, with what the covariance expects.
 
     Raises:
         InputError: the method has no result.
@@ -52,35 +54,46 @@ def outcome_figure(flight: Flight, outcome: Outcome) -> "Figure":
         panel.plot(time, outcome.estimate.position[:, axis], color=_ESTIMATE, lw=1, label="estimate")
         panel.set_ylabel(f"{name} in m")
     panels[3].semilogy(time, np.maximum(outcome.error, 1e-9), color=_ESTIMATE, lw=1)
+    if outcome.estimate.covariance is not None:
+        band = np.maximum(expected_error(outcome.estimate.covariance), 1e-9)
+        panels[3].fill_between(time, *band, color=_ESTIMATE, alpha=0.15, lw=0, label="95 % by the covariance")
     panels[3].axhline(outcome.rmse, color=_INK, lw=0.8, ls="--", label=f"RMSE {outcome.rmse:.3g} m")
     panels[3].set_ylabel("error in m")
     panels[3].set_xlabel("time in s")
-    panels[3].legend(loc="upper right")
     for panel in panels:
         _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
         panel.set_xlim(time[0], time[-1])
         panel.grid(alpha=0.25)
-    panels[0].legend(loc="upper right", ncols=3)
+    named = {word: handle for panel in panels for handle, word in zip(*panel.get_legend_handles_labels(), strict=True)}
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=5, frameon=False)
     figure.suptitle(f"{flight.scenario.name}: centre of mass by {outcome.title} (frame C; blackouts shaded)")
     return figure
 
 
 def comparison_figure(comparison: Comparison) -> "Figure":
-    """The errors of all methods over time on a logarithmic scale, the bound among them; blackouts are shaded."""
+    """The errors of all methods over time on a logarithmic scale, the bound among them; blackouts are shaded.
+
+    Each error lies on the band that holds 95 % of the errors by the method's own covariance. A curve that a later one
+    covers is drawn broad and pale.
+    """
     from matplotlib.figure import Figure
 
     tracks, bound, scenario = comparison.flight.tracks, comparison.bound, comparison.scenario
     time = tracks.time
-    figure = Figure(figsize=(9, 5), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9, 6), dpi=120, layout="constrained")
     panel = figure.subplots()
-    for k, outcome in enumerate(comparison.outcomes):
-        if outcome.error is not None and outcome.rmse is not None:
-            label = f"{outcome.title}: RMSE {_length(outcome.rmse)}"
-            panel.semilogy(time, outcome.error, color=_COLOURS[k % len(_COLOURS)], lw=1, label=label)
+    for outcome in comparison.outcomes:
+        if outcome.error is None or outcome.rmse is None or outcome.estimate is None:
+            continue
+        colour = _PALETTE[COLOURS[outcome.label]]
+        how = {"lw": 5, "alpha": 0.4} if comparison.hidden(outcome) else {"lw": 1.2}
+        panel.semilogy(time, outcome.error, color=colour, label=f"{outcome.title}: RMSE {_length(outcome.rmse)}", **how)
+        if outcome.estimate.covariance is not None:
+            panel.fill_between(time, *expected_error(outcome.estimate.covariance), color=colour, alpha=0.12, lw=0)
     if bound is not None:
         least = np.sqrt(np.trace(bound.position_covariance, axis1=1, axis2=2))
         label = f"Cramér–Rao bound on path RMSE: {_length(bound.position_deviation)}"
-        panel.semilogy(bound.time, least, color=_INK, lw=2, ls="--", label=label)
+        panel.semilogy(bound.time, least, color=_INK, lw=1.6, ls="--", label=label)
     _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
     panel.set_xlim(time[0], time[-1])
     low, high = panel.get_ylim()
@@ -88,8 +101,8 @@ def comparison_figure(comparison: Comparison) -> "Figure":
     panel.set_xlabel("time in s")
     panel.set_ylabel("error of the centre of mass in m")
     panel.grid(alpha=0.25)
-    panel.legend(loc="center", bbox_to_anchor=(0.5, 0.72), ncols=2, fontsize=8)
-    panel.set_title(f"{scenario.name}: {scenario.description}", fontsize=10)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    panel.set_title(f"{scenario.name}: {scenario.description}\nBands: 95 % by each method's covariance", fontsize=10)
     return figure
 
 
@@ -101,4 +114,4 @@ def _shade_blackouts(panel: Any, time: NDArray[np.float64], seen: NDArray[np.boo
     edges = np.flatnonzero(np.diff(np.concatenate([[True], seen, [True]]).astype(int)))
     for k, (start, stop) in enumerate(edges.reshape(-1, 2)):
         end = time[min(stop, time.size - 1)]
-        panel.axvspan(time[start], end, color=_SHADE, lw=0, label="nothing seen" if k == 0 else None)
+        panel.axvspan(time[start], end, color=_SHADE, lw=0, zorder=0, label="nothing seen" if k == 0 else None)

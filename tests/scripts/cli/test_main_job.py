@@ -86,6 +86,7 @@ def test_compare_writes_what_it_promises_and_nothing_else(compared):
         "tracks.truth.csv",
         "tracks.orbit.toml",
         "summary.md",
+        "report.html",
         "comparison.png",
     }
     expected |= {f"{stem}{suffix}" for stem in STEMS for suffix in (".csv", ".json", ".png")}
@@ -222,7 +223,7 @@ def test_without_matplotlib_there_are_no_pictures_but_everything_else(scenario_f
     folder = tmp_path / "out"
     assert app.main(["compare", "--scenario", str(scenario_file), "--methods", "screw-gpa", "-o", str(folder)]) == 0
     assert capsys.readouterr().err.count("baryscope[report]") == 1
-    assert {path.suffix for path in folder.iterdir()} == {".fmu", ".csv", ".json", ".md", ".toml"}
+    assert {path.suffix for path in folder.iterdir()} == {".fmu", ".csv", ".html", ".json", ".md", ".toml"}
     assert ".png" not in (folder / "summary.md").read_text(encoding="utf-8")
 
 

@@ -1,0 +1,12 @@
+"""Reports: one HTML file that needs no network, with a 3D scene and charts, made of results.
+
+`document` has the parts of a report as plain data, which a page's JavaScript (page/) draws; `page` puts the file
+together. `scene`, `estimates` and `charts` make parts from tracks and estimates, with or without a truth. What is
+flown or drawn many times makes its own in `baryscope.study`.
+"""
+
+from baryscope.report.document import Report
+from baryscope.report.own_tracks import report_of_estimate
+from baryscope.report.page import html_of, write_report
+
+__all__ = ["Report", "html_of", "report_of_estimate", "write_report"]

@@ -1,0 +1,80 @@
+"""Charts that several reports share: errors with what a covariance expects of them, NEES, and what shades them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from baryscope.report.document import Chart, Series
+from baryscope.report.thinning import extremes
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BAND = 0.95
+TAIL = (1 - BAND) / 2
+SIGMAS = float(np.sqrt(chi2.ppf(BAND, 1)))  # of one axis
+LEAST = 1e-9  # m: what is smaller cannot be seen on a logarithmic scale
+
+
+def curve(
+    label: str, x: FloatArray, y: FloatArray, band: tuple[FloatArray, FloatArray] | None = None, **how: Any
+) -> Series:
+    """A curve with its band, thinned out; how: other fields of `Series`."""
+    keep = extremes(y)
+    low, high = (None, None) if band is None else (band[0][keep], band[1][keep])
+    return Series(label, x[keep], y[keep], low=low, high=high, **how)
+
+
+def expected_error(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Between which the length of an error of covariance (n, 3, 3) is with a probability of BAND, two (n,) arrays.
+
+    Its square is taken as a multiple of χ² that has its mean and variance (Satterthwaite 1946). That is exact where the
+    variances are equal or zero; else fewer errors than TAIL are below the first.
+    """
+    mean = np.trace(covariance, axis1=1, axis2=2)
+    squares = np.einsum("kij,kji->k", covariance, covariance)
+    scale = np.divide(squares, mean, out=np.zeros_like(mean), where=mean > 0)
+    degrees = np.divide(mean**2, squares, out=np.full_like(mean, 3.0), where=squares > 0)
+    low, high = (np.sqrt(scale * chi2.ppf(share, degrees)) for share in (TAIL, 1 - TAIL))
+    return low, high
+
+
+def nees_of(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """eᵀ P⁻¹ e (n,) of errors (n, 3) and covariances (n, 3, 3); NaN where P is singular or not known."""
+    found = np.full(len(error), np.nan)
+    known = np.flatnonzero(np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    known = known[np.linalg.eigvalsh(covariance[known])[:, 0] > 0]
+    if known.size:
+        solved = np.linalg.solve(covariance[known], error[known][..., None])[..., 0]
+        found[known] = np.einsum("ki,ki->k", error[known], solved)
+    return found
+
+
+def blackouts(time: FloatArray, seen: BoolArray) -> tuple[tuple[float, float], ...]:
+    """Intervals, s, in which nothing is seen (n, m), from a first frame without an observation to the next with one."""
+    dark = ~seen.any(axis=1)
+    edges = np.flatnonzero(np.diff(dark.astype(int), prepend=0, append=0)).reshape(-1, 2)
+    return tuple((float(time[start]), float(time[min(stop, len(time) - 1)])) for start, stop in edges[:400].tolist())
+
+
+def nees_chart(series: tuple[Series, ...], about: str, **how: Any) -> Chart:
+    """NEES over time beside the band of a single draw; how: other fields of `Chart`."""
+    low, high = chi2.ppf([TAIL, 1 - TAIL], 3)
+    levels = ((float(low), "2.5 %"), (3.0, "3 expected"), (float(high), "97.5 %"))
+    return Chart("NEES of the centre of mass", about, "eᵀ P⁻¹ e", series, log=True, levels=levels, **how)
+
+
+def axis_errors(time: FloatArray, error: FloatArray, covariance: FloatArray | None, axes: str, **how: Any) -> Chart:
+    """The three coordinates of an error (n, 3), m, each in its ±95 % band; axes: of which they are."""
+    names = {"LVLH": ("radial", "along-track", "cross-track")}.get(axes, ("x", "y", "z"))
+    series = []
+    for k, name in enumerate(names):
+        band = None
+        if covariance is not None:
+            width = 1e3 * SIGMAS * np.sqrt(np.maximum(covariance[:, k, k], 0.0))
+            band = (-width, width)
+        series.append(curve(name, time, 1e3 * error[:, k], band, colour=(5, 4, 2)[k]))
+    bands = "" if covariance is None else f" The bands hold {100 * BAND:.0f} % by its covariance."
+    return Chart("Error along each axis", f"Estimate less truth, {axes} axes.{bands}", "mm", tuple(series), **how)

@@ -1,0 +1,166 @@
+"""What a report says of one estimate, with or without a truth: residuals, coverage, observability, options."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.document import document_of
+from baryscope.estimator.prose import summary, verdict
+from baryscope.estimator.result import Estimate, Status
+from baryscope.report.charts import SIGMAS, curve
+from baryscope.report.document import Chart, Facts, Part, Series, Sheet, Timeline, Words
+from baryscope.report.scene import MOST_FEATURES
+from baryscope.report.thinning import evenly, shares
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MOST_RESIDUALS = 3000
+MOST_REJECTED = 1000
+STATUSES = {
+    Status.GOOD: ("good", "The estimate can be used: its covariance describes its error."),
+    Status.NOT_OBSERVABLE: ("warn", "The estimate can be used, but not in every direction is the position observable."),
+    Status.NOT_CHECKED: ("bad", "Too few frames show an attitude to check the estimate: do not trust it."),
+    Status.NOT_CONVERGED: ("bad", "The method did not converge: do not trust the estimate."),
+    Status.MODEL_DOES_NOT_FIT: ("bad", "A model does not fit the tracks: do not trust the estimate."),
+}
+
+
+def parts_of(result: Estimate, shades: tuple[tuple[float, float], ...] = ()) -> tuple[Part, ...]:
+    """All that an estimate tells of itself."""
+    parts: list[Part] = [Words("In words", tuple(summary(result)))]
+    parts += [residual_chart(result, shades), feature_sheet(result)]
+    if result.observability is not None:
+        parts.append(observability_sheet(result))
+    return *parts, options_of(result)
+
+
+def residual_chart(result: Estimate, shades: tuple[tuple[float, float], ...] = ()) -> Chart:
+    """The lengths of residuals, those of rejected observations marked; thinned out evenly."""
+    length = 1e3 * np.linalg.norm(result.residuals, axis=2)
+    known = np.isfinite(length)
+    series = (
+        _points("used", result, length, known & ~result.rejected, MOST_RESIDUALS),
+        _points("rejected", result, length, known & result.rejected, MOST_REJECTED),
+    )
+    return Chart(
+        "Residuals",
+        "How far each observation is from where the estimate has its feature. "
+        f"{_count(known & result.rejected)} of {_count(known)} are rejected as outliers.",
+        "mm",
+        tuple(one for one in series if len(one.x)),
+        log=True,
+        shades=shades,
+        shade="nothing seen",
+        filter=result.labels[:MOST_FEATURES],
+    )
+
+
+def _points(label: str, result: Estimate, length: FloatArray, flags: BoolArray, most: int) -> Series:
+    frames, features = np.nonzero(flags)
+    keep = evenly(len(frames), most)
+    frames, features = frames[keep], features[keep]
+    style, colour = ("cross", 3) if label == "rejected" else ("points", 5)
+    more = f", one of {len(flags.nonzero()[0]) / len(keep):.1f}" if len(keep) < flags.sum() else ""
+    values = np.maximum(length[frames, features], 1e-6)
+    return Series(label + more, result.time[frames], values, colour, style, of=features)  # type: ignore[arg-type]
+
+
+def _count(flags: BoolArray) -> str:
+    return f"{int(flags.sum()):,}".replace(",", " ")
+
+
+def feature_sheet(result: Estimate) -> Sheet:
+    """Observations, rejected ones and residuals of each feature."""
+    used, rejected = result.used.sum(axis=0), result.rejected.sum(axis=0)
+    rows = [
+        (
+            label,
+            str(int(used[k])),
+            str(int(rejected[k])),
+            f"{100 * rejected[k] / max(used[k], 1):.2g} %",
+            "-" if not np.isfinite(result.feature_rms[k]) else f"{1e3 * result.feature_rms[k]:.3g}",
+        )
+        for k, label in enumerate(result.labels)
+    ]
+    more = len(rows) - MOST_FEATURES
+    about = f"The first {MOST_FEATURES} of {len(rows)} features." if more > 0 else ""
+    headings = ("feature", "observations", "rejected", "share", "rms per axis, mm")
+    return Sheet("Features", headings, tuple(rows[:MOST_FEATURES]), about)
+
+
+def coverage(time: FloatArray, labels: tuple[str, ...], seen: BoolArray, rejected: BoolArray | None = None) -> Timeline:
+    """Which feature is seen when, and where its observations are rejected."""
+    most = slice(MOST_FEATURES)
+    share = 100 * seen.mean()
+    words = f"{share:.0f} % of {len(labels)} features × {len(time)} frames are seen"
+    about = words + ("; red: observations that the estimate rejects." if rejected is not None else ".")
+    return Timeline(
+        "Which feature is seen when",
+        about,
+        float(time[0]),
+        float(time[-1]),
+        labels[most],
+        shares(time, seen[:, most]),
+        () if rejected is None else shares(time, rejected[:, most]),
+    )
+
+
+def observability_sheet(result: Estimate) -> Sheet:
+    """The principal axes of the CoM's covariance in body axes and in C."""
+    found = result.observability
+    assert found is not None  # noqa: S101  the caller looks
+    rows = [
+        (where, f"({', '.join(f'{value:.2f}' for value in direction)})", f"{1e3 * deviation:.3g}", verdict_)
+        for where, axes in (("body", found.body), ("C, mean over time", found.inertial))
+        for direction, deviation, verdict_ in zip(
+            axes.directions.tolist(),
+            axes.deviations.tolist(),
+            ["yes" if one else "no" for one in found.observable] if where == "body" else ["", "", ""],
+            strict=True,
+        )
+    ]
+    about = f"{verdict(found).capitalize()}. A direction is observable up to ±{found.threshold:.2g} m."
+    return Sheet("Observability", ("axes", "direction", "±1σ, mm", "observable"), tuple(rows), about, left=2)
+
+
+def options_of(result: Estimate) -> Facts:
+    """Method, model, options as given or chosen, and version."""
+    document = document_of(result)
+    items = [("method", result.method), ("path", result.path), ("status", str(result.status))]
+    items += [(name.replace("_", " "), _text(value)) for name, value in document.options.items() if value is not None]
+    items += [("rounds", str(result.rounds)), ("time", f"{result.wall_time:.2f} s"), ("baryscope", result.version)]
+    return Facts("Options and version", tuple(items))
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def path_chart(result: Estimate, **how: Any) -> Chart:
+    """The estimated path in C with its ±95 % band."""
+    series = []
+    for k, name in enumerate("xyz"):
+        position, band = result.position[:, k], None
+        if result.covariance is not None:
+            width = SIGMAS * np.sqrt(np.maximum(result.covariance[:, k, k], 0.0))
+            band = (position - width, position + width)
+        series.append(curve(name, result.time, position, band, colour=(5, 4, 2)[k]))
+    about = "The centre of mass in frame C: origin at the chaser, axes that do not turn."
+    return Chart("Path", about, "m", tuple(series), **how)
+
+
+def deviation_chart(result: Estimate, **how: Any) -> Chart | None:
+    """What the covariance says of the path over time: all three axes together, and the worst direction."""
+    if result.covariance is None:
+        return None
+    greatest = np.sqrt(np.maximum(np.linalg.eigvalsh(result.covariance)[:, -1], 0.0))
+    total = np.sqrt(np.trace(result.covariance, axis1=1, axis2=2))
+    series = (
+        curve("rms of the three axes together", result.time, 1e3 * total, colour=5),
+        curve("worst direction", result.time, 1e3 * greatest, colour=3, style="dashed"),
+    )
+    return Chart(
+        "What the method claims", "±1σ of the centre of mass by its covariance.", "mm", series, log=True, **how
+    )

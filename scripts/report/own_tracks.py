@@ -1,0 +1,90 @@
+"""The report of an estimate from own tracks: nobody knows the truth."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.result import Estimate
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.orbit import Orbit
+from baryscope.models.words import counted
+from baryscope.report.charts import blackouts
+from baryscope.report.document import Part, Report
+from baryscope.report.estimates import STATUSES, coverage, deviation_chart, parts_of, path_chart
+from baryscope.report.scene import Body, Shown, scene_of
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+COLOUR = 5
+
+
+def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | None, name: str) -> Report:
+    """The report of an estimate of tracks.
+
+    Args:
+        result: the estimate, of these tracks.
+        tracks: what it was made from, in C.
+        orbit: of the target, if it is known; the scene then has LVLH axes.
+        name: of the tracks, for the title.
+    """
+    shades = blackouts(tracks.time, tracks.seen)
+    shaded = {"shades": shades, "shade": "nothing seen"}
+    parts: list[Part] = [scene_of_estimate(result, tracks, orbit), path_chart(result, **shaded)]
+    deviations = deviation_chart(result, **shaded)
+    if deviations is not None:
+        parts.append(deviations)
+    rejected = in_tracks(result.rejected, result.labels, tracks)
+    parts.append(coverage(tracks.time, tracks.labels, tracks.seen, rejected))
+    state, words = STATUSES[result.status]
+    accuracy = "" if result.predicted_rmse is None else f" It claims ±{1e3 * result.predicted_rmse:.3g} mm rms."
+    return Report(
+        f"Centre of mass from {name}",
+        f"{counted(len(tracks.time), 'frame')} over {tracks.time[-1] - tracks.time[0]:.6g} s, "
+        f"{counted(len(tracks.labels), 'feature')}, by {result.method}",
+        result.version,
+        (*parts, *parts_of(result, shades)),
+        (state, words + accuracy),  # type: ignore[arg-type]
+    )
+
+
+def scene_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | None) -> Part:
+    """Features where they were measured; where they are not seen, where the estimate has those of its main cluster."""
+    rejected = in_tracks(result.rejected, result.labels, tracks)
+    body = Body(
+        time=tracks.time,
+        path=result.position,
+        path_label=f"centre of mass by {result.method}",
+        attitude=result.attitude,
+        labels=tracks.labels,
+        features=_filled(result, tracks),
+        seen=tracks.seen,
+        rejected=rejected,
+    )
+    shown = (Shown(result.method, COLOUR, result.position, result.covariance),)
+    about = "Features where they were measured, and hollow where the estimate has those that are not seen."
+    return scene_of(body, shown, orbit, about)
+
+
+def in_tracks(flags: BoolArray, labels: tuple[str, ...], tracks: FeatureTracks) -> BoolArray:
+    """Flags (n, k) of an estimate's features for those of the tracks, (n, m); an estimate may have added features."""
+    place = {label: index for index, label in enumerate(labels)}
+    columns = [place.get(label, -1) for label in tracks.labels]
+    padded = np.concatenate([flags, np.zeros((len(flags), 1), dtype=bool)], axis=1)
+    return np.asarray(padded[:, columns])
+
+
+def _filled(result: Estimate, tracks: FeatureTracks) -> FloatArray:
+    """Measured features (n, m, 3), and estimated ones where an attitude is known and they are not seen."""
+    found = tracks.position.copy()
+    if result.attitude is None or not result.clusters:
+        return found
+    main = max(result.clusters, key=lambda cluster: len(cluster.frames))
+    place = {label: index for index, label in enumerate(tracks.labels)}
+    known = np.isfinite(result.attitude).all(axis=(1, 2))
+    for label, point in zip(main.labels, main.points - main.centre_of_mass, strict=True):
+        column = place.get(label)
+        if column is None or not np.isfinite(point).all():
+            continue
+        hidden = known & ~tracks.seen[:, column]
+        found[hidden, column] = result.position[hidden] + result.attitude[hidden] @ point
+    return found

@@ -1,0 +1,227 @@
+// Charts of curves, bands and points: legend, choice of a feature, zoom, and a reading under pointer or arrow keys.
+
+function Chart(part) {
+  const size = { width: 1000, height: 330, left: 66, right: 18, top: 12, bottom: 44 };
+  const state = { shown: part.series.map((one) => one.shown), zoom: null, only: -1, pointer: null };
+  const reading = el("output", { class: "reading", "aria-live": "polite" });
+  const picture = draw("svg", { viewBox: `0 0 ${size.width} ${size.height}`, role: "img", tabindex: "0", "aria-label": spoken(part) });
+  const whole = extent(part.series.flatMap((one) => limits(one.x)), part.log_x);
+  if (whole[0] === whole[1]) whole[1] += 1;
+  const axes = {}, now = draw("line", { class: "now", visibility: "hidden" }), pointer = draw("line", { class: "pointer", visibility: "hidden" });
+  const reset = el("button", { type: "button", text: "whole range", hidden: true, class: "only-screen", onclick: () => { state.zoom = null; render(); } });
+
+  function render() {
+    reset.hidden = !state.zoom;
+    const [from, to] = state.zoom || whole;
+    axes.x = axisOf(from, to, size.left, size.width - size.right, part.log_x);
+    const [low, high] = heights(from, to);
+    axes.y = axisOf(low, high, size.height - size.bottom, size.top, part.log);
+    const clip = newId("clip");
+    const inside = draw("g", { "clip-path": `url(#${clip})` }, ...shades(), ...levels(), ...part.series.map(band), ...part.series.map(curve), ...marks(), now, pointer);
+    const frame = { x: size.left, y: size.top, width: size.width - size.left - size.right, height: size.height - size.top - size.bottom };
+    picture.replaceChildren(draw("clipPath", { id: clip }, draw("rect", frame)), ...grid(), inside, draw("rect", { class: "axis", ...frame }), ...words());
+    for (const line of [now, pointer]) { line.setAttribute("y1", size.top); line.setAttribute("y2", size.height - size.bottom); }
+    moveNow(clock.time);
+  }
+
+  function heights(from, to) {
+    const values = [];
+    part.series.forEach((one, index) => {
+      if (!state.shown[index]) return;
+      for (let k = 0; k < one.x.length; k += 1) {
+        if (one.x[k] < from || one.x[k] > to || one.y[k] === null || !chosen(one, k)) continue;
+        values.push(one.y[k]);
+        if (one.high) values.push(one.high[k]);
+        if (one.low && !part.log) values.push(one.low[k]);
+      }
+    });
+    if (part.levels.length && values.length) values.push(...part.levels.map((one) => one[0]));
+    let [low, high] = extent(values, part.log);
+    if (part.log) {
+      low = Math.max(low, high * 1e-8);
+      return low * 1.5 > high ? [low / 3, high * 3] : [low / 1.25, high * 1.25];
+    }
+    const margin = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+    return [low - margin, high + margin];
+  }
+
+  const chosen = (one, k) => state.only < 0 || !one.of || one.of[k] === state.only;
+  const yAt = (value) => (part.log ? axes.y.at(Math.max(value, axes.y.low * 1e-3)) : axes.y.at(value));
+
+  function curve(one, index) {
+    if (!state.shown[index]) return "";
+    let path = "", pen = false;
+    for (let k = 0; k < one.x.length; k += 1) {
+      if (one.y[k] === null || !chosen(one, k)) { pen = false; continue; }
+      const x = axes.x.at(one.x[k]).toFixed(1), y = yAt(one.y[k]).toFixed(1);
+      if (one.style === "points") path += `M${x} ${y}h0`;
+      else if (one.style === "cross") path += `M${x} ${y}m-3-3l6 6m0-6l-6 6`;
+      else path += `${pen ? "L" : "M"}${x} ${y}`;
+      pen = true;
+    }
+    return draw("path", { class: `curve ${one.style}`, style: key(one.colour), d: path });
+  }
+
+  function band(one, index) {
+    if (!state.shown[index] || !one.low) return "";
+    let path = "", run = [];
+    const close = () => {
+      if (run.length > 1) {
+        const there = run.map((k) => `${axes.x.at(one.x[k]).toFixed(1)} ${yAt(one.high[k]).toFixed(1)}`);
+        const back = run.map((k) => `${axes.x.at(one.x[k]).toFixed(1)} ${yAt(one.low[k]).toFixed(1)}`).reverse();
+        path += `M${there.concat(back).join("L")}Z`;
+      }
+      run = [];
+    };
+    for (let k = 0; k < one.x.length; k += 1) {
+      if (one.low[k] === null || one.high[k] === null) close();
+      else run.push(k);
+    }
+    close();
+    return draw("path", { class: "band", style: key(one.colour), d: path });
+  }
+
+  const shades = () => part.shades.map(([begin, end]) => draw("rect", {
+    class: "shade", x: axes.x.at(begin), width: Math.max(0, axes.x.at(end) - axes.x.at(begin)), y: size.top, height: size.height - size.top - size.bottom,
+  }));
+  const levels = () => part.levels.flatMap(([value, text]) => [
+    draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) }),
+    draw("text", { x: size.width - size.right - 6, y: yAt(value) - 4, "text-anchor": "end", text }),
+  ]);
+  const marks = () => part.marks.flatMap(([value, text], k) => [
+    draw("line", { class: "mark", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom }),
+    draw("text", { x: axes.x.at(value) + 5, y: size.top + 14 + 15 * k, text }),
+  ]);
+
+  function grid() {
+    const vertical = axes.x.ticks(9).flatMap(({ value, text }) => [
+      draw("line", { class: "grid", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom }),
+      draw("text", { x: axes.x.at(value), y: size.height - size.bottom + 17, "text-anchor": "middle", text }),
+    ]);
+    const horizontal = axes.y.ticks(6).flatMap(({ value, text }) => [
+      draw("line", { class: "grid", x1: size.left, x2: size.width - size.right, y1: axes.y.at(value), y2: axes.y.at(value) }),
+      draw("text", { x: size.left - 7, y: axes.y.at(value) + 4, "text-anchor": "end", text }),
+    ]);
+    return [...vertical, ...horizontal];
+  }
+
+  const words = () => [
+    draw("text", { x: (size.left + size.width - size.right) / 2, y: size.height - 8, "text-anchor": "middle", text: part.x_label }),
+    draw("text", { transform: `translate(14 ${(size.top + size.height - size.bottom) / 2}) rotate(-90)`, "text-anchor": "middle", text: part.y_label }),
+  ];
+
+  function place(line, x) {
+    const inside = x !== null && x >= axes.x.low && x <= axes.x.high;
+    line.setAttribute("visibility", inside ? "visible" : "hidden");
+    if (inside) for (const end of ["x1", "x2"]) line.setAttribute(end, axes.x.at(x));
+  }
+  const moveNow = (time) => place(now, part.timed ? time : null);
+
+  function read(x, y) {
+    state.pointer = x;
+    place(pointer, x);
+    if (x === null) { reading.textContent = ""; return; }
+    const found = [];
+    part.series.forEach((one, index) => {
+      if (!state.shown[index] || !one.x.length) return;
+      if (one.of) found.push(...readPoint(one, x, y));
+      else {
+        const k = nearest(one.x, x);
+        const between = one.low && one.low[k] !== null ? ` (${shown(one.low[k])} to ${shown(one.high[k])})` : "";
+        found.push(`${one.label.split(":")[0]} ${shown(one.y[k])}${between}`);
+      }
+    });
+    reading.textContent = `${part.timed ? "t = " : ""}${shown(x)}${part.timed ? " s" : ""}: ${found.join("; ")}`;
+  }
+
+  function readPoint(one, x, y) {
+    let best = null, least = y === null ? 1e9 : 400;
+    const at = axes.x.at(x);
+    for (let k = 0; k < one.x.length; k += 1) {
+      if (!chosen(one, k)) continue;
+      const dx = axes.x.at(one.x[k]) - at, dy = y === null ? 0 : yAt(one.y[k]) - y;
+      if (dx * dx + dy * dy < least) { least = dx * dx + dy * dy; best = k; }
+    }
+    if (best === null) return [];
+    return [`${part.filter[one.of[best]] ?? `feature ${one.of[best] + 1}`} ${shown(one.y[best])} (${one.label})`];
+  }
+
+  function position(event) {
+    const box = picture.getBoundingClientRect();
+    return [((event.clientX - box.left) / box.width) * size.width, ((event.clientY - box.top) / box.height) * size.height];
+  }
+  const clamped = (pixel) => axes.x.value(Math.min(Math.max(pixel, size.left), size.width - size.right));
+
+  let start = null, zooming = null;
+  picture.addEventListener("pointerdown", (event) => { if (event.button === 0) [start] = position(event); });
+  picture.addEventListener("pointermove", (event) => {
+    const [x, y] = position(event);
+    read(clamped(x), y);
+    if (start === null) return;
+    if (!zooming && Math.abs(x - start) > 8) {
+      zooming = draw("rect", { class: "zooming", y: size.top, height: size.height - size.top - size.bottom });
+      picture.append(zooming);
+      picture.setPointerCapture(event.pointerId);
+    }
+    if (zooming) { zooming.setAttribute("x", Math.min(x, start)); zooming.setAttribute("width", Math.abs(x - start)); }
+  });
+  picture.addEventListener("pointerup", (event) => {
+    const [x] = position(event);
+    if (zooming && start !== null) { state.zoom = [clamped(Math.min(x, start)), clamped(Math.max(x, start))]; render(); }
+    else if (start !== null && part.timed) clock.set(clamped(x));
+    start = null; zooming = null;
+  });
+  picture.addEventListener("pointerleave", () => { if (!zooming) { start = null; read(null, null); } });
+  picture.addEventListener("dblclick", () => { state.zoom = null; render(); });
+  picture.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (event.key === "Escape") { state.zoom = null; render(); }
+    if (!step) return;
+    event.preventDefault();
+    const from = state.pointer ?? clock.time ?? axes.x.low;
+    const x = clamped(axes.x.at(from) + step * (event.shiftKey ? 80 : 10));
+    read(x, null);
+    if (part.timed) clock.set(x);
+  });
+
+  const legend = part.series.map((one, index) => el("button", {
+    type: "button", class: `key ${one.style}`, style: key(one.colour), text: one.label, "aria-pressed": String(state.shown[index]),
+    onclick: (event) => {
+      state.shown[index] = !state.shown[index];
+      event.currentTarget.setAttribute("aria-pressed", String(state.shown[index]));
+      render();
+    },
+  }));
+  const controls = el("div", { class: "controls", role: "group", "aria-label": `Curves of ${part.title}` }, ...legend);
+  if (part.shades.length && part.shade) controls.append(el("span", { class: "soft", text: `shaded: ${part.shade}` }));
+  if (part.filter.length > 1) controls.append(choice("feature", ["all", ...part.filter], (index) => { state.only = index - 1; render(); }));
+  controls.append(reset);
+  render();
+  if (part.timed) clock.follow(moveNow);
+  return [controls, picture, reading];
+}
+
+function choice(name, options, pick, first = 0) {
+  const list = el("select", { onchange: (event) => pick(event.currentTarget.selectedIndex) }, ...options.map((text) => el("option", { text })));
+  list.selectedIndex = first;
+  return el("label", { class: "only-screen" }, name, list);
+}
+
+function limits(values) {
+  let low = Infinity, high = -Infinity;
+  for (const value of values) if (value !== null) { low = Math.min(low, value); high = Math.max(high, value); }
+  return low <= high ? [low, high] : [];
+}
+
+function extent(values, log) {
+  const [low, high] = limits(log ? values.filter((value) => value > 0) : values);
+  return low === undefined ? [log ? 0.1 : 0, 1] : [low, high];
+}
+
+function spoken(part) {
+  const curves = part.series.map((one) => {
+    const [low, high] = limits(one.y);
+    return `${one.label}${low === undefined ? "" : `, from ${shown(low)} to ${shown(high)}`}`;
+  });
+  return `${part.title}: ${part.y_label} over ${part.x_label}. ${curves.join("; ")}. Arrow keys read values.`;
+}

@@ -1,0 +1,101 @@
+// Elements, numbers in words, axes, and the time that all parts share.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function add(node, attributes, children) {
+  for (const [name, value] of Object.entries(attributes || {})) {
+    if (name === "text") node.textContent = value;
+    else if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else if (value !== null && value !== undefined && value !== false) node.setAttribute(name, value === true ? "" : value);
+  }
+  node.append(...(children || []));
+  return node;
+}
+
+const el = (tag, attributes, ...children) => add(document.createElement(tag), attributes, children);
+const draw = (tag, attributes, ...children) => add(document.createElementNS(SVG, tag), attributes, children);
+
+let numbers = 0;
+const newId = (stem) => `${stem}-${++numbers}`;
+const key = (colour) => (colour === "ink" ? "--key: var(--ink)" : `--key: var(--c${colour % 8})`);
+
+function shown(value) {
+  if (value === null || !Number.isFinite(value)) return "–";
+  const size = Math.abs(value);
+  if (size !== 0 && (size < 1e-3 || size >= 1e6)) return value.toExponential(2);
+  return String(Number(value.toPrecision(4)));
+}
+
+// A length in the unit that suits it, from metres.
+function length(metres) {
+  const size = Math.abs(metres);
+  if (!Number.isFinite(size)) return "–";
+  if (size < 1e-3) return `${shown(metres * 1e6)} µm`;
+  if (size < 0.1) return `${shown(metres * 1e3)} mm`;
+  return size < 1e4 ? `${shown(metres)} m` : `${shown(metres / 1e3)} km`;
+}
+
+function linearTicks(low, high, count) {
+  const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
+  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => one >= raw);
+  const ticks = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) ticks.push(k * step);
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const far = Math.max(Math.abs(low), Math.abs(high)) >= 1e6;
+  return ticks.map((value) => ({ value, text: far ? value.toExponential(1) : value.toFixed(Math.min(digits, 9)) }));
+}
+
+function logTicks(low, high) {
+  if (high / low < 10) return linearTicks(low, high, 6);
+  const ticks = [], from = Math.floor(Math.log10(low)), to = Math.ceil(Math.log10(high));
+  const few = to - from <= 2, each = Math.ceil((to - from) / 8);
+  for (let power = from; power <= to; power += 1) {
+    for (const digit of few ? [1, 2, 5] : [1]) {
+      const value = digit * 10 ** power;
+      if (value < low * 0.999 || value > high * 1.001 || (power - from) % each) continue;
+      ticks.push({ value, text: value >= 1e-3 && value < 1e5 ? String(Number(value.toPrecision(1))) : `${digit}e${power}` });
+    }
+  }
+  return ticks;
+}
+
+// Where a value stands between two pixels, on a linear or logarithmic axis, and back.
+function axisOf(low, high, from, to, log) {
+  const f = log ? Math.log10 : (value) => value, back = log ? (value) => 10 ** value : (value) => value;
+  const a = f(low), b = f(high);
+  return {
+    low, high, log,
+    at: (value) => from + ((f(value) - a) / (b - a)) * (to - from),
+    value: (pixel) => back(a + ((pixel - from) / (to - from)) * (b - a)),
+    ticks: (count) => (log ? logTicks(low, high) : linearTicks(low, high, count)),
+  };
+}
+
+// The index of the value nearest to x in ascending numbers.
+function nearest(values, x) {
+  let low = 0, high = values.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (values[middle] <= x) low = middle;
+    else high = middle;
+  }
+  return Math.abs(values[high] - x) < Math.abs(values[low] - x) ? high : low;
+}
+
+// The time that scene and charts show.
+const clock = {
+  time: null,
+  listeners: [],
+  set(time) {
+    this.time = time;
+    for (const listener of this.listeners) listener(time);
+  },
+  follow(listener) {
+    this.listeners.push(listener);
+    if (this.time !== null) listener(this.time);
+  },
+};
+
+function head(part, level) {
+  return [el(`h${level}`, { text: part.title }), ...(part.about ? [el("p", { class: "about", text: part.about })] : [])];
+}

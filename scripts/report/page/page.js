@@ -1,0 +1,78 @@
+// The page: title, verdict, contents, and each part drawn by its kind.
+
+const KINDS = {
+  scene: Scene, chart: Chart, timeline: Timeline, sheet: Sheet, facts: Facts, words: Words, tabs: Tabs,
+};
+
+function Sheet(part) {
+  const side = (index) => (index < part.left ? "left" : null);
+  const head = el("thead", {}, el("tr", {}, ...part.headings.map((text, k) => el("th", { scope: "col", class: side(k), text }))));
+  const rows = part.rows.map((row) => el("tr", {}, ...row.map((text, k) => el("td", { class: side(k), text }))));
+  const table = el("table", { "aria-label": part.title }, head, el("tbody", {}, ...rows));
+  const tall = part.rows.length > 16;
+  return [el("div", { class: tall ? "scroll tall" : "scroll", tabindex: tall ? "0" : null, role: tall ? "group" : null, "aria-label": tall ? part.title : null }, table)];
+}
+
+function Facts(part) {
+  return [el("dl", {}, ...part.items.flatMap(([name, value]) => [el("dt", { text: name }), el("dd", { text: value })]))];
+}
+
+function Words(part) {
+  return [el("ul", { class: "words" }, ...part.lines.map((text) => el("li", { text })))];
+}
+
+function Tabs(part) {
+  const panels = part.choices.map(([name]) => el("div", { role: "tabpanel", id: newId("panel"), "aria-label": name, hidden: true }));
+  const tabs = part.choices.map(([text], k) => el("button", {
+    type: "button", role: "tab", id: newId("tab"), "aria-controls": panels[k].id, text, onclick: () => pick(k),
+    onkeydown: (event) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (step) { pick((k + step + tabs.length) % tabs.length); tabs[(k + step + tabs.length) % tabs.length].focus(); }
+    },
+  }));
+  function pick(index) {
+    panels.forEach((panel, k) => { panel.hidden = k !== index; });
+    tabs.forEach((tab, k) => { tab.setAttribute("aria-selected", String(k === index)); tab.setAttribute("tabindex", k === index ? "0" : "-1"); });
+    if (!panels[index].childNodes.length) panels[index].append(...part.choices[index][1].map((inner) => section(inner, 3)));
+  }
+  pick(part.first);
+  return [el("div", { role: "tablist", "aria-label": part.title }, ...tabs), ...panels];
+}
+
+function section(part, level) {
+  const long = part.kind === "tabs" || (part.rows && part.rows.length > 25);
+  const node = el("section", { class: long ? "part long" : "part", id: newId(part.kind), "aria-label": part.title });
+  node.append(...head(part, level), ...KINDS[part.kind](part));
+  return node;
+}
+
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  window.dispatchEvent(new Event("theme"));
+}
+
+const report = JSON.parse(document.getElementById("data").textContent);
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
+dark.addEventListener("change", () => theme(dark.matches ? "dark" : "light"));
+let before = null;
+window.addEventListener("beforeprint", () => { before = document.documentElement.dataset.theme; theme("light"); });
+window.addEventListener("afterprint", () => { if (before) theme(before); });
+
+const sections = report.parts.map((part) => section(part, 2));
+const verdicts = { good: "Good", warn: "With limits", bad: "Do not trust" };
+const contents = el("nav", { "aria-label": "Contents" }, el("ul", {}, ...report.parts.map((part, k) => el("li", {}, el("a", { href: `#${sections[k].id}`, text: part.title })))));
+document.getElementById("report").append(
+  el("a", { class: "skip", href: "#main", text: "Skip to the report" }),
+  el("header", { class: "top" },
+    el("h1", { text: report.title }),
+    el("button", { type: "button", class: "theme", text: "light / dark", onclick: () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark") }),
+    el("p", { class: "soft", text: report.subtitle })),
+  ...(report.verdict ? [el("div", { class: `verdict ${report.verdict[0]}`, role: "note" }, el("b", { text: `${verdicts[report.verdict[0]]}. ` }), report.verdict[1])] : []),
+  ...report.notes.map((text) => el("p", { text })),
+  contents,
+  el("main", { id: "main" }, ...sections),
+  el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${report.version}. Frame C: origin at the chaser, axes that do not turn. All in this file; nothing is loaded from elsewhere.` })),
+);
+document.documentElement.dataset.ready = "true";
+window.dispatchEvent(new Event("theme"));

@@ -1,0 +1,147 @@
+"""The report of a flown loop: the scene, how the online estimate converges, and what the chaser does with it."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.orbit import Orbit
+from baryscope.models.words import counted
+from baryscope.report import Report
+from baryscope.report.charts import axis_errors, blackouts, curve, expected_error, nees_chart
+from baryscope.report.document import Chart, Facts, Part, Scene
+from baryscope.report.estimates import coverage
+from baryscope.report.scene import Body, Shown, body_points, scene_of
+from baryscope.study.loop import Loop
+
+FloatArray = NDArray[np.float64]
+
+ONLINE = 5  # its colour
+VERDICTS = {
+    "tracking": ("good", "At last the estimator tracks the target."),
+    "doubtful": ("bad", "At last the estimator doubts its estimate."),
+    "lost": ("bad", "At last the estimator has lost the target."),
+}
+
+
+def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any], orbit: Orbit | None = None) -> Report:
+    """The report of a flight.
+
+    Args:
+        loop: the flight.
+        found: its summary, as in flight.json.
+        options: of the flight; `of` names the scenario or system.
+        orbit: of the target, if it is known; scene and errors are then in LVLH axes, too.
+    """
+    marks = marks_of(loop)
+    shades = blackouts(loop.tracks.time, loop.tracks.seen)
+    how: dict[str, Any] = {"shades": shades, "shade": "nothing seen", "marks": marks}
+    parts: list[Part] = [scene_of_loop(loop, orbit), convergence_chart(loop, **how)]
+    if loop.tracking.any():
+        parts += [_axes(loop, orbit, **how), _nees(loop, found, **how)]
+    parts += [
+        _places(loop, marks),
+        _commands(loop, marks),
+        coverage(loop.tracks.time, loop.tracks.labels, loop.tracks.seen),
+        _facts("What came of it, in SI units", found),
+        _facts("Options", options),
+    ]
+    waiting = ("warn", f"At last the estimator is {found['status']}.")
+    return Report(
+        f"{options.get('of', 'A system')}: the loop on estimates alone",
+        f"{loop.time[-1]:.6g} s in steps of {found['step']:g} s, {counted(len(loop.tracks.time), 'sample')} of the rig",
+        found["version"],
+        tuple(parts),
+        VERDICTS.get(found["status"], waiting),  # type: ignore[arg-type]
+    )
+
+
+def marks_of(loop: Loop) -> tuple[tuple[float, str], ...]:
+    """When the estimator first tracks the target, knows its tumble, and the chaser's goal turns with the body."""
+    flags = {"tracking": loop.tracking, "tumble known": loop.tumble, "synchronised": loop.synchronised}
+    return tuple((float(loop.time[np.argmax(one)]), word) for word, one in flags.items() if one.any())
+
+
+def scene_of_loop(loop: Loop, orbit: Orbit | None) -> Scene:
+    """The true motion and the online estimate; features are where the samples, turned into body axes, have them."""
+    place = np.clip(np.searchsorted(loop.tracks.time, loop.time + 1e-9) - 1, 0, None)
+    fresh = np.abs(loop.tracks.time[place] - loop.time) < 1e-6
+    R = Rotation.from_quat(loop.truth["target.attitude"], scalar_first=True).as_matrix()
+    path, tracks = loop.truth["target.position"], loop.tracks
+    seen = tracks.seen[place]
+    sampled = np.where((fresh[:, None] & seen)[..., None], tracks.position[place], np.nan)
+    nothing = np.zeros_like(seen)
+    body = Body(loop.time, path, "true centre of mass", R, tracks.labels, sampled, seen, nothing)
+    points = body_points(body)
+    features = path[:, None] + np.einsum("kij,mj->kmi", R, points)
+    waits = (loop.status == 0)[:, None]
+    online = Shown(
+        "online estimate",
+        ONLINE,
+        np.where(waits, np.nan, loop.position),
+        np.where(waits[..., None], np.nan, loop.covariance),
+    )
+    whole = Body(loop.time, path, "true centre of mass", R, tracks.labels, features, seen, nothing)
+    return scene_of(whole, (online,), orbit, "True motion; features are the mean of what the rig has seen of them.")
+
+
+def convergence_chart(loop: Loop, **how: Any) -> Chart:
+    """Error and claim of the online estimate."""
+    low, high = expected_error(loop.covariance)
+    waits = loop.status == 0
+    band = (1e3 * np.where(waits, np.nan, low), 1e3 * np.where(waits, np.nan, high))
+    series = (
+        curve("error of the centre of mass", loop.time, 1e3 * loop.error, band, colour=ONLINE),
+        curve("claimed, ±1σ of three axes together", loop.time, 1e3 * loop.deviation, style="dashed"),
+    )
+    about = "The error of the online estimate; the band is where 95 % of the errors should be by its covariance."
+    return Chart("Convergence of the online estimate", about, "mm", series, log=True, **how)
+
+
+def _axes(loop: Loop, orbit: Orbit | None, **how: Any) -> Chart:
+    """From when the tumble is known, if it ever is: before, errors are of another size."""
+    shown = loop.tracking & (np.cumsum(loop.tumble) > 0) if loop.tumble.any() else loop.tracking
+    error = np.where(shown[:, None], loop.position - loop.truth["target.position"], np.nan)
+    covariance = np.where(shown[:, None, None], loop.covariance, np.nan)
+    if orbit is None:
+        return axis_errors(loop.time, error, covariance, "C", **how)
+    R = lvlh_attitude(orbit, loop.time)
+    turned = np.swapaxes(R, 1, 2) @ covariance @ R
+    return axis_errors(loop.time, np.einsum("kji,kj->ki", R, error), turned, "LVLH", **how)
+
+
+def _nees(loop: Loop, found: dict[str, Any], **how: Any) -> Chart:
+    mean = found["mean_nees"]
+    label = "online estimate" + ("" if mean is None else f": mean of the second half {mean:.3g}")
+    about = (
+        "The squared error in units of the estimator's covariance; 95 % of single values are between the dotted lines."
+    )
+    return nees_chart((curve(label, loop.time, np.maximum(loop.nees, 1e-4), colour=ONLINE),), about, **how)
+
+
+def _places(loop: Loop, marks: tuple[tuple[float, str], ...]) -> Chart:
+    series = (
+        curve("range to the centre of mass", loop.time, np.linalg.norm(loop.chaser, axis=1)),
+        curve("from where it shall be", loop.time, np.maximum(loop.miss, 1e-4), colour=3),
+    )
+    about = "How far the chaser is from the target, and from its goal."
+    return Chart("The chaser", about, "m", series, log=True, marks=marks)
+
+
+def _commands(loop: Loop, marks: tuple[tuple[float, str], ...]) -> Chart:
+    names = ("radial", "along-track", "cross-track")
+    series = tuple(
+        curve(name, loop.time, 1e3 * loop.command[:, k], colour=(5, 4, 2)[k]) for k, name in enumerate(names)
+    )
+    return Chart(
+        "Commands", "Acceleration that the controller asks of the chaser, LVLH axes.", "mm/s²", series, marks=marks
+    )
+
+
+def _facts(title: str, values: dict[str, Any]) -> Facts:
+    def words(value: Any) -> str:
+        return "-" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
+
+    return Facts(title, tuple((name.replace("_", " "), words(value)) for name, value in values.items()))

@@ -1,0 +1,135 @@
+"""What a report holds: its numbers against definitions and draws, its size, and words that are not markup."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import FeatureTracks, estimate
+from baryscope.report import html_of, report_of_estimate
+from baryscope.report.charts import expected_error, nees_of
+from baryscope.report.document import data_of, plain
+from baryscope.report.scene import Body, Shown, scene_of
+from baryscope.report.thinning import evenly, extremes, shares
+from synthetic import attitude, box_features, make_case
+
+HOSTILE = [
+    "<script>window.evil = 1</script>",
+    "</script><img src=x onerror=alert(1)>",
+    "a & b \u2028 é",
+    '"quoted"',
+    "e",
+]
+
+
+@pytest.fixture(scope="module")
+def hostile():
+    """A report of own tracks whose labels are markup; feature 4 lies 1 m off in three frames."""
+    time = np.arange(120.0)
+    com = np.stack([8 + 0.01 * time, -18 + 0.005 * time, 6 - 0.002 * time], axis=1)
+    R = attitude(np.diag([2.0, 3.0, 4.0]), np.array([0.04, 0.03, 0.02]), time)
+    case = make_case(
+        time,
+        R,
+        com,
+        box_features(5, (2, 2, 3), 1),
+        noise=0.005,
+        clusters=[(0, 50, [0, 1, 2, 3, 4]), (60, 120, [0, 1, 2, 3, 4])],
+    )
+    position = case.tracks.position.copy()
+    position[20:23, 4] += 1.0
+    position[50:60] = np.nan
+    tracks = FeatureTracks(time, position, HOSTILE)
+    return report_of_estimate(estimate(tracks), tracks, None, "<b>mine.csv</b>")
+
+
+def data_in(page):
+    """The JSON of a page, as a browser finds it."""
+    (text,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)
+
+
+def test_words_are_data_and_never_markup(hostile):
+    page = html_of(hostile)
+    assert page.count("<script") == page.count("</script") == 2
+    assert "<title>Centre of mass from &lt;b&gt;mine.csv&lt;/b&gt;</title>" in page
+    assert data_in(page) == data_of(hostile)
+    assert next(part for part in data_in(page)["parts"] if part["kind"] == "scene")["labels"] == HOSTILE
+    assert not re.search(r"(src|href)=\"?https?:", page)
+
+
+def test_own_tracks_tell_what_was_rejected_and_when(hostile):
+    parts = {part["kind"]: part for part in data_of(hostile)["parts"]}
+    bins = [set(np.flatnonzero([int(digit) for digit in row])) for row in parts["timeline"]["rejected"]]
+    assert bins[:4] == [set()] * 4
+    assert {int(one * 119 / 400) for one in bins[4]} <= {19, 20, 21, 22, 23}
+    assert len(bins[4]) >= 3
+    assert [state[4] for state in parts["scene"]["state"][19:24]] == ["1", "2", "2", "2", "1"]
+    assert data_of(hostile)["verdict"][0] == "good"
+
+
+def test_a_hundred_thousand_frames_are_small():
+    """Of 12 features; the estimate is of 1000 frames, repeated: only its arrays count here."""
+    time = np.arange(100_000.0)
+    rng = np.random.default_rng(3)
+    path = np.array([0.0, 20.0, 0.0]) + rng.standard_normal((len(time), 3))
+    features = path[:, None] + rng.standard_normal((1, 12, 3))
+    seen = rng.random(features.shape[:2]) < 0.8
+    covariance = np.tile(1e-6 * np.eye(3), (len(time), 1, 1))
+    R = np.tile(np.eye(3), (len(time), 1, 1))
+    labels = tuple(f"F{k}" for k in range(12))
+    body = Body(time, path, "truth", R, labels, features, seen, seen & (rng.random(seen.shape) < 0.01))
+    ghosts = tuple(Shown(f"m{k}", k, path + 1e-3 * rng.standard_normal(path.shape), covariance) for k in range(8))
+    text = json.dumps(plain(scene_of(body, ghosts, None)))
+    assert len(text) < 2_500_000
+    assert len(json.loads(text)["time"]) == 1500
+    assert max(map(len, shares(time, seen))) == 400
+    assert len(extremes(path[:, 0])) <= 902
+
+
+def test_thinned_curves_keep_extremes_and_gaps():
+    y = np.sin(np.linspace(0, 50, 20_000))
+    y[7777], y[3333], y[11_000:11_100] = 9.0, -9.0, np.nan
+    keep = extremes(y, 500)
+    assert {0, 3333, 7777, 19_999} <= set(keep)
+    assert len(keep) <= 502 + 3
+    assert np.isnan(y[keep]).any()
+    np.testing.assert_array_equal(extremes(y[:400], 500), np.arange(400))
+    np.testing.assert_array_equal(evenly(10, 4), [0, 3, 6, 9])
+
+
+def test_shares_of_a_bin():
+    """Frames 0 … 7 in four bins of two; the third column is seen in three quarters of the time."""
+    flags = np.array([[1, 0, 1], [1, 0, 1], [1, 0, 0], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [1, 1, 0]], bool)
+    assert shares(np.arange(8.0), flags, 4) == ("9404", "0004", "9494")
+
+
+def test_shares_fill_bins_without_a_frame():
+    assert shares(np.array([0.0, 10.0]), np.array([[True], [False]]), 5) == ("99990",)
+
+
+@pytest.mark.parametrize(
+    "deviations, exact", [([1, 1, 1], True), ([1, 0, 0], True), ([3, 2, 1], False), ([5, 1, 0.1], False)]
+)
+def test_the_band_holds_95_percent_of_errors(deviations, exact):
+    """Against 40 000 draws, whose shares have a deviation of 0.0008. Of unequal variances fewer are below the band."""
+    rng = np.random.default_rng(5)
+    R = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    low, high = expected_error((R @ np.diag(np.square(deviations)) @ R.T)[None])
+    size = np.linalg.norm(rng.standard_normal((40_000, 3)) * deviations, axis=1)
+    assert np.mean(size > high) == pytest.approx(0.025, abs=0.0035)
+    below = np.mean(size < low)
+    assert below == pytest.approx(0.025, abs=0.0035) if exact else below < 0.025
+
+
+def test_nees_is_that_of_the_definition_and_none_where_it_has_no_meaning():
+    error = np.array([[1.0, 2, 3], [1, 2, 3], [np.nan, 0, 0]])
+    covariance = np.array([np.diag([1.0, 4, 9]), np.zeros((3, 3)), np.eye(3)])
+    np.testing.assert_allclose(nees_of(error, covariance), [3, np.nan, np.nan], rtol=1e-12)
+
+
+def test_numbers_are_short_and_gaps_are_null():
+    assert plain(np.array([1.23456789, np.nan, 2.0, 1e-12])) == [1.2346, None, 2, 1e-12]
+    assert plain({"x": 1}) == {"x": 1}
+    json.dumps(plain((np.inf, "a", (1.5,))), allow_nan=False)

@@ -1,0 +1,141 @@
+"""Reports in a browser: they draw without a complaint, ask for nothing, and do what mouse and keys tell them."""
+
+import numpy as np
+import pytest
+
+from baryscope.report import write_report
+from baryscope.study import compare
+from baryscope.study.comparison_report import report_of_comparison
+from browser import PROGRAM, Browser
+from malformed import GOOD_SCENARIO
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium (Debian's package chromium)")
+
+SLIDER, CANVAS, READING = "input[type=range]", "canvas", ".scene-reading"
+INK = "document.querySelector('canvas').toDataURL()"
+EMPTY = """(() => { const one = document.querySelector('canvas'), two = document.createElement('canvas');
+    two.width = one.width; two.height = one.height; return two.toDataURL(); })()"""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """A report whose labels are markup, and a browser that has opened it."""
+    folder = tmp_path_factory.mktemp("report")
+    text = GOOD_SCENARIO.replace("noise = 0.02", "noise = 0.002").replace('"d"', '"<script>window.evil=1</script>"')
+    (folder / "small.toml").write_text(text, encoding="utf-8")
+    comparison = compare(folder / "small.toml", methods=["screw-raw", "pivot"])
+    path = write_report(report_of_comparison(comparison), folder / "report.html")
+    browser = Browser(folder / "profile")
+    browser.open(path)
+    yield browser
+    complaints = browser.complaints
+    browser.close()
+    assert complaints == []
+
+
+def text_of(page, selector):
+    return page.value(f"document.querySelector({selector!r}).textContent")
+
+
+def test_all_parts_are_there_and_words_are_words(page):
+    kinds = page.value("[...document.querySelectorAll('main > section')].map((one) => one.ariaLabel)")
+    assert kinds[:4] == ["Methods side by side", "Scene", "Error of the centre of mass", "NEES of the centre of mass"]
+    assert "<script>window.evil=1</script>" in page.value("document.body.innerText")
+    assert page.value("window.evil") is None
+    assert page.value("document.querySelectorAll('svg path.curve').length") >= 6
+    assert page.value("document.querySelectorAll('svg path.band').length") >= 1
+
+
+def test_everything_that_acts_has_a_name_and_takes_the_focus(page):
+    nameless = page.value("""[...document.querySelectorAll('button, select, input, canvas, svg, table')].filter((one) =>
+        !(one.ariaLabel || one.textContent.trim() || one.closest('label')?.textContent.trim())).length""")
+    assert nameless == 0
+    assert page.value("[...document.querySelectorAll('svg[role=img], canvas')].every((one) => one.ariaLabel)")
+    levels = page.value("[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))")
+    assert levels[0] == 1
+    assert max(np.diff(levels)) == 1
+
+
+def test_the_slider_moves_the_scene_and_the_charts(page):
+    before, ink = text_of(page, READING), page.value(INK)
+    page.click(SLIDER)
+    assert text_of(page, READING) != before
+    assert page.value(INK) not in (page.value(EMPTY), ink)
+    now = page.value("document.querySelector('svg .now').getAttribute('x1')")
+    page.key("ArrowRight", 39)
+    assert page.value("document.querySelector('svg .now').getAttribute('x1')") != now
+
+
+def test_play_moves_on_and_stops(page):
+    page.value("document.querySelector('input[type=range]').value = 0")
+    page.value("document.querySelector('input[type=range]').dispatchEvent(new Event('input'))")
+    page.click("button.play")
+    page.value("new Promise((done) => setTimeout(done, 1500))")
+    page.click("button.play")
+    at = page.value(f"Number(document.querySelector('{SLIDER}').value)")
+    assert at > 0
+    page.value("new Promise((done) => setTimeout(done, 200))")
+    assert page.value(f"Number(document.querySelector('{SLIDER}').value)") == at
+
+
+def test_dragging_and_keys_turn_and_enlarge_the_scene(page):
+    pictures = [page.value(INK)]
+    x, y = page.middle(CANVAS)
+    page.mouse((x, y), (x + 60, y + 20))
+    pictures.append(page.value(INK))
+    for name, code, text in (("ArrowLeft", 37, ""), ("+", 187, "+")):
+        page.value(f"document.querySelector('{CANVAS}').focus()")
+        page.key(name, code, text)
+        pictures.append(page.value(INK))
+    for view in (1, 2):
+        page.value(
+            f"(() => {{ const one = document.querySelector('section select'); one.selectedIndex = {view}; "
+            "one.dispatchEvent(new Event('change')); })()"
+        )
+        pictures.append(page.value(INK))
+    assert len(set(pictures)) == len(pictures)
+    assert page.value(EMPTY) not in pictures
+
+
+def test_legends_hide_curves(page):
+    count = "document.querySelectorAll('main > section:nth-of-type(3) path.curve').length"
+    key = "main > section:nth-of-type(3) button.key"
+    before = page.value(count)
+    page.click(key)
+    assert page.value(count) == before - 1
+    assert page.value(f"document.querySelector('{key}').ariaPressed") == "false"
+    page.click(key)
+    assert page.value(count) == before
+
+
+def test_dragging_over_a_chart_enlarges_it(page):
+    x, y = page.middle("main > section:nth-of-type(3) svg")
+    ticks = "document.querySelector('main > section:nth-of-type(3) svg').textContent"
+    whole = page.value(ticks)
+    page.mouse((x - 80, y), (x, y), (x + 80, y))
+    assert page.value(ticks) != whole
+    page.click("main > section:nth-of-type(3) .controls > button.only-screen")
+    assert page.value(ticks) == whole
+
+
+def test_tabs_show_one_method_at_a_time(page):
+    visible = "[...document.querySelectorAll('[role=tabpanel]')].map((one) => !one.hidden)"
+    assert page.value(visible) == [False, True]
+    page.click("[role=tab]", 0)
+    assert page.value(visible) == [True, False]
+    page.key("ArrowRight", 39)
+    assert page.value(visible) == [False, True]
+    names = page.value(
+        "[...document.querySelectorAll('[role=tabpanel]:not([hidden]) h3')].map((one) => one.textContent)"
+    )
+    assert {"Residuals", "Observability", "Options and version"} <= set(names)
+
+
+def test_light_and_dark_and_print(page, tmp_path):
+    colour = "getComputedStyle(document.documentElement).backgroundColor"
+    light = page.value(colour)
+    page.click("button.theme")
+    assert page.value(colour) != light
+    page.click("button.theme")
+    assert page.value(colour) == light
+    assert page.call("Page.printToPDF")["data"].startswith("JVBER")  # %PDF in base 64
