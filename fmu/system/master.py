@@ -11,7 +11,7 @@ from typing import Any
 
 import fmpy
 import numpy as np
-from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.ssp.ssd import Component, read_ssd
 from numpy.typing import NDArray
 
@@ -23,6 +23,7 @@ from baryscope.models.errors import InputError
 FloatArray = NDArray[np.float64]
 EXPECTED = "a system of FMI 2.0 units, SSP 1.0, made by `baryscope system`"
 SHORTEST_STEP = 1e-6  # s
+ERROR = 3  # FMI's statuses from here on are errors
 
 
 @dataclass(eq=False)
@@ -36,6 +37,7 @@ class Unit:
         booleans: the names of those that are Booleans.
         step_size: of its default experiment, s; None if it has none.
         fmu: the instance, by fmpy.
+        messages: errors that it has logged.
         parameters: bound values by name.
     """
 
@@ -45,6 +47,7 @@ class Unit:
     booleans: frozenset[str]
     step_size: float | None
     fmu: Any
+    messages: list[str]
     parameters: Mapping[str, float] = field(default_factory=dict)
     _scalars: dict[str, list[str]] = field(default_factory=dict)
 
@@ -93,7 +96,7 @@ class Unit:
         try:
             return function(*arguments, **named)
         except Exception as error:  # fmpy raises bare Exceptions
-            raise UnitError(f"{self.name}: {error}") from error
+            raise UnitError(f"{self.name}: {'; '.join(self.messages) or error}") from error
 
 
 @dataclass(frozen=True)
@@ -225,16 +228,7 @@ def _opened(path: Path, folder: Path, component: Component) -> Unit:
     description = fmpy.read_model_description(str(place), validate=False)
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise InputError(f"{path}: {component.name} is of FMI {description.fmiVersion}, expected {EXPECTED}")
-    try:
-        fmu = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(place),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=component.name,
-        )
-        fmu.instantiate()
-    except Exception as error:  # fmpy raises bare Exceptions
-        raise UnitError(f"{component.name}: {error}") from error
+    fmu, messages = _instantiated(component.name, description, place)
     experiment = description.defaultExperiment
     return Unit(
         component.name,
@@ -243,8 +237,32 @@ def _opened(path: Path, folder: Path, component: Component) -> Unit:
         frozenset(variable.name for variable in description.modelVariables if variable.type == "Boolean"),
         None if experiment is None or experiment.stepSize is None else float(experiment.stepSize),
         fmu,
+        messages,
         _parameters(component),
     )
+
+
+def _instantiated(name: str, description: Any, folder: Path) -> tuple[Any, list[str]]:
+    """An instance of an unpacked unit, and the list to which it adds the errors that it logs, a line each."""
+    messages: list[str] = []
+
+    def log(*call: Any) -> None:
+        if call[2] >= ERROR:
+            messages.append(" ".join(call[4].decode("utf-8", "replace").split()))
+
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(log)
+    try:
+        fmu = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        fmu.instantiate(callbacks=callbacks, loggingOn=True)  # fmpy keeps a reference to the callbacks
+    except Exception as error:  # fmpy raises bare Exceptions
+        raise UnitError(f"{name}: {'; '.join(messages) or error}") from error
+    return fmu, messages
 
 
 def _parameters(component: Component) -> dict[str, float]:

@@ -19,6 +19,7 @@ def fly(
     system: Annotated[Path | None, Parameter(name="CHAIN")] = None,
     *,
     scenario: str | None = None,
+    controller: Path | None = None,
     duration: float | None = None,
     step: float | None = None,
     approach: Annotated[bool, Parameter(negative=())] = False,
@@ -35,6 +36,8 @@ def fly(
         A system that `baryscope system` wrote, CHAIN.ssp, perhaps with other parameters. Default: that of --scenario.
     scenario
         A preset's name (see `baryscope scenarios`) or a scenario file, FILE.toml. [default: envisat]
+    controller
+        Another tool's FMU in the place of ApproachController, as of `baryscope system`.
     duration
         How long to fly, s. Default: that of the scenario.
     step
@@ -49,10 +52,13 @@ def fly(
     show = show or Show()
     if system is not None and scenario is not None:
         raise InputError(f"{system} and --scenario {scenario}: found two, expected a system or a scenario")
+    if system is not None and controller is not None:
+        raise InputError(f"{system} and --controller {controller}: found two, but the system has a controller already")
     name = scenario or "envisat"
     flown = load_scenario(name) if system is None else None
     folder = output or Path(f"{flown.name if flown else Path(str(system)).stem}-flight")
-    refuse_overwriting(loop_paths(folder), [path for path in (system, scenario_path(name)) if path is not None])
+    read = (system, controller, scenario_path(name))
+    refuse_overwriting(loop_paths(folder), [path for path in read if path is not None])
     with show.progress() as progress:
 
         def flight(archive: Path, progress: Progress | None) -> Loop:
@@ -64,9 +70,11 @@ def fly(
             assert flown is not None  # noqa: S101  there is a scenario without a system
             with temporary_folder() as place:
                 with stage(progress, "building the units") as share:
-                    archive = build_system(flown, place / "chain.ssp", progress=lambda _, done: share(done))
+                    archive = place / "chain.ssp"
+                    build_system(flown, archive, controller=controller, progress=lambda _, done: share(done))
                 loop = flight(archive, progress)
         options = {"of": str(system or name), "duration": duration, "step": step, "approach": approach}
+        options |= {} if controller is None else {"controller": str(controller)}
         with stage(progress, "writing"):
             files = write_loop(loop, folder, options, flown.orbit if flown else None)
     found = summary_of(loop)

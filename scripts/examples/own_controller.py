@@ -1,8 +1,7 @@
 """A controller of one's own as a unit, in the place of ApproachController. To copy; needs `pip install pythonfmu`.
 
 pythonfmu build -f scripts/examples/own_controller.py
-baryscope system --scenario envisat --controller OwnController.fmu -o own.ssp
-baryscope fly own.ssp --approach --duration 900
+baryscope fly --scenario envisat --controller OwnController.fmu --approach --duration 900
 
 It turns with the body: along the keep-out sphere to the axis of the grapple point, and down that axis. Variables have
 the names of ApproachController's, by which they are connected; of the parameters it takes those that it needs.

@@ -1,5 +1,6 @@
 """Another tool's FMU as the chain's controller: connected by name, refused in a line where something is missing."""
 
+import json
 import re
 import zipfile
 from xml.etree import ElementTree as ET
@@ -114,5 +115,8 @@ def test_the_command(envisat_fmu3, controller_fmu, tmp_path, capsys):
     assert "plain.fmu as controller" in capsys.readouterr().out
     assert main(["fly", str(path), "--duration", "30", "--approach", "-o", str(tmp_path / "flight")]) == 2
     assert "Plain has no synchronised, by which an approach begins" in capsys.readouterr().err
-    assert main(["fly", str(path), "--duration", "30", "-o", str(tmp_path / "flight"), "-q"]) == 0
+    assert main(["fly", str(path), "--controller", str(stays), "-o", str(tmp_path / "flight")]) == 2
+    assert "but the system has a controller already" in capsys.readouterr().err
+    assert main(["fly", "--controller", str(stays), "--duration", "30", "-o", str(tmp_path / "flight"), "-q"]) == 0
     assert "from its place" in capsys.readouterr().out
+    assert json.loads((tmp_path / "flight" / "flight.json").read_text())["options"]["controller"] == str(stays)
