@@ -6,8 +6,9 @@ The schema is derived from `EstimateDocument` by pydantic; a test compares docs/
 import csv
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
@@ -231,10 +232,13 @@ def schema_text() -> str:
     return json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
 
 
-def write_estimate(result: Estimate, path: AnyPath, prediction: Prediction | None = None) -> None:
+def write_estimate(
+    result: Estimate, path: AnyPath, prediction: Prediction | None = None, also: Mapping[Path, str] | None = None
+) -> None:
     """Write the path as a CSV file, and the document beside it with the suffix .json.
 
-    prediction: goes into a file with the suffix .prediction.csv.
+    prediction: goes into a file with the suffix .prediction.csv; also: texts of other files, to be written with these
+    or, if one cannot be, not at all.
 
     Raises:
         InputError: a file cannot be written, or the two names are one.
@@ -249,7 +253,12 @@ def write_estimate(result: Estimate, path: AnyPath, prediction: Prediction | Non
     if prediction is not None:
         names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
         writing[path.with_suffix(".prediction.csv")] = _rows(names, _predicted_columns(prediction))
-    write_together(writing)
+    texts = (also or {}).items()
+    write_together(writing | {file: partial(_write_text, content) for file, content in texts})
+
+
+def _write_text(content: str, stream: TextIO) -> None:
+    stream.write(content)
 
 
 def _columns(result: Estimate) -> list[list[object]]:

@@ -12,6 +12,7 @@ from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
 from baryscope.study.campaign import VARIED, CampaignSummary, Plan, begin, campaign_paths, plan_of, read_runs, run
 from baryscope.study.campaign import report as report_of
+from baryscope.study.campaign.runner import PAGE, SUMMARY
 from baryscope.study.campaign.suite import suite_path
 
 
@@ -31,8 +32,8 @@ def campaign(
 ) -> None:
     """Draw scenarios many times, estimate with every method, and compare the errors with the Cramér–Rao bound.
 
-    Writes campaign.json, runs.jsonl (each run as it ends) and summary.md. The same command again resumes a campaign
-    that was interrupted. The results do not depend on the number of workers.
+    Writes campaign.json, runs.jsonl (each run as it ends), summary.md and report.html (for a browser). The same command
+    again resumes a campaign that was interrupted. The results do not depend on the number of workers.
 
     Parameters
     ----------
@@ -118,4 +119,6 @@ def _show(summary: CampaignSummary, folder: Path, show: Show) -> None:
     words.append(summary.about_nees())
     if summary.remarks:
         words.append(f"remarks on single draws: {len(summary.remarks)}, see summary.md")
-    show.result(summary.to_json() | {"folder": str(folder)}, *words, f"More in {folder / 'summary.md'}")
+    page = folder / PAGE
+    words += [f"Report, for a browser: {page}", f"More in {folder / SUMMARY}"]
+    show.result(summary.to_json() | {"folder": str(folder), "report": str(page)}, *words)

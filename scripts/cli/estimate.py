@@ -19,6 +19,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
+from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
@@ -108,6 +109,7 @@ def estimate_file(
     forces: ForceChoices | None = None,
     screws: ScrewChoices | None = None,
     prediction: PredictionChoices | None = None,
+    report: bool = True,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> int:
@@ -138,9 +140,11 @@ def estimate_file(
     rig
         Of --camera: a TOML file with a table [rig], the lever arm from the chaser's centre of mass to the camera, and
         what is uncertain about camera and attitude. Default: no lever arm, nothing uncertain.
+    report
+        Write a .report.html file, too: scene in 3D, path, residuals and diagnostics, for a browser.
     output
-        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file, and
-        a prediction into a .prediction.csv file.
+        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file, the
+        report into a .report.html file, and a prediction into a .prediction.csv file.
         Default: the tracks' name with .estimate.csv.
     """
     show = show or Show()
@@ -158,7 +162,8 @@ def estimate_file(
     prediction = prediction or PredictionChoices()
     prediction.check(method)
     ahead = [] if prediction.predict is None else [prediction_path(target)]
-    refuse_overwriting([target, target.with_suffix(".json"), *ahead], read)
+    page = [target.with_suffix(".report.html")] if report else []
+    refuse_overwriting([target, target.with_suffix(".json"), *ahead, *page], read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = FeatureTracks.read_csv(csv_path(tracks))
@@ -173,9 +178,12 @@ def estimate_file(
     found = None if prediction.predict is None else result.predict(prediction.times(data), point)
     if found is not None:
         lines.append(prediction.line(found, ahead[0]))
-    write_estimate(result, target, found)
+    seen = data if turned is None else turned.inertial(data)
+    pages = {path: html_of(report_of_estimate(result, seen, known_orbit, tracks.name)) for path in page}
+    write_estimate(result, target, found, pages)
     diagnostics = target.with_suffix(".json")
-    words = [_headline(result, target), *(f"  {line}" for line in lines), f"  more in {diagnostics}"]
+    words = [_headline(result, target), *(f"  {line}" for line in lines)]
+    words += [*(f"  report, for a browser: {path}" for path in page), f"  more in {diagnostics}"]
     show.result(json.loads(diagnostics.read_text(encoding="utf-8")), *words)
     return 0 if result.status.trustworthy else UNTRUSTED
 

@@ -48,7 +48,7 @@ function linearTicks(low, high, count) {
 function logTicks(low, high) {
   if (high / low < 10) return linearTicks(low, high, 6);
   const ticks = [], from = Math.floor(Math.log10(low)), to = Math.ceil(Math.log10(high));
-  const few = to - from <= 2, each = Math.ceil((to - from) / 8);
+  const few = to - from <= 3, each = Math.ceil((to - from) / 8);
   for (let power = from; power <= to; power += 1) {
     for (const digit of few ? [1, 2, 5] : [1]) {
       const value = digit * 10 ** power;

@@ -5,6 +5,7 @@
 
 from baryscope.study.campaign.case import Case, drawn, run_one
 from baryscope.study.campaign.folder import begin, read_plan, read_runs
+from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import VARIED, Plan, plan_of
 from baryscope.study.campaign.pool import usable_cores
 from baryscope.study.campaign.runner import campaign_paths, report, run
@@ -22,6 +23,7 @@ __all__ = [
     "read_plan",
     "read_runs",
     "report",
+    "report_of_campaign",
     "run",
     "run_one",
     "usable_cores",

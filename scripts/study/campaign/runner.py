@@ -7,8 +7,10 @@ from baryscope.models.errors import DiskError
 from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
 from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
+from baryscope.report import write_report
 from baryscope.study.campaign.case import Case, run_one
 from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, begin, read_plan, read_runs
+from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.pool import results_of, usable_cores
 from baryscope.study.campaign.report import write_summary
@@ -16,7 +18,7 @@ from baryscope.study.campaign.summary import CampaignSummary
 from baryscope.study.flight import build_unit
 from baryscope.study.progress import Progress, stage
 
-SUMMARY = "summary.md"
+SUMMARY, PAGE = "summary.md", "report.html"
 
 
 def run(plan: Plan, folder: AnyPath, workers: int | None = None, progress: Progress | None = None) -> CampaignSummary:
@@ -26,7 +28,7 @@ def run(plan: Plan, folder: AnyPath, workers: int | None = None, progress: Progr
 
     Args:
         plan: what to run, see `plan_of`.
-        folder: where campaign.json, runs.jsonl and summary.md are written.
+        folder: where campaign.json, runs.jsonl, summary.md and report.html are written.
         workers: how many processes; one for each usable core unless given.
         progress: told how far the work is.
 
@@ -66,12 +68,14 @@ def run(plan: Plan, folder: AnyPath, workers: int | None = None, progress: Progr
 
 
 def campaign_paths(folder: AnyPath) -> tuple[Path, ...]:
-    """The files of a campaign: its plan, its runs and its summary."""
-    return tuple(Path(folder) / name for name in (HEADER, RUNS, SUMMARY))
+    """The files of a campaign: its plan, its runs, its summary and its report."""
+    return tuple(Path(folder) / name for name in (HEADER, RUNS, SUMMARY, PAGE))
 
 
 def report(folder: AnyPath) -> CampaignSummary:
-    """The summary of the runs that have ended, also while others go on; written to summary.md if there are some.
+    """The summary of the runs that have ended, also while others go on; if there are some, in files, too.
+
+    These are summary.md and report.html.
 
     Raises:
         InputError: the folder holds no campaign.
@@ -80,8 +84,9 @@ def report(folder: AnyPath) -> CampaignSummary:
     plan = read_plan(folder)
     summary = CampaignSummary(plan, read_runs(folder, plan))
     if summary.runs:
-        refuse_overwriting([folder / SUMMARY], [folder / HEADER, folder / RUNS])
+        refuse_overwriting([folder / SUMMARY, folder / PAGE], [folder / HEADER, folder / RUNS])
         write_summary(summary, folder / SUMMARY)
+        write_report(report_of_campaign(summary), folder / PAGE)
     return summary
 
 

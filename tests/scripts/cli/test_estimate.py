@@ -62,7 +62,13 @@ def test_a_log_of_accelerations(tmp_path, capsys):
     log.write_text("time,ax,ay,az\n0,2e-3,0,0\n", encoding="utf-8")
     command = ["estimate", str(tracks), "--trajectory", "polynomial:1", "--process-noise", "none"]
     assert app.main([*command, "--acceleration", str(log), "--acceleration-scale", "0.05"]) == 0
-    assert "acceleration scale" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "acceleration scale" in printed
+    page = tmp_path / "tracks.estimate.report.html"
+    assert f"report, for a browser: {page}" in printed
+    assert "acceleration scale" in page.read_text(encoding="utf-8")
+    assert app.main([*command, "--no-report", "-o", str(tmp_path / "bare.csv"), "-q"]) == 0
+    assert {path.name for path in tmp_path.glob("bare*")} == {"bare.csv", "bare.json"}
     found = np.loadtxt(tmp_path / "tracks.estimate.csv", delimiter=",", skiprows=1)[:, 1]
     np.testing.assert_allclose(found, com[:, 0], atol=0.02)  # across the axis: a spin leaves the position along it open
 

@@ -43,7 +43,7 @@ def run(guarded, folder, tracks, *options, orbit=None):
     written = {path.name for path in folder.iterdir()} - {"tracks.csv", "orbit.toml"}
     if code in (0, 3):
         assert complaints == []
-        assert written == {"tracks.estimate.csv", "tracks.estimate.json"}
+        assert written == {"tracks.estimate.csv", "tracks.estimate.json", "tracks.estimate.report.html"}
         path = np.genfromtxt(folder / "tracks.estimate.csv", delimiter=",", skip_header=1, ndmin=2)
         assert np.isfinite(path[:, :4]).all()
     else:

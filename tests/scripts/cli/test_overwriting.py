@@ -30,6 +30,7 @@ WRITES = {
     "estimate, tracks": (["estimate", "{in}", "-o", "{folder}/est.csv"], "est.csv", TRACKS),
     "estimate, tracks by default": (["estimate", "{in}"], "{in}.estimate.csv", TRACKS),
     "estimate, diagnostics over the tracks": (["estimate", "{in}", "-o", "{folder}/est.csv"], "est.json", TRACKS),
+    "estimate, report over the tracks": (["estimate", "{in}", "-o", "{folder}/est.csv"], "est.report.html", TRACKS),
     "estimate, over the orbit": (
         ["estimate", "{folder}/other.csv", "--orbit", "{in}", "-o", "{folder}/est.csv"], "est.json", ORBIT
     ),
@@ -45,6 +46,7 @@ WRITES = {
     "compare, orbit": (["compare", *TO_FOLDER], "tracks.orbit.toml", GOOD_SCENARIO),
     "compare, unit": (["compare", *TO_FOLDER], "TumblingTarget.fmu", GOOD_SCENARIO),
     "compare, estimate": (["compare", *TO_FOLDER], "screw-gpa-lvlh.json", GOOD_SCENARIO),
+    "compare, report": (["compare", *TO_FOLDER], "report.html", GOOD_SCENARIO),
     "compare, picture": (["compare", *TO_FOLDER], "comparison.png", GOOD_SCENARIO),
     "compare, summary": (["compare", *TO_FOLDER], "summary.md", GOOD_SCENARIO),
     "bound, table": (["bound", *TO_FOLDER], "bound.csv", GOOD_SCENARIO),
@@ -53,6 +55,7 @@ WRITES = {
     "campaign, header": (["campaign", *TO_FOLDER], "campaign.json", GOOD_SCENARIO),
     "campaign, runs": (["campaign", *TO_FOLDER], "runs.jsonl", GOOD_SCENARIO),
     "campaign, summary": (["campaign", *TO_FOLDER], "summary.md", GOOD_SCENARIO),
+    "campaign, report": (["campaign", *TO_FOLDER], "report.html", GOOD_SCENARIO),
     "campaign, over the suite": (["campaign", "--suite", "{in}", "-o", "{folder}"], "summary.md", SUITE),
 }  # fmt: skip
 

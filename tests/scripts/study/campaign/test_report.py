@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from baryscope.report.document import data_of
 from baryscope.scripts.cli import app
-from baryscope.study.campaign import begin, plan_of, read_runs
+from baryscope.study.campaign import CampaignSummary, begin, plan_of, read_runs, report_of_campaign
 from baryscope.study.campaign.folder import RUNS
 from baryscope.study.campaign.statistics import bound_of, nees_band, remarks, rows_of
 from malformed import GOOD_SCENARIO
@@ -90,6 +91,24 @@ def test_draws_to_look_at_are_named(plan, tmp_path):
         (2, "pivot", "was announced"),
         (3, "pivot", "failed: too little turns"),
     ]
+
+
+def test_the_report_has_the_tables_and_the_distributions(targeted, tmp_path):
+    """Of four draws of pivot one failed: three quarters have an error at most the largest."""
+    runs = synthetic(tmp_path / "s", targeted, [0.002, 0.003, 0.004, None])
+    data = data_of(report_of_campaign(CampaignSummary(targeted, runs)))
+    sheet, tabs, words, options = data["parts"]
+    assert [row[:3] for row in sheet["rows"]][2] == ["small", "pivot", "3.109"]
+    assert words["lines"][-1] == "small 3, pivot: failed: too little turns"
+    assert ["methods", "screw-gpa, screw-gpa-lvlh, pivot"] in options["items"]
+    ((name, (_, errors, nees)),) = tabs["choices"]
+    assert name == "small"
+    pivot = next(one for one in errors["series"] if one["label"] == "pivot")
+    assert pivot["x"] == [2, 2, 3, 3, 4, 4]
+    assert pivot["y"] == [0, 0.25, 0.25, 0.5, 0.5, 0.75]
+    pivot, expected = nees["series"]
+    assert pivot["x"] == [2, 2, 4, 4, 6, 6]
+    assert np.interp(2.366, expected["x"], expected["y"]) == pytest.approx(0.5, abs=1e-3)  # the median
 
 
 def test_if_nothing_could_be_done_that_is_an_error(plan, tmp_path, capsys):

@@ -1,0 +1,117 @@
+"""The report of a campaign: its tables, how errors and NEES are distributed over the draws, and draws to look at."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from baryscope.models.words import counted
+from baryscope.report import Report
+from baryscope.report.charts import curve
+from baryscope.report.document import Chart, Facts, Part, Series, Sheet, Tabs, Words
+from baryscope.study.campaign.folder import Run
+from baryscope.study.campaign.report import LEGEND, MOST_REMARKS
+from baryscope.study.campaign.statistics import DEGREES
+from baryscope.study.campaign.suite import Entry
+from baryscope.study.campaign.summary import HEADINGS, CampaignSummary
+from baryscope.study.methods import COLOURS
+
+FloatArray = NDArray[np.float64]
+
+LEAST = 1e-9  # of what stands on a logarithmic axis
+
+
+def report_of_campaign(summary: CampaignSummary) -> Report:
+    """The report of the runs that have ended."""
+    plan = summary.plan
+    entries = [entry for entry in plan.entries if summary.draws(entry)]
+    rows = [(entry.name, *row) for entry in entries for row in summary.table(entry).rows]
+    left = plan.total - len(summary.runs)
+    missing = f"; {left} still missing" if left else ""
+    parts: list[Part] = [
+        Sheet("All scenarios", ("scenario", *HEADINGS), tuple(rows), " ".join([*LEGEND, summary.about_nees()]), 2),
+        Tabs("Each scenario", tuple((entry.name, _parts_of(entry, summary)) for entry in entries)),
+    ]
+    if summary.remarks:
+        lines = [f"{one.scenario} {one.case}, {one.method}: {one.text}" for one in summary.remarks[:MOST_REMARKS]]
+        more = len(summary.remarks) - len(lines)
+        parts.append(Words("Draws to look at", (*lines, *([f"and {more} more"] if more else []))))
+    parts.append(_options(summary))
+    return Report(
+        f"Campaign: {counted(len(entries), 'scenario')}, {counted(len(summary.runs), 'run')}",
+        f"{counted(plan.draws, 'draw')} of each scenario, seed {plan.seed}{missing}",
+        plan.version,
+        tuple(parts),
+        notes=("No run gave a result.",) if summary.failed else (),
+    )
+
+
+def _options(summary: CampaignSummary) -> Facts:
+    plan = summary.plan
+    items = [
+        ("command", plan.command),
+        ("methods", ", ".join(plan.methods)),
+        ("varied", ", ".join(plan.vary) or "noise only"),
+        ("program", plan.program),
+        ("baryscope", plan.version),
+    ]
+    return Facts("Options and version", tuple(items))
+
+
+def _parts_of(entry: Entry, summary: CampaignSummary) -> tuple[Part, ...]:
+    runs = [summary.runs[key] for key in sorted(summary.runs) if key[0] == entry.name]
+    parts: list[Part] = [Words("Scenario", (entry.description or entry.name,))]
+    errors = [_errors(label, runs) for label in summary.plan.methods]
+    bound = _sorted([1e3 * run["bound"]["path_rmse_clean"] for run in runs if "path_rmse_clean" in run["bound"]])
+    if bound.size:
+        errors.append(_distribution("Cramér–Rao bound", bound, style="dashed"))
+    parts.append(
+        _shares(
+            "Errors over the draws",
+            "The share of draws whose path's RMSE is at most that of the axis; draws that failed are never below it.",
+            "RMSE of the path in mm",
+            errors,
+        )
+    )
+    normalised = [one for label in summary.plan.methods if (one := _nees(label, runs)) is not None]
+    if normalised:
+        x = np.geomspace(0.01, 100, 200)
+        expected = Series("χ² of 3 degrees of freedom", x, chi2.cdf(x, DEGREES), "ink", "dashed")
+        parts.append(
+            _shares(
+                "NEES over the draws",
+                "The share of draws whose NEES at the middle frame is at most that of the axis: right of the dashed "
+                "curve a method promises too much, left of it too little.",
+                "eᵀ P⁻¹ e",
+                [*normalised, expected],
+            )
+        )
+    return tuple(parts)
+
+
+def _shares(title: str, about: str, x_label: str, series: list[Series | None]) -> Chart:
+    some = tuple(one for one in series if one is not None)
+    return Chart(title, about, "share of the draws", some, x_label=x_label, log_x=True, timed=False)
+
+
+def _errors(label: str, runs: list[Run]) -> Series | None:
+    found = [run["methods"][label] for run in runs]
+    values = _sorted([1e3 * one["rmse"] for one in found if "failure" not in one])
+    return _distribution(label, values, len(runs), COLOURS[label]) if values.size else None
+
+
+def _nees(label: str, runs: list[Run]) -> Series | None:
+    found = [run["methods"][label].get("nees") for run in runs]
+    values = _sorted([one[1] for one in found if one and one[1] is not None])
+    return _distribution(label, values, None, COLOURS[label]) if values.size else None
+
+
+def _sorted(values: list[float]) -> FloatArray:
+    return np.sort(np.maximum(np.array(values, dtype=float), LEAST))
+
+
+def _distribution(label: str, values: FloatArray, total: int | None = None, colour: Any = "ink", **how: Any) -> Series:
+    """The share of `total` draws up to each of the sorted values, as steps."""
+    x, y = np.repeat(values, 2), np.repeat(np.arange(len(values) + 1), 2)[1:-1] / (total or len(values))
+    return curve(label, x, y, colour=colour, **how)
