@@ -80,7 +80,7 @@ def feature_sheet(result: Estimate) -> Sheet:
             str(int(used[k])),
             str(int(rejected[k])),
             f"{100 * rejected[k] / max(used[k], 1):.2g} %",
-            "-" if not np.isfinite(result.feature_rms[k]) else f"{1e3 * result.feature_rms[k]:.3g}",
+            millimetres(result.feature_rms[k]),
         )
         for k, label in enumerate(result.labels)
     ]
@@ -112,7 +112,7 @@ def observability_sheet(result: Estimate) -> Sheet:
     found = result.observability
     assert found is not None  # noqa: S101  the caller looks
     rows = [
-        (where, f"({', '.join(f'{value:.2f}' for value in direction)})", f"{1e3 * deviation:.3g}", verdict_)
+        (where, f"({', '.join(f'{value:.2f}' for value in direction)})", millimetres(deviation), verdict_)
         for where, axes in (("body", found.body), ("C, mean over time", found.inertial))
         for direction, deviation, verdict_ in zip(
             axes.directions.tolist(),
@@ -132,6 +132,12 @@ def options_of(result: Estimate) -> Facts:
     items += [(name.replace("_", " "), _text(value)) for name, value in document.options.items() if value is not None]
     items += [("rounds", str(result.rounds)), ("time", f"{result.wall_time:.2f} s"), ("baryscope", result.version)]
     return Facts("Options and version", tuple(items))
+
+
+def millimetres(metres: float) -> str:
+    """A length's digits, without an exponent; - where there is none."""
+    size = 1e3 * abs(metres)
+    return "-" if not np.isfinite(size) else f"{1e3 * metres:.3g}" if size < 1e3 else f"{1e3 * metres:.0f}"
 
 
 def _text(value: Any) -> str:

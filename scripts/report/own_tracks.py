@@ -9,7 +9,7 @@ from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 from baryscope.report.charts import blackouts
 from baryscope.report.document import Part, Report
-from baryscope.report.estimates import STATUSES, coverage, deviation_chart, parts_of, path_chart
+from baryscope.report.estimates import STATUSES, coverage, deviation_chart, millimetres, parts_of, path_chart
 from baryscope.report.scene import Body, Shown, scene_of
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | N
     rejected = in_tracks(result.rejected, result.labels, tracks)
     parts.append(coverage(tracks.time, tracks.labels, tracks.seen, rejected))
     state, words = STATUSES[result.status]
-    accuracy = "" if result.predicted_rmse is None else f" It claims ±{1e3 * result.predicted_rmse:.3g} mm rms."
+    accuracy = "" if result.predicted_rmse is None else f" It claims ±{millimetres(result.predicted_rmse)} mm rms."
     return Report(
         f"Centre of mass from {name}",
         f"{counted(len(tracks.time), 'frame')} over {tracks.time[-1] - tracks.time[0]:.6g} s, "

@@ -1,7 +1,7 @@
 // Charts of curves, bands and points: legend, choice of a feature, zoom, and a reading under pointer or arrow keys.
 
 function Chart(part) {
-  const size = { width: 1000, height: 330, left: 66, right: 18, top: 12, bottom: 44 };
+  const size = { width: pictureWidth(), height: 330, left: 66, right: 18, top: 12, bottom: 44 };
   const state = { shown: part.series.map((one) => one.shown), zoom: null, only: -1, pointer: null };
   const reading = el("output", { class: "reading", "aria-live": "polite" });
   const picture = draw("svg", { viewBox: `0 0 ${size.width} ${size.height}`, role: "img", tabindex: "0", "aria-label": spoken(part) });

@@ -15,6 +15,9 @@ function add(node, attributes, children) {
 const el = (tag, attributes, ...children) => add(document.createElement(tag), attributes, children);
 const draw = (tag, attributes, ...children) => add(document.createElementNS(SVG, tag), attributes, children);
 
+// In units of a picture's own: fewer on a narrow screen, so that its words stay legible.
+const pictureWidth = () => Math.min(1000, Math.max(480, window.innerWidth));
+
 let numbers = 0;
 const newId = (stem) => `${stem}-${++numbers}`;
 const key = (colour) => (colour === "ink" ? "--key: var(--ink)" : `--key: var(--c${colour % 8})`);

@@ -13,7 +13,7 @@ function Scene(part) {
   if (part.orbit) state.axes = 1;
 
   const canvas = el("canvas", { role: "img", tabindex: "0", "aria-label": "The scene in three dimensions. Drag or arrow keys turn it, plus and minus enlarge it, space plays." });
-  const reading = el("output", { class: "reading scene-reading" });
+  const reading = el("output", { class: "reading scene-reading", "aria-live": "off" });
   const slider = el("input", { type: "range", min: 0, max: count - 1, step: 1, value: 0, "aria-label": "Time", oninput: () => { stop(); show(Number(slider.value), true); } });
   const play = el("button", { type: "button", class: "play", text: "▶ play", "aria-pressed": "false", onclick: toggle });
   const length_of_play = [15, 60, 180];
@@ -70,7 +70,7 @@ function Scene(part) {
     return most || sizes.target;
   }
 
-  const radius = () => [1.15 * sizes.target, 1.08 * Math.max(sizes.range, sizes.target), 1.3 * errorSize()][state.view] / state.zoom;
+  const radius = () => [1.04 * sizes.target, 1.08 * Math.max(sizes.range, sizes.target), 1.3 * errorSize()][state.view] / state.zoom;
 
   function colours() {
     const style = getComputedStyle(document.documentElement), found = {};

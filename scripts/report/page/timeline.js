@@ -1,7 +1,7 @@
 // Bars over time, a row for each feature: seen, and rejected in its lower part.
 
 function Timeline(part) {
-  const row = 18, width = 1000, left = 130, right = 18, foot = 40;
+  const row = 18, width = pictureWidth(), left = 130, right = 18, foot = 40;
   const height = part.rows.length * row + foot, bottom = height - foot;
   const axis = axisOf(part.begin, part.end > part.begin ? part.end : part.begin + 1, left, width - right, false);
   const now = draw("line", { class: "now", y1: 0, y2: bottom, visibility: "hidden" });
@@ -13,7 +13,7 @@ function Timeline(part) {
 
   function bar(kind, run, y, thick) {
     const step = (width - left - right) / run.bins;
-    const opacity = kind === "seen" ? 0.15 + (0.75 * run.digit) / 9 : 0.5 + (0.5 * run.digit) / 9;
+    const opacity = kind === "seen" ? 0.15 + (0.75 * run.digit) / 9 : 0.25 + (0.75 * run.digit) / 9;
     return draw("rect", { class: kind, x: (left + run.from * step).toFixed(1), width: Math.max(run.count * step, 1.2).toFixed(1), y, height: thick, "fill-opacity": opacity.toFixed(2) });
   }
 
