@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from baryscope.estimator.findings import MISFITS, WrongSigma
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import MISFITS, Estimate, WrongSigma
+from baryscope.estimator.result import Estimate
 from baryscope.models.errors import ComputationError
 
 WRONG = 0.25  # relative error of a deviation that is named; outliers alone make up a tenth

@@ -11,19 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.diagnostics import observability_of
+from baryscope.estimator.findings import Departure, ExcessResiduals, FramesLeftOut, LackOfFit, WrongSigma
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.registration.intervals import runs_of
-from baryscope.estimator.result import (
-    Cluster,
-    Departure,
-    Estimate,
-    ExcessResiduals,
-    FramesLeftOut,
-    LackOfFit,
-    Motion,
-    Status,
-    WrongSigma,
-)
+from baryscope.estimator.result import Cluster, Estimate, Motion, Status
 
 FloatArray = NDArray[np.float64]
 

@@ -23,17 +23,12 @@ from baryscope.estimator.document_details import (
     details_part,
     plain,
 )
+from baryscope.estimator.findings import Finding
 from baryscope.estimator.observability import Observability, PrincipalAxes
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import sentence, verdict
 from baryscope.estimator.registration.intervals import runs_of
-from baryscope.estimator.result import (
-    Cluster,
-    Estimate,
-    Finding,
-    ProcessNoise,
-    Status,
-)
+from baryscope.estimator.result import Cluster, Estimate, ProcessNoise, Status
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError

@@ -5,25 +5,23 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.dynamics.extended import Factor
-from baryscope.estimator.observability import Observability
-from baryscope.estimator.options import ScrewOptions
-from baryscope.estimator.result import (
+from baryscope.estimator.findings import (
     FREE_TUMBLE,
     Departure,
     DifferentPoints,
-    Estimate,
     ExcessResiduals,
     FewFrames,
     Finding,
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
-    ProcessNoise,
-    Status,
     UnknownBurn,
     WrongOrbit,
     WrongSigma,
 )
+from baryscope.estimator.observability import Observability
+from baryscope.estimator.options import ScrewOptions
+from baryscope.estimator.result import Estimate, ProcessNoise, Status
 from baryscope.models.words import counted
 
 AXES = {"lvlh": "LVLH", "inertial": "inertial axes"}

@@ -27,13 +27,14 @@ from baryscope.estimator.adjustment.normal_equations import attitude_covariances
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.details import ScoreDetails
+from baryscope.estimator.findings import ExcessResiduals, LackOfFit
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import Estimate, ExcessResiduals, LackOfFit, Motion, Noise
+from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate

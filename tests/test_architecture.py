@@ -24,6 +24,7 @@ LAYERS = [
     ["estimator.registration", "estimator.plausibility"],
     ["estimator.details", "estimator.dynamics"],
     ["estimator.prediction"],
+    ["estimator.findings"],
     ["estimator.result"],
     ["estimator.adjustment", "estimator.prose", "estimator.document_details"],
     ["estimator.screws", "estimator.pivot", "estimator.score", "estimator.document", "estimator.claims"],

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import as_slice
+from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.result import Cluster, FewFrames
+from baryscope.estimator.result import Cluster
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]

@@ -20,19 +20,12 @@ from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.products import product_gradient
 from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
+from baryscope.estimator.findings import FewFrames, UnknownBurn
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.pivot.burns import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
-from baryscope.estimator.result import (
-    Cluster,
-    Estimate,
-    FewFrames,
-    Motion,
-    Noise,
-    ProcessNoise,
-    UnknownBurn,
-)
+from baryscope.estimator.result import Cluster, Estimate, Motion, Noise, ProcessNoise
 from baryscope.estimator.tracks import FeatureTracks, FloatArray, IntArray
 
 CREDIBLE = 0.05  # probability on either side of the bounds of a density

@@ -26,16 +26,14 @@ from baryscope.estimator.ekf.answer import answer_of, process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
 from baryscope.estimator.ekf.start import Start, start_of, starts
+from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.burns import SIGNIFICANT
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.progress import Progress, Rounds, silent
-from baryscope.estimator.result import (
-    Estimate,
-    FreeAttitudes,
-)
+from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit

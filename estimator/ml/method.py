@@ -31,6 +31,7 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
+from baryscope.estimator.findings import FREE_TUMBLE, ExcessResiduals, FewFrames, Finding, FreeAttitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
 from baryscope.estimator.ml.jacobians import Jacobians
@@ -44,16 +45,7 @@ from baryscope.estimator.pivot.refinement import Pivot, least_variance, values_f
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import (
-    FREE_TUMBLE,
-    Estimate,
-    ExcessResiduals,
-    FewFrames,
-    Finding,
-    FreeAttitudes,
-    Motion,
-    Noise,
-)
+from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit

@@ -15,6 +15,7 @@ from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burn
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burn_equations import BurnFit, burn_equations
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
@@ -29,7 +30,6 @@ from baryscope.estimator.pivot.refinement import (
     subsampled,
 )
 from baryscope.estimator.registration.clusters import Registered
-from baryscope.estimator.result import UnknownBurn
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 

@@ -13,10 +13,10 @@ from baryscope.estimator.adjustment.spurious import (
     untold_decrease,
 )
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
+from baryscope.estimator.findings import LackOfFit
 from baryscope.estimator.geometry.symmetric import factor_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, Pivot, subsampled
-from baryscope.estimator.result import LackOfFit
 
 FloatArray = NDArray[np.float64]
 

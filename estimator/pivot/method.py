@@ -31,6 +31,7 @@ from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, smooth_in, trajectory_of
+from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, Finding
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
@@ -52,15 +53,7 @@ from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_or
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import find_bodies
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.result import (
-    DifferentPoints,
-    Estimate,
-    ExcessResiduals,
-    FewFrames,
-    Finding,
-    Motion,
-    Noise,
-)
+from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit

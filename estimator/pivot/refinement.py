@@ -20,11 +20,11 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.dynamics.trajectory import smooth_in
+from baryscope.estimator.findings import Finding
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.result import Finding
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
 

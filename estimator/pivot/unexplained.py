@@ -12,9 +12,9 @@ from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.refinement import Pivot, Start, refined
-from baryscope.estimator.result import WrongOrbit
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 

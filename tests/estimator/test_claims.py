@@ -5,16 +5,8 @@ import pytest
 
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.claims import claimed
-from baryscope.estimator.result import (
-    Departure,
-    ExcessResiduals,
-    FramesLeftOut,
-    LackOfFit,
-    Motion,
-    Noise,
-    ProcessNoise,
-    Status,
-)
+from baryscope.estimator.findings import Departure, ExcessResiduals, FramesLeftOut, LackOfFit
+from baryscope.estimator.result import Motion, Noise, ProcessNoise, Status
 from free_paths import FEATURES, NOISE, on_parabola, turning
 from results import an_estimate
 from synthetic import make_case

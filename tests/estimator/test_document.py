@@ -10,7 +10,7 @@ import pytest
 
 from baryscope.estimator import METHODS, estimate, write_estimate
 from baryscope.estimator.document import EstimateDocument, rejected_intervals, schema, schema_text
-from baryscope.estimator.result import DifferentPoints, Finding, LackOfFit, WrongSigma
+from baryscope.estimator.findings import DifferentPoints, Finding, LackOfFit, WrongSigma
 from baryscope.models.errors import ComputationError, InputError
 from results import a_cluster, an_estimate
 from synthetic import Orbit

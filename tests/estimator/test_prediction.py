@@ -9,8 +9,8 @@ from scipy.stats import chi2
 from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estimate
 from baryscope.estimator.claims import with_wider
 from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.prediction import PredictedPath, Widening
-from baryscope.estimator.result import FreeAttitudes
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turning
 from results import an_estimate

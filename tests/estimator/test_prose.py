@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.methods import estimate
-from baryscope.estimator.prose import sentence, summary, verdict
-from baryscope.estimator.result import (
+from baryscope.estimator.findings import (
     Departure,
     DifferentPoints,
     ExcessResiduals,
@@ -11,10 +9,11 @@ from baryscope.estimator.result import (
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
-    Noise,
-    ProcessNoise,
     WrongSigma,
 )
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.prose import sentence, summary, verdict
+from baryscope.estimator.result import Noise, ProcessNoise
 from results import a_cluster, an_estimate
 
 

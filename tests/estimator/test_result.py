@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, LackOfFit, WrongSigma
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.observability import PrincipalAxes
-from baryscope.estimator.result import DifferentPoints, ExcessResiduals, FewFrames, LackOfFit, Status, WrongSigma
+from baryscope.estimator.result import Status
 from results import a_cluster, an_estimate
 
 

@@ -5,11 +5,12 @@ import pytest
 from scipy.linalg import lstsq
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.findings import LackOfFit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
-from baryscope.estimator.result import LackOfFit, Status
+from baryscope.estimator.result import Status
 from baryscope.estimator.score import solve_score
 from baryscope.models.errors import ComputationError, InputError
 from synthetic import ENVISAT, attitude, box_features, make_case

@@ -8,9 +8,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.camera.rig import Rig
+from baryscope.estimator.findings import Departure
 from baryscope.estimator.methods import attempt, estimate
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import Departure, Estimate, Status
+from baryscope.estimator.result import Estimate, Status
 from free_paths import ORBIT, at_rest, in_orbit
 from turning_camera import ARM, POINTS, turning_camera, uncertain_rig
 

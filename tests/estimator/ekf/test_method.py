@@ -9,10 +9,11 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
 from baryscope.estimator.ekf import passes
 from baryscope.estimator.ekf.method import estimate_by_filter
+from baryscope.estimator.findings import FewFrames, FreeAttitudes
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import FewFrames, FreeAttitudes, Status
+from baryscope.estimator.result import Status
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError

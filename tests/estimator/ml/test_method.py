@@ -6,10 +6,11 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
+from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import FreeAttitudes, Status
+from baryscope.estimator.result import Status
 from baryscope.models.errors import InputError
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 

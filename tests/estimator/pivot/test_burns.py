@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.document import document_of
+from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import Status, UnknownBurn
+from baryscope.estimator.result import Status
 from baryscope.models.errors import InputError
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled

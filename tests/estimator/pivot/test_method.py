@@ -5,11 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.prose import sentence
-from baryscope.estimator.result import FewFrames, Status
+from baryscope.estimator.result import Status
 from baryscope.models.errors import ComputationError
 from free_paths import NOISE, TEN, assert_good, at_rest, squared_error_of_cluster
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks

@@ -8,9 +8,10 @@ import pytest
 
 from baryscope.estimator.dynamics.forces import Forced, constant_of
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.findings import Departure, WrongOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.result import Departure, Status, WrongOrbit
+from baryscope.estimator.result import Status
 from baryscope.models.ephemeris.trajectory import kepler_states, lvlh_axes
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 

@@ -1,0 +1,140 @@
+"""What an estimate finds against its models, as values; `prose` has the sentences."""
+
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+
+from baryscope.estimator.dynamics.burns import FoundBurn
+
+FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a path
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """The path departs from its model by about `magnitude` m rms.
+
+    A cubic in time decreases the normalised sum of squares by chi_square; dof is expected for a right model.
+    """
+
+    path: str
+    magnitude: float
+    chi_square: float
+    dof: int
+
+
+@dataclass(frozen=True)
+class ExcessResiduals:
+    """The residuals with a model (a path's name, or "free tumble") are `ratio` times those without it."""
+
+    model: str
+    ratio: float
+
+
+@dataclass(frozen=True)
+class DifferentPoints:
+    """Labels of features that are different points in two clusters, by index, and are not used as tie points."""
+
+    labels: tuple[str, ...]
+    clusters: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Departure:
+    """The path departs from its model by `magnitude` m rms, which white acceleration of a density in m²/s³ explains.
+
+    The result allows for it. significance: 2 ln of the likelihood over that without the noise.
+    """
+
+    path: str
+    magnitude: float
+    density: float
+    significance: float
+
+
+@dataclass(frozen=True)
+class WrongOrbit:
+    """The target is not where its orbit says: shift (3,) and its deviation (3,), m in LVLH at the middle of the time.
+
+    The estimate is that with the orbit corrected. oblate: whether the orbit has J2, which else may look like this.
+    """
+
+    shift: tuple[float, float, float]
+    deviation: tuple[float, float, float]
+    oblate: bool
+
+
+@dataclass(frozen=True)
+class FramesLeftOut:
+    """All observations of successive frames from begin to end, in s, are rejected: the estimate does not hold there.
+
+    frames: their number; magnitude: median shift of the features of a frame from where the estimate has them, m.
+    """
+
+    begin: float
+    end: float
+    frames: int
+    magnitude: float
+
+
+@dataclass(frozen=True)
+class FewFrames:
+    """Frames with an attitude, too few for so many unknowns: an outlier or a misfit would not be seen."""
+
+    frames: int
+    unknowns: float
+
+
+@dataclass(frozen=True)
+class UnknownBurn:
+    """A burn that nothing told, in s, changes the chaser's velocity, m/s; with deviations.
+
+    axes: of the change, lvlh, or those of C, inertial, without an orbit.
+    """
+
+    begin: float
+    begin_deviation: float
+    end: float
+    end_deviation: float
+    change: tuple[float, float, float]
+    change_deviation: tuple[float, float, float]
+    axes: Literal["lvlh", "inertial"] = "lvlh"
+
+    @classmethod
+    def of(cls, burn: FoundBurn, axes: Literal["lvlh", "inertial"]) -> Self:
+        """The finding of a burn."""
+        change, deviation = tuple(burn.change.tolist()), tuple(np.sqrt(np.diag(burn.covariance)).tolist())
+        return cls(burn.begin, burn.begin_deviation, burn.end, burn.end_deviation, change, deviation, axes)
+
+
+@dataclass(frozen=True)
+class WrongSigma:
+    """The deviation of a coordinate is `given` a priori, but `found` by the residuals; covariances take the greater.
+
+    Both in m, or as factors on the standard deviations of the tracks' covariances. No model is to blame.
+    """
+
+    given: float
+    found: float
+
+
+@dataclass(frozen=True)
+class FreeAttitudes:
+    """`ml` or `ekf` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
+
+    reason: str
+
+
+Finding = (
+    LackOfFit
+    | ExcessResiduals
+    | FramesLeftOut
+    | FewFrames
+    | DifferentPoints
+    | Departure
+    | WrongOrbit
+    | UnknownBurn
+    | WrongSigma
+    | FreeAttitudes
+)
+MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut
