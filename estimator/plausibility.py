@@ -31,7 +31,9 @@ def refuse_implausible(tracks: FeatureTracks, source: str) -> None:
         )
     width = _width(tracks)
     if width is not None and width > LARGEST:
-        raise InputError(f"{source}: features about {width:.0f} m apart, in millimetres?, expected metres and one body")
+        raise InputError(
+            f"{source}: features about {width:.0f} m apart, in millimetres? (--units mm), expected metres and one body"
+        )
     if width is not None and width < NARROWEST:
         raise InputError(
             f"{source}: features about {width:.2g} m apart, all in one place?, "

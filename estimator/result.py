@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from importlib.metadata import version
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,11 +16,15 @@ from scipy.stats import chi2
 from baryscope.estimator.details import Details
 from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.findings import MISFITS, FewFrames, Finding, FreeAttitudes
+from baryscope.estimator.formats.dataset import dataset
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
 from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, Widening, times_of
 from baryscope.estimator.registration.intervals import Interval
 from baryscope.models.errors import ComputationError, InputError, Reason
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -183,6 +187,39 @@ class Estimate:
     version: str = VERSION
     forces: tuple[Factor, ...] = ()
     widening: Widening = UNCHANGED
+
+    def to_dataset(self) -> "Dataset":
+        """The estimate over time as a dataset of xarray, in the units above: what the method has of position, velocity,
+        attitude (a matrix, from axes B to C) and angular rate with their covariances, and of each feature residual,
+        `used` and `rejected`.
+
+        Raises:
+            InputError: xarray is not installed (`pip install 'baryscope[io]'`).
+        """
+        vector, square = ("time", "axis"), ("time", "axis", "axis_")
+        of_feature = ("time", "feature")
+        motion = self.motion
+        values = {
+            "position": (vector, self.position, "m"),
+            "covariance": (square, self.covariance, "m2"),
+            "velocity": (vector, motion.velocity, "m s-1"),
+            "velocity_covariance": (square, motion.velocity_covariance, "m2 s-2"),
+            "attitude": (square, motion.attitude, "1"),
+            "attitude_covariance": (square, motion.attitude_covariance, "rad2"),
+            "angular_rate": (vector, motion.angular_rate, "rad s-1"),
+            "angular_rate_covariance": (square, motion.angular_rate_covariance, "rad2 s-2"),
+            "covered": (("time",), self.covered.astype(np.int8), "1"),
+            "residual": ((*of_feature, "axis"), self.residuals, "m"),
+            "used": (of_feature, self.used.astype(np.int8), "1"),
+            "rejected": (of_feature, self.rejected.astype(np.int8), "1"),
+        }
+        present = {
+            name: (dims, given, {"units": unit}) for name, (dims, given, unit) in values.items() if given is not None
+        }
+        found = dataset(self.time, None, present, "centre of mass in frame C", {"feature": list(self.labels)})
+        found.attrs |= {"method": self.method, "path": self.path, "status": str(self.status)}
+        found.attrs["source"] = f"baryscope {self.version}"
+        return found
 
     def predict(self, times: ArrayLike, point: Point = None) -> Prediction:
         """Position and velocity in C, with their joint covariance, at any times.

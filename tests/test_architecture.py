@@ -21,7 +21,7 @@ LAYERS = [
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],
     ["fmu.check", "fmu.system", "estimator.camera"],
     ["estimator.tracks", "estimator.online"],
-    ["estimator.registration", "estimator.plausibility"],
+    ["estimator.registration", "estimator.plausibility", "estimator.formats"],
     ["estimator.details", "estimator.dynamics"],
     ["estimator.prediction"],
     ["estimator.findings"],

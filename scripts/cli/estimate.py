@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.document import write_estimate
+from baryscope.estimator.formats import Unit, read_tracks
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import Axes, Burns, Noise, Options, Reference, Torque
 from baryscope.estimator.plausibility import refuse_implausible
@@ -100,6 +101,7 @@ def estimate_file(
     tracks: Path,
     /,
     *,
+    units: Unit | None = None,
     method: str | None = None,
     orbit: Path | None = None,
     epoch: str | None = None,
@@ -121,8 +123,11 @@ def estimate_file(
     Parameters
     ----------
     tracks
-        A CSV file with the columns time,feature,x,y,z (s or UTC, m; chaser at the origin, inertial axes), and
-        optionally cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation).
+        A CSV or Parquet file with the columns time,feature,x,y,z (s or UTC, m; chaser at the origin, inertial axes),
+        and optionally cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation); markers in .trc or .c3d; or
+        a .nc file of xarray with position(time, feature, axis).
+    units
+        Of the lengths in that file. Default: what a .trc, .c3d or .nc file says; metres.
     method
         pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
         free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass
@@ -166,7 +171,7 @@ def estimate_file(
     refuse_overwriting([target, target.with_suffix(".json"), *ahead, *page], read)
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
-            data = FeatureTracks.read_csv(csv_path(tracks))
+            data = read_tracks(tracks, units)
             refuse_implausible(data, str(tracks))
             epoch = _epoch(data, epoch)
             known_orbit = None if orbit is None else load_orbit(orbit, epoch)

@@ -33,7 +33,7 @@ def regular_time(k, _):
 CASES = {
     "millimetres": (
         rows(regular_label, regular_time, 1000.0),
-        "m apart, in millimetres?, expected metres and one body",
+        "m apart, in millimetres? (--units mm), expected metres and one body",
     ),
     "a time stamp for each feature": (
         rows(regular_label, lambda k, i: k + 0.01 * i),

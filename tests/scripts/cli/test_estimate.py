@@ -4,6 +4,7 @@ import csv
 import re
 
 import numpy as np
+import polars
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -27,6 +28,19 @@ def tracks(tmp_path):
 def test_one_of_anything_is_singular(tracks, capsys):
     assert app.main(["estimate", str(tracks), "--trajectory", "fixed"]) == 0
     assert "60 positions from 1 cluster, 100 % of the times covered" in capsys.readouterr().out
+
+
+def test_tracks_in_millimetres_and_in_another_form(tracks, tmp_path, capsys):
+    """The same estimate to rounding, in metres."""
+    rows = polars.read_csv(tracks).with_columns(polars.col("x", "y", "z") * 1e3)
+    rows.write_parquet(tmp_path / "tracks.parquet")
+    assert app.main(["estimate", str(tmp_path / "tracks.parquet"), "--trajectory", "fixed"]) == 2
+    assert "in millimetres? (--units mm)" in capsys.readouterr().err
+    for path, units in ((tracks, "m"), (tmp_path / "tracks.parquet", "mm")):
+        options = ["--units", units, "--trajectory", "fixed", "-o", str(tmp_path / f"{units}.csv")]
+        assert app.main(["estimate", str(path), *options]) == 0
+    metres, millimetres = (polars.read_csv(tmp_path / f"{units}.csv").to_numpy() for units in ("m", "mm"))
+    np.testing.assert_allclose(millimetres, metres, rtol=1e-6, atol=1e-9)
 
 
 TLE = """\

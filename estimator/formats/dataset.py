@@ -1,0 +1,104 @@
+"""Tracks and estimates as datasets of xarray, by the CF conventions, and tracks in NetCDF files of them."""
+
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath, read_bytes
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+AXES = ["x", "y", "z"]
+CONVENTIONS = "CF-1.12"
+
+
+def dataset_of_tracks(tracks: FeatureTracks) -> "Dataset":
+    """The tracks with dimensions time, feature and axis, NaN for what is not seen; covariance has `axis_` besides.
+
+    Raises:
+        InputError: xarray is not installed.
+    """
+    values: dict[str, Any] = {
+        "position": (("time", "feature", "axis"), tracks.position, {"units": "m", "long_name": "of the feature"})
+    }
+    if tracks.covariance is not None:
+        about = {"units": "m2", "long_name": "of the position"}
+        values["covariance"] = (("time", "feature", "axis", "axis_"), tracks.covariance, about)
+    title = "tracks of features in frame C: origin at the chaser, inertial axes"
+    return dataset(tracks.time, tracks.epoch, values, title, {"feature": list(tracks.labels)})
+
+
+def dataset(
+    time: Any, epoch: str | None, values: dict[str, Any], title: str, others: dict[str, Any] | None = None
+) -> "Dataset":
+    """A dataset over time in s, or since an epoch in UTC, with the axes x, y, z of C where it has them.
+
+    Raises:
+        InputError: xarray is not installed.
+    """
+    xarray = _xarray("a dataset")
+    units = "s" if epoch is None else f"seconds since {epoch.removesuffix('Z')}"
+    of_time = {"units": units, "standard_name": "time", "axis": "T"}
+    axes = {name: AXES for name in ("axis", "axis_") if any(name in of[0] for of in values.values())}
+    found: Dataset = xarray.Dataset(
+        {name: (dims, np.array(given), about) for name, (dims, given, about) in values.items()},
+        coords={"time": ("time", time, of_time)} | (others or {}) | axes,
+        attrs={"Conventions": CONVENTIONS, "title": title},
+    )
+    return found
+
+
+def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[FeatureTracks, str]:
+    """Tracks, in the dataset's unit of length, and that unit.
+
+    Raises:
+        InputError: it has no `position` with the dimensions time, feature and axis, or its numbers are no tracks.
+    """
+    if "position" not in found or set(found["position"].dims) != {"time", "feature", "axis"}:
+        dims = found["position"].dims if "position" in found else "no variable of that name"
+        raise InputError(f"{source}, position: {dims}, expected the dimensions time, feature and axis")
+    position = found["position"].transpose("time", "feature", "axis")
+    covariance = None
+    if "covariance" in found:
+        covariance = found["covariance"].transpose("time", "feature", "axis", "axis_").values
+    time, epoch = found["time"], None
+    units = str(time.attrs.get("units", "s"))
+    if " since " in units:
+        units, epoch = units.split(" since ", 1)
+    if units not in ("s", "second", "seconds"):
+        raise InputError(f"{source}, time: units {units!r}, expected s, or seconds since a moment")
+    try:
+        labels = [str(label) for label in found["feature"].values]
+        tracks = FeatureTracks(np.asarray(time.values), position.values, labels, covariance, epoch)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    return tracks, str(position.attrs.get("units", "m"))
+
+
+def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:
+    """The tracks of a NetCDF file, in its unit of length, and that unit.
+
+    Raises:
+        InputError: it is no such file, or xarray or h5netcdf is not installed.
+    """
+    source = str(path)
+    read_bytes(path, "feature tracks in NetCDF")
+    xarray = _xarray(source)
+    try:
+        with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
+            found = opened.load()
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{source}: not NetCDF 4 ({error})") from error
+    return tracks_of_dataset(found, source)
+
+
+def _xarray(what: str) -> Any:
+    if find_spec("xarray") is None or find_spec("h5netcdf") is None:
+        raise InputError(f"{what}: needs xarray and h5netcdf, expected them installed: pip install 'baryscope[io]'")
+    import xarray
+
+    return xarray

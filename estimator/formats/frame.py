@@ -1,0 +1,106 @@
+"""Tracks from tables in memory, one row per observation: frames of polars or pandas, or a dict of columns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.formats.units import Unit, in_metres
+from baryscope.estimator.tables.form import Columns
+from baryscope.estimator.tables.table import Table
+from baryscope.estimator.tables.tracks import FORM, arrays_of
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.ephemeris.utc import utc_text
+from baryscope.models.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
+
+
+class Frame(Protocol):
+    """What a frame of polars or pandas has."""
+
+    @property
+    def columns(self) -> Any:
+        """The names of its columns."""
+
+    def __getitem__(self, key: str, /) -> Any:
+        """A column."""
+
+
+@dataclass(frozen=True)
+class _Rows(Table):
+    """A table whose rows have no lines."""
+
+    def place(self, row: int) -> str:
+        """The row, from 0, for an error."""
+        return f"{self.source}, row {row}"
+
+
+def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: str = "frame") -> FeatureTracks:
+    """Tracks from the columns time, feature, x, y, z and optionally cxx, cxy, cxz, cyy, cyz, czz; others are ignored.
+
+    Rows are those of `FeatureTracks.read_csv`, in any order; NaN and missing values are empty cells.
+
+    Args:
+        frame: of polars or pandas, or a mapping from names to columns; time in s, or datetimes in UTC.
+        units: of x, y, z; covariances are in its square.
+        source: names the frame in errors.
+
+    Raises:
+        InputError: one line that names row and column, what was found and what was expected.
+    """
+    names = list(frame if isinstance(frame, Mapping) else frame.columns)
+    missing = [name for name in FORM.required if name not in names]
+    if missing:
+        raise InputError(f"{source}: has no column {missing[0]!r}, expected {', '.join(FORM.required)}")
+    optional = [name for name in FORM.optional if name in names]
+    if optional and len(optional) < len(FORM.optional):
+        raise InputError(
+            f"{source}: has {', '.join(optional)} only, expected all of {', '.join(FORM.optional)} or none"
+        )
+    time, epoch = _times(np.asarray(frame["time"]), source)
+    numbers = {"time": time} | {name: _numbers(frame[name], name, source) for name in (*"xyz", *optional)}
+    labels, codes = _labels(np.asarray(frame["feature"]), source)
+    if not len(codes) or {len(column) for column in numbers.values()} != {len(codes)}:
+        lengths = ", ".join(str(len(column)) for column in (codes, *numbers.values()))
+        raise InputError(f"{source}: columns of {lengths} rows, expected as many in all, and at least one")
+    table = _Rows(source, Columns(numbers, labels, codes, epoch), b"", FORM)
+    arrays = arrays_of(table)
+    return in_metres(FeatureTracks(*arrays, epoch=None if epoch is None else utc_text(epoch)), units, source)
+
+
+def _times(column: NDArray[Any], source: str) -> tuple[FloatArray, np.datetime64 | None]:
+    """Seconds, and the moment from which they count if the column holds datetimes: the earliest."""
+    if not np.issubdtype(column.dtype, np.datetime64):
+        return _numbers(column, "time", source), None
+    if np.isnat(column).any():
+        raise InputError(f"{source}, row {int(np.argmax(np.isnat(column)))}, column time: empty, expected a datetime")
+    epoch = column.min().astype("datetime64[ns]")
+    return (column.astype("datetime64[ns]") - epoch) / np.timedelta64(1, "s"), epoch
+
+
+def _numbers(column: Any, name: str, source: str) -> FloatArray:
+    try:
+        values = np.asarray(column, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{source}, column {name}: not numbers ({error})") from error
+    if values.ndim != 1 or np.isinf(values).any():
+        found = f"the shape {values.shape}" if values.ndim != 1 else "an infinite number"
+        raise InputError(f"{source}, column {name}: {found}, expected finite numbers, one for each row")
+    return values
+
+
+def _labels(column: NDArray[Any], source: str) -> tuple[tuple[str, ...], IntArray]:
+    """Distinct labels in the order of appearance, and each row's index into them, -1 where there is none."""
+    found: dict[str, int] = {}
+    codes = np.empty(len(column), dtype=np.intp)
+    for row, cell in enumerate(column.tolist()):
+        empty = cell is None or cell != cell  # NaN
+        text = "" if empty else str(cell).strip()
+        codes[row] = -1 if not text else found.setdefault(text, len(found))
+    if not found:
+        raise InputError(f"{source}, column feature: no label in {len(column)} rows")
+    return tuple(found), codes

@@ -1,0 +1,56 @@
+"""Tracks from a file, whose form its name tells."""
+
+from pathlib import Path
+
+from baryscope.estimator.formats.c3d import read_c3d
+from baryscope.estimator.formats.dataset import read_netcdf
+from baryscope.estimator.formats.frame import tracks_of
+from baryscope.estimator.formats.trc import read_trc
+from baryscope.estimator.formats.units import Unit, in_metres
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath, read_bytes
+
+ENDINGS = (".csv", ".parquet", ".trc", ".c3d", ".nc")
+
+
+def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
+    """Read tracks from a .csv, .parquet, .trc, .c3d or .nc file.
+
+    A Parquet file has the columns of the CSV file. The origin of C may be any point that does not accelerate, such as
+    that of a laboratory.
+
+    Args:
+        path: the file.
+        units: of its lengths; None: as the file says, and metres where it can't.
+
+    Raises:
+        InputError: one line that names the file, what was found and what was expected.
+    """
+    source, ending = str(path), Path(path).suffix.lower()
+    match ending:
+        case ".csv":
+            tracks, said = FeatureTracks.read_csv(path), "m"
+        case ".parquet":
+            tracks, said = _parquet(path), "m"
+        case ".trc":
+            tracks, said = read_trc(path)
+        case ".c3d":
+            tracks, said = read_c3d(path)
+        case ".nc":
+            tracks, said = read_netcdf(path)
+        case _:
+            raise InputError(f"{source}: ends in {ending!r}, expected one of {', '.join(ENDINGS)}")
+    return in_metres(tracks, units or said or "m", source)
+
+
+def _parquet(path: AnyPath) -> FeatureTracks:
+    import polars
+
+    source = str(path)
+    content = read_bytes(path, "feature tracks in Parquet")
+    try:
+        frame = polars.read_parquet(content)
+    except polars.exceptions.PolarsError as error:
+        raise InputError(f"{source}: not Parquet ({error})") from error
+    return tracks_of(frame, source=source)

@@ -1,0 +1,25 @@
+"""Units of length in which tracks may be given."""
+
+from typing import Literal, get_args
+
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
+
+Unit = Literal["m", "cm", "mm", "in", "ft", "km"]
+METRES: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048, "km": 1e3}
+"""Metres in a unit."""
+
+
+def in_metres(tracks: FeatureTracks, unit: str, source: str) -> FeatureTracks:
+    """Tracks in metres, from tracks whose positions are in a unit and whose covariances are in its square.
+
+    Raises:
+        InputError: there is no such unit; `source` names what has it.
+    """
+    if unit not in METRES:
+        raise InputError(f"{source}: lengths in {unit!r}, expected one of {', '.join(get_args(Unit))}")
+    factor = METRES[unit]
+    if factor == 1.0:
+        return tracks
+    covariance = None if tracks.covariance is None else tracks.covariance * factor**2
+    return FeatureTracks(tracks.time, tracks.position * factor, tracks.labels, covariance, tracks.epoch)

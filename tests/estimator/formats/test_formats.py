@@ -1,0 +1,244 @@
+"""Tracks in other forms: each holds what the CSV file holds, in any unit; what is none is refused in a line."""
+
+import ezc3d
+import numpy as np
+import pandas
+import polars
+import pytest
+
+from baryscope.estimator import FeatureTracks, dataset_of_tracks, estimate, read_tracks, tracks_of, tracks_of_dataset
+from baryscope.estimator.formats import METRES
+from baryscope.models.errors import InputError
+from synthetic import ENVISAT, attitude, box_features, make_case
+
+TIME = np.arange(0.0, 20.0, 0.5)
+LABELS = ("left", "right", "ÿ top", "back")
+
+
+@pytest.fixture(scope="module")
+def tracks():
+    """Four features in 40 frames, some not seen, one frame without any."""
+    points = box_features(4, (2, 2, 2), seed=3)
+    case = make_case(TIME, attitude(ENVISAT, np.deg2rad((9.0, 3.0, 6.0)), TIME), np.zeros((40, 3)), points, noise=0.001)
+    position = case.tracks.position + np.array([1.0, -2.0, 5.0])
+    position[5:9, 2] = position[20] = np.nan
+    return FeatureTracks(TIME, position, LABELS)
+
+
+@pytest.fixture(scope="module")
+def precise(tracks):
+    """The same with a covariance for each observation."""
+    root = np.random.default_rng(2).normal(size=(40, 4, 3, 3))
+    covariance = 1e-6 * root @ np.swapaxes(root, 2, 3)
+    covariance[~tracks.seen] = np.nan
+    return FeatureTracks(TIME, tracks.position, LABELS, covariance, "2026-03-01T12:00:00")
+
+
+def columns(tracks, scale=1.0):
+    """One row per observation and one for the frame without any."""
+    frame, feature = np.nonzero(tracks.seen)
+    blank = np.nonzero(~tracks.seen.any(axis=1))[0]
+    rows = {"time": np.concatenate([tracks.time[frame], tracks.time[blank]])}
+    rows["feature"] = [*(tracks.labels[k] for k in feature), *[None] * len(blank)]
+    for axis, name in enumerate("xyz"):
+        rows[name] = np.concatenate([scale * tracks.position[frame, feature, axis], np.full(len(blank), np.nan)])
+    if tracks.covariance is not None:
+        for name, (i, j) in {
+            "cxx": (0, 0),
+            "cxy": (0, 1),
+            "cxz": (0, 2),
+            "cyy": (1, 1),
+            "cyz": (1, 2),
+            "czz": (2, 2),
+        }.items():
+            rows[name] = np.append(scale**2 * tracks.covariance[frame, feature, i, j], np.full(len(blank), np.nan))
+    return rows
+
+
+def same(found, tracks, rtol=1e-12):
+    assert found.labels == tracks.labels
+    np.testing.assert_allclose(found.time, tracks.time, atol=1e-9)
+    np.testing.assert_allclose(found.position, tracks.position, rtol=rtol)
+    if tracks.covariance is not None:
+        np.testing.assert_allclose(found.covariance, tracks.covariance, rtol=rtol)
+
+
+@pytest.mark.parametrize("kind", [dict, polars.DataFrame, pandas.DataFrame])
+def test_frames_are_read_as_the_csv_file(tracks, precise, kind, tmp_path):
+    for one in (tracks, precise):
+        same(tracks_of(kind(columns(one))), one)
+        same(tracks_of(kind(columns(one, 1e3)), units="mm"), one)
+    precise.write_csv(tmp_path / "t.csv")
+    same(FeatureTracks.read_csv(tmp_path / "t.csv"), precise)
+
+
+def test_datetimes_count_from_the_earliest(tracks):
+    rows = columns(tracks)
+    rows["time"] = np.datetime64("2026-03-01T12:00:00") + (rows["time"] * 1e9).astype("timedelta64[ns]")
+    found = tracks_of(polars.DataFrame(rows))
+    same(found, tracks)
+    assert found.epoch.startswith("2026-03-01T12:00:00")
+
+
+def test_parquet(precise, tmp_path):
+    polars.DataFrame(columns(precise)).write_parquet(tmp_path / "t.parquet")
+    same(read_tracks(tmp_path / "t.parquet"), precise)
+
+
+def test_netcdf_and_back(precise, tracks, tmp_path):
+    for one in (precise, tracks):
+        path = tmp_path / "t.nc"
+        found = dataset_of_tracks(one)
+        assert found.attrs["Conventions"].startswith("CF-")
+        found.to_netcdf(path, engine="h5netcdf")
+        back = read_tracks(path)
+        same(back, one)
+        assert back.epoch == one.epoch
+    found["position"].attrs["units"] = "mm"
+    found["position"].data *= 1e3
+    back, unit = tracks_of_dataset(found)
+    assert unit == "mm"
+    found.to_netcdf(path, engine="h5netcdf")
+    same(read_tracks(path), tracks)
+
+
+def trc(tracks, unit="mm"):
+    def row(k):
+        cells = (
+            ["", "", ""] if np.isnan(p[0]) else [repr(float(c / METRES[unit])) for c in p] for p in tracks.position[k]
+        )
+        return "\t".join([str(k + 1), repr(float(tracks.time[k])), *(cell for three in cells for cell in three)])
+
+    heads = "\t\t\t".join(tracks.labels)
+    numbers = "\t".join(f"{axis}{k + 1}" for k in range(len(tracks.labels)) for axis in "XYZ")
+    lines = [
+        "PathFileType\t4\t(X/Y/Z)\tt.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"2.0\t2.0\t{len(tracks.time)}\t{len(tracks.labels)}\t{unit}\t2.0\t1\t{len(tracks.time)}",
+        f"Frame#\tTime\t{heads}\t\t",
+        f"\t\t{numbers}",
+        "",
+        *map(row, range(len(tracks.time))),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("unit", ["mm", "m", "cm"])
+def test_trc_has_its_own_unit(tracks, tmp_path, unit):
+    (tmp_path / "t.trc").write_text(trc(tracks, unit), encoding="utf-8")
+    same(read_tracks(tmp_path / "t.trc"), tracks)
+    np.testing.assert_allclose(
+        read_tracks(tmp_path / "t.trc", "ft").position, tracks.position * 0.3048 / METRES[unit], rtol=1e-12
+    )
+
+
+def c3d(tracks, path, unit="mm", labels=True):
+    """As ezc3d writes it, in single precision."""
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [2.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [unit] if unit else []
+    file["parameters"]["POINT"]["LABELS"]["value"] = tuple(tracks.labels) if labels else ()
+    points = np.ones((4, len(tracks.labels), len(tracks.time)))
+    points[:3] = np.moveaxis(tracks.position, -1, 0).swapaxes(1, 2) / METRES[unit or "m"]
+    file["data"]["points"] = points
+    file.write(str(path))
+
+
+def test_c3d_has_its_own_unit(tracks, tmp_path):
+    c3d(tracks, tmp_path / "t.c3d")
+    same(read_tracks(tmp_path / "t.c3d"), tracks, rtol=1e-6)
+    np.testing.assert_allclose(read_tracks(tmp_path / "t.c3d", "m").position, 1e3 * tracks.position, rtol=1e-6)
+
+
+def test_more_markers_than_a_list_of_labels_holds(tmp_path):
+    many = FeatureTracks(TIME[:3], np.random.default_rng(1).normal(size=(3, 300, 3)), [f"M{k}" for k in range(300)])
+    c3d(many, tmp_path / "t.c3d")
+    same(read_tracks(tmp_path / "t.c3d"), many, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kept", [0, 100, 511, 512, 700, 1024, 1600])
+def test_a_c3d_file_that_is_cut_short_is_refused(tracks, tmp_path, kept):
+    c3d(tracks, tmp_path / "t.c3d")
+    content = (tmp_path / "t.c3d").read_bytes()
+    assert len(content) > 1600
+    (tmp_path / "t.c3d").write_bytes(content[:kept])
+    with pytest.raises(InputError, match=r"t\.c3d: "):
+        read_tracks(tmp_path / "t.c3d")
+
+
+@pytest.mark.parametrize(
+    "change, expected",
+    [
+        (lambda text: "time,feature,x,y,z\n", "not marker tracks in TRC, which begin with PathFileType"),
+        (lambda text: text.replace("\tmm\t", "\t\t"), "line 3: no Units, expected them as in line 2"),
+        (lambda text: text.replace("\tmm\t", "\tleague\t"), "lengths in 'league', expected one of m, cm, mm"),
+        (
+            lambda text: text.replace("Frame#", "Bild"),
+            r"line 4: begins with \['Bild', 'Time'\], expected Frame# and Time",
+        ),
+        (lambda text: text.replace("left\t\t\t", "left\t\t"), "line 4: expected a label above each three columns"),
+        (lambda text: text.replace("\n3\t1.0\t", "\n3\t1.0\tone\t"), "line 9: 15 cells, expected 14"),
+        (lambda text: text.replace("\n3\t1.0\t", "\n3\tone\t"), "line 9: could not convert string to float: 'one'"),
+        (lambda text: text.replace("\n3\t1.0\t", "\n3\t0.5\t"), "time goes from 0.5 to 0.5"),
+        (lambda text: text.replace("right", "left"), "label 'left' stands twice"),
+        (lambda text: "\n".join(text.splitlines()[:6]), "no frames after line 5"),
+    ],
+)
+def test_what_is_no_trc_is_refused_in_a_line(tracks, tmp_path, change, expected):
+    (tmp_path / "t.trc").write_text(change(trc(tracks)), encoding="utf-8")
+    with pytest.raises(InputError, match=expected) as raised:
+        read_tracks(tmp_path / "t.trc")
+    assert str(raised.value).startswith(str(tmp_path / "t.trc"))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "change, expected",
+    [
+        (lambda rows: rows.pop("y"), "has no column 'y', expected time, feature, x, y, z"),
+        (lambda rows: rows.update(cxx=rows["x"]), "has cxx only, expected all of cxx, cxy"),
+        (lambda rows: rows.update(x=["far"] * len(rows["x"])), "column x: not numbers"),
+        (lambda rows: rows["x"].__setitem__(3, np.inf), "column x: an infinite number"),
+        (lambda rows: rows["x"].__setitem__(3, np.nan), "frame, row 3, column x: empty, expected a number"),
+        (lambda rows: rows["time"].__setitem__(1, 0.5), "frame, row .*, column feature: 'right' stands twice at 0.5 s"),
+        (lambda rows: rows.update(feature=[None] * len(rows["x"])), "column feature: no label in"),
+        (lambda rows: rows.update(z=rows["z"][:-1]), "columns of .* rows, expected as many in all"),
+    ],
+)
+def test_a_frame_that_holds_no_tracks_is_refused_in_a_line(tracks, change, expected):
+    rows = columns(tracks)
+    change(rows)
+    with pytest.raises(InputError, match=expected):
+        tracks_of(rows)
+
+
+@pytest.mark.parametrize("name, content, expected", [
+    ("t.parquet", b"PAR1", "not Parquet"),
+    ("t.nc", b"CDF", "not NetCDF 4"),
+    ("t.trk", b"", "ends in '.trk', expected one of .csv, .parquet, .trc, .c3d, .nc"),
+])  # fmt: skip
+def test_other_files_are_refused(tmp_path, name, content, expected):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=expected):
+        read_tracks(tmp_path / name)
+
+
+def test_a_dataset_without_tracks_is_refused(tracks):
+    found = dataset_of_tracks(tracks)
+    with pytest.raises(InputError, match="position: no variable of that name, expected the dimensions"):
+        tracks_of_dataset(found.drop_vars("position"))
+    found["time"].attrs["units"] = "frames"
+    with pytest.raises(InputError, match="time: units 'frames', expected s"):
+        tracks_of_dataset(found)
+
+
+@pytest.mark.parametrize("method", ["pivot", "screw-raw"])
+def test_an_estimate_as_a_dataset(tracks, tmp_path, method):
+    result = estimate(tracks, method=method)
+    found = result.to_dataset()
+    np.testing.assert_array_equal(found["position"].sel(axis="y"), result.position[:, 1])
+    np.testing.assert_array_equal(found["residual"].sel(feature="back"), result.residuals[:, 3])
+    assert ("covariance" in found) == (result.covariance is not None)
+    assert found.attrs["method"] == method
+    assert found["position"].attrs["units"] == "m"
+    found.to_netcdf(tmp_path / "e.nc", engine="h5netcdf")
