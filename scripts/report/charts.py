@@ -15,7 +15,6 @@ BoolArray = NDArray[np.bool_]
 BAND = 0.95
 TAIL = (1 - BAND) / 2
 SIGMAS = float(np.sqrt(chi2.ppf(BAND, 1)))  # of one axis
-LEAST = 1e-9  # m: what is smaller cannot be seen on a logarithmic scale
 
 
 def curve(

@@ -1,15 +1,27 @@
 """Flights and comparisons as a notebook calls them: values, tables, figures, and nothing printed."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import METHODS, FeatureTracks
 from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, load_orbit
-from baryscope.study import Grid, bound_table, compare, comparison_figure, fly, outcome_figure, write_flight
+from baryscope.report.document import data_of
+from baryscope.study import (
+    Grid,
+    bound_table,
+    compare,
+    comparison_figure,
+    fly,
+    outcome_figure,
+    report_of_comparison,
+    write_flight,
+)
 from malformed import GOOD_SCENARIO
 
 
@@ -86,8 +98,43 @@ def test_figures_show_all_methods(comparison):
     methods = ["pivot, relative-orbit", "screw-gpa, inertial axes", "screw-gpa, lvlh axes"]
     assert [label.split(":")[0] for label in legend[:3]] == methods
     assert any(label.startswith("Cramér–Rao bound on path RMSE") for label in legend)
+    assert len(comparison_figure(comparison).axes[0].collections) == 1  # the band of the one that has a covariance
     panels = outcome_figure(comparison.flight, comparison["pivot"]).axes
     np.testing.assert_array_equal(panels[0].lines[0].get_ydata(), comparison.flight.true_path[:, 0])
+
+
+def test_a_curve_that_another_covers_is_told(comparison):
+    pivot, gpa, lvlh = comparison.outcomes
+    assert [comparison.hidden(one) for one in (pivot, lvlh)] == [False, False]
+    near = replace(pivot, label="near", error=1.05 * pivot.error)
+    both = replace(comparison, outcomes=(pivot, gpa, near))
+    assert [both.hidden(one) for one in both.outcomes] == [True, False, False]
+
+
+def test_the_report_shows_the_errors_and_the_truth(comparison):
+    """Against the definitions, at the frames of the scene."""
+    data = data_of(report_of_comparison(comparison))
+    parts = {part["kind"]: part for part in reversed(data["parts"])}
+    scene, (ghost,), flight = parts["scene"], parts["scene"]["ghosts"], comparison.flight
+    np.testing.assert_allclose(scene["time"], flight.tracks.time)
+    np.testing.assert_allclose(np.reshape(scene["path"], (-1, 3)), flight.true_path, rtol=1e-6, atol=1e-9)
+    offsets = np.linalg.norm(np.reshape(ghost["offset"], (-1, 3)), axis=1)
+    np.testing.assert_allclose(offsets, comparison["pivot"].error, rtol=1e-3)
+    arms = np.linalg.norm(np.reshape(scene["features"], (-1, 4, 3)), axis=2)
+    np.testing.assert_allclose(arms, np.tile([1, 1, 1, np.sqrt(1.25)], (len(arms), 1)), rtol=1e-4)
+    seen = np.array([list(state) for state in scene["state"]]) != "0"
+    np.testing.assert_array_equal(seen, flight.tracks.seen)
+    assert np.unique(scene["faces"]).tolist() == [0, 1, 2, 3]
+    R = Rotation.from_quat(np.reshape(scene["orbit"], (-1, 4)), scalar_first=True).as_matrix()
+    chaser_L = np.einsum("kji,kj->ki", R, -flight.true_path)
+    np.testing.assert_allclose(chaser_L, flight.truth["chaser.position"], atol=1e-3)
+    errors = next(part for part in data["parts"] if part["title"] == "Error of the centre of mass")
+    labels = [one["label"].split(":")[0] for one in errors["series"]]
+    assert labels == ["pivot, relative-orbit", "screw-gpa, inertial axes", "screw-gpa, lvlh axes", "Cramér–Rao bound"]
+    np.testing.assert_allclose(errors["series"][0]["y"], 1e3 * comparison["pivot"].error, rtol=1e-4)
+    assert [one["low"] is None for one in errors["series"]] == [False, True, True, True]
+    assert parts["sheet"]["rows"] == [list(row) for row in comparison.table().rows]
+    assert [name for name, _ in parts["tabs"]["choices"]] == [one.label for one in comparison.outcomes]
 
 
 def test_progress_has_a_beginning_and_an_end_for_each_piece_of_work(comparison, told):

@@ -9,7 +9,9 @@ import pytest
 from baryscope.estimator import FeatureTracks, estimate
 from baryscope.fmu.system import build_system
 from baryscope.models.errors import InputError
+from baryscope.report.document import data_of
 from baryscope.scripts.cli.app import main
+from baryscope.study import report_of_loop
 from baryscope.study.loop import fly_loop
 from baryscope.study.loop_files import loop_paths, summary_of, write_loop
 from systems import rewritten
@@ -79,6 +81,28 @@ def test_files_hold_the_flight(held, tmp_path):
     summary = json.loads((tmp_path / "flight.json").read_text())
     assert summary["options"] == {"of": "envisat"}
     assert summary["position_rmse"] == summary_of(held)["position_rmse"]
+
+
+def test_the_report_shows_the_flight(held, envisat):
+    """Features, found from samples with noise, are as far from the centre of mass as in the scenario."""
+    parts = {
+        part["title"]: part for part in data_of(report_of_loop(held, summary_of(held), {}, envisat.orbit))["parts"]
+    }
+    scene, found = parts["Scene"], summary_of(held)
+    keep = np.searchsorted(held.time, scene["time"])
+    (online,) = scene["ghosts"]
+    offset = np.array(online["offset"], dtype=float).reshape(-1, 3)
+    waiting = held.status[keep] == 0
+    np.testing.assert_array_equal(np.isnan(offset[:, 0]), waiting)
+    np.testing.assert_allclose(np.linalg.norm(offset, axis=1), held.error[keep], rtol=1e-3)
+    points = np.array(scene["features"], dtype=float).reshape(len(keep), -1, 3)
+    true = np.array([point.position for point in envisat.features.points])
+    np.testing.assert_allclose(np.linalg.norm(points[-1], axis=1), np.linalg.norm(true, axis=1), atol=0.1)
+    assert parts["Convergence of the online estimate"]["marks"] == [
+        [found["tracking_since"], "tracking"],
+        [found["tumble_known_since"], "tumble known"],
+    ]
+    assert ["status", "tracking"] in parts["What came of it, in SI units"]["items"]
 
 
 def test_the_command(system, tmp_path, capsys):
