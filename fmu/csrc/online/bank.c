@@ -8,6 +8,16 @@ far less likely than the best goes on from the best's state, so that no evidence
 #define LEAST_DENSITY 1e-16 /* m2/s3 */
 #define RATIO 31.622776601683793
 #define UNLIKELY (-12.0)
+#define JUMP (-9.2) /* logarithm of the likelihood of one, as that of GATE */
+
+static void add_noise(double q, double T, double *P, int stride) {
+    for (int k = 0; k < 3; k++) {
+        P[k * stride + k] += q * T * T * T / 3.0;
+        P[(3 + k) * stride + 3 + k] += q * T;
+        P[k * stride + 3 + k] += q * T * T / 2.0;
+        P[(3 + k) * stride + k] += q * T * T / 2.0;
+    }
+}
 
 static double density_of(int member) { return LEAST_DENSITY * pow(RATIO, member); }
 
@@ -53,59 +63,80 @@ static void advance_bank(Online *filter, double T, const double step[6], const d
             for (int b = 0; b <= a; b++) {
                 double s = 0.0;
                 for (int k = 0; k < 6; k++) s += A[a][k] * F[b][k];
-                member->P[a][b] = member->P[b][a] = s;
+                member->P[a][b] = member->P[b][a] = a == b ? s + ROUNDING * s : s;
             }
             for (int b = 6; b < LEVEL; b++) member->P[a][b] = member->P[b][a] = A[a][b];
         }
-        for (int a = 0; a < 3; a++) {
-            member->P[a][a] += q * T * T * T / 3.0;
-            member->P[3 + a][3 + a] += q * T;
-            member->P[a][3 + a] += q * T * T / 2.0;
-            member->P[3 + a][a] = member->P[a][3 + a];
-        }
+        add_noise(q, T, &member->P[0][0], LEVEL);
     }
 }
 
-/* c is seen `lag` s before the time of the state. */
-static void update_member(Member *member, double lag, const double c[3], const double R[3][3],
-                          const double noise[3][3]) {
-    double e[3], B[LEVEL][3], S[3][3], L[9], W[LEVEL][3];
+/* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and the members' errors by it, B; 0 if
+   there is no factor. */
+static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[LEVEL][3]) {
+    const double(*late)[3] = level->lag, (*R)[3] = level->offset;
     for (int a = 0; a < LEVEL; a++)
         for (int k = 0; k < 3; k++)
-            B[a][k] = member->P[a][k] - lag * member->P[a][3 + k] + dot(&member->P[a][6], R[k]);
+            B[a][k] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][6], R[k]);
     for (int k = 0; k < 3; k++) {
-        e[k] = c[k] - member->x[k] - dot(R[k], &member->x[6]);
-        e[k] += lag * member->x[3 + k];
-        for (int j = 0; j < 3; j++)
-            S[k][j] = B[k][j] - lag * B[3 + k][j] + R[k][0] * B[6][j] + R[k][1] * B[7][j] + R[k][2] * B[8][j] + noise[k][j];
+        e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[6]) + dot(late[k], &member->x[3]);
+        for (int j = 0; j < 3; j++) {
+            L[3 * k + j] = B[k][j] + level->noise[k][j];
+            for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[6 + i][j] - late[k][i] * B[3 + i][j];
+        }
     }
-    for (int k = 0; k < 9; k++) L[k] = S[k / 3][k % 3];
-    if (!factored(3, L)) return;
+    return factored(3, L);
+}
+
+static void whitened(const double L[9], double e[3]) {
     for (int k = 0; k < 3; k++) {
         for (int j = 0; j < k; j++) e[k] -= L[3 * k + j] * e[j];
         e[k] /= L[4 * k];
     }
-    member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    for (int a = 0; a < LEVEL; a++) {
-        for (int k = 0; k < 3; k++) {
-            W[a][k] = B[a][k];
-            for (int j = 0; j < k; j++) W[a][k] -= L[3 * k + j] * W[a][j];
-            W[a][k] /= L[4 * k];
-        }
-        member->x[a] += dot(W[a], e);
-    }
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) member->P[a][b] -= dot(W[a], W[b]);
 }
 
-/* moved: by what the map's offset changed after this frame. */
-static void update_bank(Online *filter, double lag, const double c[3], const double R[3][3],
-                        const double noise[3][3], const double moved[3]) {
+/* The update with a node, `span` s after the one before. An innovation that is else one in ten thousand is a jump: returns the
+   density of the acceleration over the span that explains it, else 0. */
+static double update_member(Member *member, const Level *level, double span) {
+    double e[3], L[9], B[LEVEL][3], jump = 0.0;
+    if (!innovation(member, level, e, L, B)) return 0.0;
+    double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
+    whitened(L, e);
+    if (dot(e, e) > GATE && span > 0.0) {
+        jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
+        add_noise(jump, span, &member->P[0][0], LEVEL);
+        member->weight += JUMP;
+        if (!innovation(member, level, e, L, B)) return 0.0;
+        whitened(L, e);
+    }
+    member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
+    for (int a = 0; a < LEVEL; a++) {
+        whitened(L, B[a]);
+        member->x[a] += dot(B[a], e);
+    }
+    for (int a = 0; a < LEVEL; a++) {
+        double before = member->P[a][a];
+        for (int b = 0; b < LEVEL; b++) member->P[a][b] -= dot(B[a], B[b]);
+        member->P[a][a] += ROUNDING * before;
+    }
+    return jump;
+}
+
+/* Returns the density of a jump that the most likely member takes, 0 for none. */
+static double update_bank(Online *filter, const Level *level) {
+    double jump[DENSITIES];
     int best = 0;
     for (int m = 0; m <= SHADOW; m++) {
-        update_member(&filter->bank[m], lag, c, R, noise);
-        for (int k = 0; k < 3; k++) filter->bank[m].x[6 + k] -= moved[k];
-        if (m < SHADOW && filter->bank[m].weight > filter->bank[best].weight) best = m;
+        Member *member = &filter->bank[m];
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) member->P[6 + a][6 + b] += level->change[a][b];
+        if (m < SHADOW) {
+            jump[m] = update_member(member, level, filter->span);
+            if (member->weight > filter->bank[best].weight) best = m;
+        } else {
+            add_noise(jump[best], filter->span, &member->P[0][0], LEVEL);
+            update_member(member, level, 0.0);
+        }
     }
     double highest = filter->bank[best].weight, sum = 0.0, mean = 0.0;
     for (int m = 0; m < DENSITIES; m++) {
@@ -119,6 +150,7 @@ static void update_bank(Online *filter, double lag, const double c[3], const dou
         sum += w, mean += w * log(density_of(m));
     }
     filter->density = exp(mean / sum);
+    return jump[best];
 }
 
 /* The mixture of the bank, against the shadow: its mean, and its covariance. */

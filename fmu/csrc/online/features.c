@@ -9,14 +9,15 @@ static int slot_of(const Online *filter, long long name) {
     return -1;
 }
 
-/* The weight of a residual of a point that is a mean of `count`, at the attitude R: its noise and the map's. */
-static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3], double count) {
+/* The weight of a residual of a point that is a mean of `count`, at the attitude R: its noise, the map's, and `more`. */
+static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3], double count,
+                  const double more[3][3]) {
     double spread[3][3], T[3][3], both[3][3];
     frame->sightings[i] = count;
     if (frame->slot[i] < 0 || !inverted(filter->feature[frame->slot[i]].information, spread)) return;
     product(R, spread, T);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]);
+        for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]) + more[a][b];
     if (!inverted(both, frame->W[i])) frame->slot[i] = -1;
 }
 
@@ -49,9 +50,13 @@ static void forget(Online *filter, int slot) {
     for (int k = 0; k < 3 && slot != last; k++) {
         int from = BODY + 3 * last + k, to = BODY + 3 * slot + k;
         filter->b[slot][k] = filter->b[last][k];
+        for (int j = 0; j < 3; j++) filter->share[slot][k][j] = filter->share[last][k][j];
         for (int j = 0; j < n; j++) filter->P[to][j] = filter->P[from][j];
         for (int j = 0; j < n; j++) filter->P[j][to] = filter->P[j][from];
     }
+    for (int s = 0; s < (int)filter->node.used; s++) /* what is not in its place is another feature */
+        if (filter->node.seen[s].name == filter->feature[slot].name)
+            filter->node.seen[s] = filter->node.seen[(int)--filter->node.used];
     filter->feature[slot] = filter->feature[last];
     filter->used = last;
 }
@@ -73,40 +78,48 @@ static int free_slot(Online *filter, const Frame *frame) {
         forget(filter, oldest);
     }
     filter->used += 1.0;
+    copy(NOTHING, filter->share[(int)filter->used - 1]);
     return (int)filter->used - 1;
 }
 
-/* Put a point into the map: b = R' (y - shift - r + lag v), with the errors of all of these; V is that of `inform`. */
+/* Put a point into the map: b = (M R)^-1 (y - shift - r + lag v - the sweep's part), with the errors of all of these; V is
+   that of `inform`. */
 static void add(Online *filter, const Frame *frame, int i, double lag, double V[6][6]) {
     int slot = free_slot(filter, frame);
     if (slot < 0) return;
+    const Passage *passage = &frame->passage[i];
     int at = BODY + 3 * slot, n = size_of(filter);
-    double arm[3], K[3][3], G[3][3], T[3][3], rows[3][MOST_ERRORS];
+    double arm[3], K[3][3], S[3][3], G[3][3], D[3][3], T[3][3], A[3][3], back[3][3], rows[3][MOST_ERRORS];
+    double since = lag - passage->later;
     const double(*R)[3] = filter->R;
-    for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - filter->x[k];
-    transposed_times(R, arm, filter->b[slot]);
+    product(passage->M, R, A);
+    if (!inverse_of(A, back)) copy(R, A), transposed(R, back);
+    times(back, passage->y, filter->b[slot]);
+    times(R, filter->b[slot], arm);
     moved_by_turn(arm, K);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) G[a][b] = R[0][a] * K[0][b] + R[1][a] * K[1][b] + R[2][a] * K[2][b];
+    moved_by_turn(passage->y, S);
+    product(back, S, D);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < at; j++) {
             double sum = 0.0;
             for (int k = 0; k < 3; k++)
-                sum -= R[k][a] * (filter->P[SHIFT + k][j] + filter->P[PLACE + k][j] - lag * filter->P[SPEED + k][j]) +
-                       G[a][k] * filter->P[TURN + k][j];
+                sum -= back[a][k] * (filter->P[SHIFT + k][j] + filter->P[PLACE + k][j] - since * filter->P[SPEED + k][j]) +
+                       G[a][k] * filter->P[TURN + k][j] + passage->swept * D[a][k] * filter->P[SWEEP + k][j];
             rows[a][j] = sum;
         }
     for (int j = 0; j < n; j++)
         for (int a = 0; a < 3; a++) filter->P[at + a][j] = filter->P[j][at + a] = j < at ? rows[a][j] : 0.0;
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) T[a][b] = dot(frame->noise[i][a], (double[3]){R[0][b], R[1][b], R[2][b]});
+        for (int b = 0; b < 3; b++) T[a][b] = dot(frame->noise[i][a], back[b]);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b <= a; b++) {
-            double sum = R[0][a] * T[0][b] + R[1][a] * T[1][b] + R[2][a] * T[2][b];
+            double sum = back[a][0] * T[0][b] + back[a][1] * T[1][b] + back[a][2] * T[2][b];
             for (int k = 0; k < 3; k++)
-                sum -= R[k][b] * (rows[a][SHIFT + k] + rows[a][PLACE + k] - lag * rows[a][SPEED + k]) +
-                       G[b][k] * rows[a][TURN + k];
-            filter->P[at + a][at + b] = filter->P[at + b][at + a] = sum;
+                sum -= back[b][k] * (rows[a][SHIFT + k] + rows[a][PLACE + k] - since * rows[a][SPEED + k]) +
+                       G[b][k] * rows[a][TURN + k] + passage->swept * D[b][k] * rows[a][SWEEP + k];
+            filter->P[at + a][at + b] = filter->P[at + b][at + a] = a == b ? sum + ROUNDING * sum : sum;
         }
     filter->feature[slot] = (Feature){frame->name[i], filter->time, 0.0, 0.0, {{0}}};
     inform(&filter->feature[slot], frame, i, arm, R, V);
@@ -178,7 +191,7 @@ static void guess_by_place(const Online *filter, Frame *frame, const double R[3]
             if (found >= 0 && frame->slot[j] == found) found = -1;
         if (found < 0 || nearest > PLACED * (variance + deviation * deviation) || second < 4.0 * nearest) continue;
         frame->slot[i] = found;
-        weigh(filter, frame, i, R, 1.0);
+        weigh(filter, frame, i, R, 1.0, NOTHING);
     }
 }
 

@@ -6,6 +6,31 @@
 #define USUAL 0.25  /* rad, enough for the first */
 #define WIDEST 0.5  /* rad, enough for both */
 
+/* Whether a point that is in no map is where it was seen before in this node; if it mostly is not, it begins anew. */
+static int is_same(Sum *sum, const Frame *frame, int i, const Pose *pose) {
+    double arm[3], place[3], off[3], e[3], We[3], K[3][3], T[3][3], S[3][3], W[3][3], n = sum->count;
+    for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - pose->c[k];
+    transposed_times(pose->R, arm, place);
+    if (n > 0.0) {
+        for (int k = 0; k < 3; k++) off[k] = place[k] - sum->place[k];
+        times(pose->R, off, e);
+        of_pose(pose, 3, T);
+        moved_by_turn(arm, K);
+        product(K, T, S);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) W[a][b] = (1.0 + 1.0 / n) * (frame->noise[i][a][b] + dot(S[a], K[b]));
+        if (!inverted(W, S)) return 0;
+        times(S, e, We);
+        if (dot(e, We) > GATE) {
+            if (++sum->strangers < n) return 0;
+            *sum = (Sum){.name = sum->name};
+            n = 0.0;
+        }
+    }
+    for (int k = 0; k < 3; k++) sum->place[k] += (place[k] - sum->place[k]) / (n + 1.0);
+    return 1;
+}
+
 /* Add a registered frame. */
 static void gather(Online *filter, const Frame *frame, const Pose *pose) {
     Node *node = &filter->node;
@@ -37,9 +62,11 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
             node->used += 1.0;
         }
         Sum *sum = &node->seen[s];
-        sum->count += 1.0, sum->times += t, sum->squares += t * t;
+        if (frame->slot[i] < 0 && !is_same(sum, frame, i, pose)) continue;
+        sum->count += 1.0, sum->times += t, sum->squares += t * t, sum->cubes += t * t * t;
         for (int a = 0; a < 3; a++) {
-            sum->y[a] += frame->y[i][a] - filter->x[a];
+            double y = frame->y[i][a] - filter->x[a];
+            sum->y[a] += y, sum->y_times[a] += t * y;
             for (int b = 0; b < 3; b++) sum->noise[a][b] += frame->noise[i][a][b];
         }
     }
@@ -60,51 +87,149 @@ static int far_enough(const Online *filter, double R[3][3]) {
     return angle_between(R, filter->R, turn) > fmin(least, WIDEST);
 }
 
-/* The node as one frame, each point moved to the mean time on its circle, and how long ago that is. */
-static double as_frame(const Online *filter, const double R[3][3], Frame *frame) {
-    const Node *node = &filter->node;
-    double mean = node->times / node->count, spread = node->squares - mean * node->times, rate[3], drift[3];
-    double swing[3];
-    swing_of(&filter->tumble, node->begin + mean - filter->turned, swing);
-    for (int k = 0; k < 3; k++) {
-        rate[k] = spread > 0.0 ? (node->turn_times[k] - mean * node->turn[k]) / spread : 0.0;
-        drift[k] = spread > 0.0 ? (node->drift_times[k] - mean * node->drift[k]) / spread : 0.0;
+/* The rate from how each feature moved between its own sightings: errors of its place, and of the centre of mass, have no
+   part in it. */
+static void find_rate(const Node *node, double mean, double limit, Sweep *sweep) {
+    double N[36] = {0}, rhs[6] = {0}, spread = node->squares - node->times * mean, since = sweep->since;
+    const double *before = sweep->before, *swing = sweep->acceleration;
+    for (int i = 0; i < (int)node->used; i++) {
+        const Sum *sum = &node->seen[i];
+        double at = sum->times / sum->count, own = sum->squares - sum->times * at, later = at - mean;
+        double noise[3][3], W[3][3], arm[3], K[3][3], WK[3][3], z[3], Wz[3], known[3], turned[3];
+        if (!(own > 0.0)) continue;
+        for (int a = 0; a < 3; a++) {
+            arm[a] = sum->y[a] / sum->count;
+            known[a] = since > 0.0 ? -2.0 * later / since * before[a] : later * swing[a];
+            for (int b = 0; b < 3; b++) noise[a][b] = sum->noise[a][b] / (sum->count * own);
+        }
+        if (!inverted(noise, W)) continue;
+        cross(known, arm, turned);
+        double f = since > 0.0 ? 1.0 + 2.0 * later / since : 1.0;
+        moved_by_turn(arm, K);
+        for (int a = 0; a < 3; a++) {
+            z[a] = (sum->y_times[a] - at * sum->y[a]) / own - turned[a];
+            for (int b = 0; b < 3; b++) K[a][b] *= f;
+        }
+        product(W, K, WK);
+        times(W, z, Wz);
+        for (int a = 0; a < 3; a++) {
+            rhs[a] += Wz[a];
+            rhs[3 + a] += K[0][a] * Wz[0] + K[1][a] * Wz[1] + K[2][a] * Wz[2];
+            for (int b = 0; b < 3; b++) {
+                N[6 * a + b] += W[a][b];
+                N[6 * (3 + a) + b] += WK[b][a];
+                N[6 * (3 + a) + 3 + b] += K[0][a] * WK[0][b] + K[1][a] * WK[1][b] + K[2][a] * WK[2][b];
+            }
+        }
     }
+    /* Almost nothing: that of the attitudes, but for all that the target may turn within a node. */
+    double little = spread / (node->count * limit * limit);
+    for (int k = 0; k < 3; k++) {
+        sweep->rate[k] = (node->turn_times[k] - mean * node->turn[k]) / spread;
+        sweep->covariance[k][k] = 1.0 / little;
+        N[7 * (3 + k)] += little;
+        rhs[3 + k] += little * sweep->rate[k];
+        if (!(N[7 * k] > 0.0)) N[7 * k] = 1.0;
+    }
+    if (!factored(6, N)) return;
+    solved(6, N, rhs);
+    for (int j = 0; j < 3; j++) {
+        double column[6] = {0};
+        column[3 + j] = 1.0;
+        solved(6, N, column);
+        sweep->drift[j] = rhs[j], sweep->rate[j] = rhs[3 + j];
+        for (int k = 0; k < 3; k++) sweep->covariance[k][j] = column[3 + k];
+    }
+}
+
+/* How the target turns about a node's mean time, at the attitude R. */
+static void find_sweep(const Online *filter, const OnlineTumble *tumble, double mean, const double R[3][3],
+                       Sweep *sweep) {
+    const Node *node = &filter->node;
+    double spread = node->squares - mean * node->times, since = node->begin + mean - filter->turned, turn[3];
+    *sweep = (Sweep){0};
+    if (!(spread > 0.0)) return;
+    double angle = angle_between(R, filter->R, turn);
+    if (tumble->known != 0.0) {
+        swing_of(tumble, filter->time - node->begin - mean, sweep->acceleration);
+    } else if (angle < 1.0 && since * since * node->count < FAR * 12.0 * spread) { /* no gap */
+        sweep->since = since;
+        for (int k = 0; k < 3; k++) sweep->before[k] = turn[k] / since;
+    }
+    find_rate(node, mean, widest_within(node), sweep);
+    for (int k = 0; k < 3 && sweep->since > 0.0; k++)
+        sweep->acceleration[k] = 2.0 * (sweep->rate[k] - sweep->before[k]) / since;
+}
+
+/* When a feature of the node was seen, and how the target turned since the node's mean time. */
+static Passage passage_of(const Node *node, const Sum *sum, double mean, const Sweep *sweep) {
+    double W[3][3], W2[3][3], W3[3][3], A[3][3], at = sum->times / sum->count, n = sum->count;
+    double square = sum->squares / n - 2.0 * mean * at + mean * mean;
+    double fine = 1e-9 * (fabs(at) + fabs(mean)), later = fabs(at - mean) > fine ? at - mean : 0.0;
+    double other = square - (node->squares / node->count - mean * mean);
+    double cube = sum->cubes / n - 3.0 * mean * sum->squares / n + 3.0 * mean * mean * at - mean * mean * mean;
+    Passage passage = {.later = later, .swept = later};
+    if (sweep->since > 0.0 && fabs(other) > 1e-9 * square) passage.swept += other / sweep->since;
+    passage.unsteady = cube / 6.0 * dot(sweep->rate, sweep->rate) * sqrt(dot(sweep->rate, sweep->rate));
+    moved_by_turn(sweep->rate, W); /* -[w]x */
+    moved_by_turn(sweep->acceleration, A);
+    product(W, W, W2);
+    product(W2, W, W3);
+    for (int a = 0; a < 3; a++) {
+        passage.y[a] = sum->y[a] / n;
+        for (int b = 0; b < 3; b++)
+            passage.M[a][b] = (a == b) - passage.later * W[a][b] + 0.5 * square * (W2[a][b] - A[a][b]) - cube / 6.0 * W3[a][b];
+    }
+    return passage;
+}
+
+/* The node as one frame, at the mean time and the attitude R, and how long ago that is. */
+static double as_frame(const Online *filter, const OnlineTumble *tumble, const double R[3][3], Frame *frame,
+                       Sweep *sweep) {
+    const Node *node = &filter->node;
+    double mean = node->times / node->count;
+    find_sweep(filter, tumble, mean, R, sweep);
     frame->count = (int)node->used;
     for (int i = 0; i < frame->count; i++) {
         const Sum *sum = &node->seen[i];
-        double arm[3] = {0}, moved[3], bent[3], swung[3], at = sum->times / sum->count, later = mean - at;
-        double square = sum->squares / sum->count - 2.0 * mean * at + mean * mean;
+        Passage *passage = &frame->passage[i];
+        double arm[3], there[3], K[3][3], S[3][3], more[3][3];
+        *passage = passage_of(node, sum, mean, sweep);
         frame->name[i] = sum->name;
         frame->slot[i] = slot_of(filter, sum->name);
         if (frame->slot[i] >= 0) times(R, filter->b[frame->slot[i]], arm);
-        else for (int k = 0; k < 3; k++) arm[k] = sum->y[k] / sum->count;
-        cross(rate, arm, moved);
-        cross(rate, moved, bent);
-        cross(swing, arm, swung);
+        else for (int k = 0; k < 3; k++) arm[k] = passage->y[k];
+        times(passage->M, arm, there);
+        moved_by_turn(arm, K);
+        product(K, sweep->covariance, S);
+        double unsteady = passage->unsteady * passage->unsteady / 3.0;
         for (int a = 0; a < 3; a++) {
-            frame->y[i][a] = filter->x[a] + sum->y[a] / sum->count + later * (drift[a] + moved[a]);
-            frame->y[i][a] -= 0.5 * square * (bent[a] + swung[a]);
-            for (int b = 0; b < 3; b++) frame->noise[i][a][b] = sum->noise[a][b] / (sum->count * sum->count);
+            frame->y[i][a] = filter->x[a] + passage->y[a] - passage->later * sweep->drift[a] - (there[a] - arm[a]);
+            for (int b = 0; b < 3; b++) {
+                frame->noise[i][a][b] = sum->noise[a][b] / (sum->count * sum->count) + unsteady * dot(K[a], K[b]);
+                more[a][b] = passage->swept * passage->swept * dot(S[a], K[b]);
+            }
         }
-        weigh(filter, frame, i, R, sum->count);
+        weigh(filter, frame, i, R, sum->count, more);
     }
     return filter->time - node->begin - mean;
 }
 
-/* Give the node to the filter and begin another. */
-static void close_node(Online *filter, const double R[3][3]) {
+/* Give the node to the filter and begin another; with the tumble as it is foreseen now. */
+static void close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
     Frame frame;
     Pose pose;
-    double turn[3], before[3][3], noise[3][3], lag = as_frame(filter, R, &frame), time = filter->time - lag;
+    Sweep sweep;
+    double turn[3], before[3][3], noise[3][3], lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
     filter->node.count = 0.0;
-    if (!registered(filter, &frame, R, &pose)) return;
+    Foreseen foreseen = {.variance = INFINITY};
+    copy(R, foreseen.R);
+    if (!registered(filter, &frame, &foreseen, &pose)) return;
     copy(filter->R, before);
     settle(filter);
-    update_frame(filter, &frame, &pose, lag);
+    update_frame(filter, &frame, &pose, lag, &sweep, noise);
     angle_between(filter->R, before, turn);
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
-    of_pose(&pose, 3, noise);
     follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
     filter->turned = time;
     double V[6][6];

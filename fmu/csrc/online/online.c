@@ -29,7 +29,7 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
         if (!inverted(frame->noise[i], inverse)) return BAD_COVARIANCE;
         frame->name[i] = names[i];
         frame->slot[i] = slot_of(filter, names[i]);
-        weigh(filter, frame, i, R, 1.0);
+        weigh(filter, frame, i, R, 1.0, NOTHING);
     }
     return ACCEPTED;
 }
@@ -44,12 +44,13 @@ static int spread_out(const Frame *frame) {
 }
 
 /* The first frame defines the body's axes, and puts the centre of mass at the features' centroid. */
-static void begin(Online *filter, const Frame *frame, double time) {
+static void begin(Online *filter, Frame *frame, double time) {
     OnlineOptions options = filter->options;
     online_start(filter, &options);
     filter->time = filter->turned = filter->registered = time;
     if (frame->count < 3 || !spread_out(frame)) return;
     double variance = options.offset * options.offset * mean_square(frame->y, frame->count);
+    filter->widest = variance;
     for (int k = 0; k < 3; k++) {
         filter->R[k][k] = filter->attitude[k][k] = 1.0;
         for (int i = 0; i < frame->count; i++) filter->x[k] += frame->y[i][k] / frame->count;
@@ -57,21 +58,46 @@ static void begin(Online *filter, const Frame *frame, double time) {
         filter->P[SPEED + k][SPEED + k] = options.speed * options.speed;
     }
     double exact[6][6] = {{0}};
-    for (int i = 0; i < frame->count; i++) add(filter, frame, i, 0.0, exact);
+    for (int i = 0; i < frame->count; i++) {
+        frame->passage[i] = (Passage){.M = {{1.0, 0, 0}, {0, 1.0, 0}, {0, 0, 1.0}}};
+        for (int k = 0; k < 3; k++) frame->passage[i].y[k] = frame->y[i][k] - filter->x[k];
+        add(filter, frame, i, 0.0, exact);
+    }
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) filter->share[f][k][k] = 1.0 / filter->used;
     filter->density = LEAST_DENSITY;
     filter->frames = 1.0;
     start_interval(filter);
     start_bank(filter);
 }
 
-/* The attitude at a time: of the tumble where it is known, else of a constant rate. */
-static void foresee(const Online *filter, double time, OnlineTumble *found, double R[3][3]) {
-    double turn[3];
+/* The attitude at a time: of the tumble where it is known, else of a constant rate, which may change by its square. */
+static void foresee(const Online *filter, double time, OnlineTumble *found, Foreseen *foreseen) {
+    double turn[3], T = time - filter->registered, square = dot(filter->rate, filter->rate);
     online_tumble(filter, time, found);
-    copy(found->known != 0.0 ? found->R : filter->attitude, R);
-    if (found->known != 0.0) return;
-    for (int k = 0; k < 3; k++) turn[k] = filter->rate[k] * (time - filter->registered);
-    turn_left(turn, R);
+    if (found->known != 0.0) {
+        copy(found->R, foreseen->R);
+        foreseen->variance = found->turn[0][0] + found->turn[1][1] + found->turn[2][2];
+        return;
+    }
+    copy(filter->attitude, foreseen->R);
+    for (int k = 0; k < 3; k++) turn[k] = filter->rate[k] * T;
+    turn_left(turn, foreseen->R);
+    double change = square * T * (time - filter->turned);
+    foreseen->variance = square > 0.0 && square * T * T < 1.0 ? filter->unsure + change * change : INFINITY;
+}
+
+/* Whether the attitude of a frame is far from the foreseen one: points of it are not what they are taken for. But if that goes
+   on, the target turns so. */
+static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *pose) {
+    double turn[3], T[3][3], angle = angle_between(pose->R, foreseen->R, turn);
+    of_pose(pose, 3, T);
+    double variance = T[0][0] + T[1][1] + T[2][2];
+    filter->surprises = angle * angle > GATE * (variance + foreseen->variance) ? filter->surprises + 1.0 : 0.0;
+    if (filter->surprises > 0.0 && filter->surprises < STUBBORN) return 1;
+    filter->surprises = 0.0;
+    filter->unsure = variance;
+    return 0;
 }
 
 /* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
@@ -88,11 +114,12 @@ int online_update(Online *filter, double time, int count, const long long *names
     Frame frame;
     Pose pose;
     OnlineTumble tumble;
-    double foreseen[3][3], R[3][3], turn[3];
+    Foreseen foreseen;
+    double R[3][3], turn[3];
     if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
-    foresee(filter, time, &tumble, foreseen);
-    int refused = read_frame(filter, foreseen, count, names, points, covariances, &frame);
+    foresee(filter, time, &tumble, &foreseen);
+    int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
     if (refused) return refused;
     if (filter->frames == 0.0) {
         begin(filter, &frame, time);
@@ -100,8 +127,8 @@ int online_update(Online *filter, double time, int count, const long long *names
     }
     advance(filter, time, acceleration);
     if (tumble.known != 0.0 && known_in(&frame) < 3)
-        guess_by_place(filter, &frame, foreseen, place_deviation(filter, &tumble, time, acceleration));
-    if (!registered(filter, &frame, foreseen, &pose)) {
+        guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time, acceleration));
+    if (!registered(filter, &frame, &foreseen, &pose) || is_surprising(filter, &foreseen, &pose)) {
         if (frame.count >= 3 && ++filter->lost >= HOPELESS) begin(filter, &frame, time);
         return ACCEPTED;
     }
@@ -114,10 +141,10 @@ int online_update(Online *filter, double time, int count, const long long *names
     filter->registered = time;
     if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > widest_within(&filter->node)) {
         far_enough(filter, R);
-        close_node(filter, R);
+        close_node(filter, &tumble, R);
     }
     gather(filter, &frame, &pose);
     note_sightings(filter, &frame);
-    if (far_enough(filter, R)) close_node(filter, R);
+    if (far_enough(filter, R)) close_node(filter, &tumble, R);
     return ACCEPTED;
 }

@@ -4,8 +4,8 @@ State: the target's attitude R_C_B, the centre of mass (r, v) from the chaser in
 centre of mass; C has inertial axes. A feature is seen at r + R b. The attitude is free in every frame: it is registered
 against the map of the features and its error eliminated with theirs, so nothing is taken for granted of the tumble.
 Where that is a free one, further filters find rate and inertia ratios, and say where a feature will be.
-Frames between which the target turns less than their noise are taken together first: attitudes that differ by noise
-alone would seem to show the offset of the centre of mass.
+Frames between which the target turns less than their noise are taken together first, as a node: attitudes that differ
+by noise alone would seem to show the offset of the centre of mass.
 r moves on the orbit that is given, else in a straight line, with white acceleration of a density that a bank of small
 filters weighs by the likelihood of its innovations. Everything is in one struct without pointers: copying it saves the
 filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is needed. */
@@ -23,16 +23,18 @@ filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is n
 
 enum {
     MOST_FEATURES = 32,
-    /* Errors of the state, in this order: frame's shift, attitude (a rotation vector in C), r, v, features. */
-    SHIFT = 0,
-    TURN = 3,
-    PLACE = 6,
-    SPEED = 9,
-    BODY = 12,
+    /* Errors of the state, in this order: a node's angular rate, shift and attitude (a rotation vector), all in C, r, v,
+       features. */
+    SWEEP = 0,
+    SHIFT = 3,
+    TURN = 6,
+    PLACE = 9,
+    SPEED = 12,
+    BODY = 15,
     MOST_ERRORS = BODY + 3 * MOST_FEATURES,
     DENSITIES = 8,
     SHADOW = DENSITIES,
-    LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the map is wrong by */
+    LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the features seen is wrong by */
     N_ELEMENTS = 7,
     TORQUES = 5
 };
@@ -61,7 +63,10 @@ typedef struct {
 /* What frames of nearly the same attitude saw of a feature: sums over its sightings. */
 typedef struct {
     long long name;
-    double count, times, squares, y[3]; /* y is from the foreseen centre of mass */
+    double count, times, squares, cubes; /* of its times from the node's first */
+    double y[3], y_times[3];             /* y is from the foreseen centre of mass */
+    double place[3];                     /* mean, in B, of a feature that is not in the map yet */
+    double strangers;                    /* sightings of such a one that are not there */
     double noise[3][3];
 } Sum;
 
@@ -103,15 +108,20 @@ typedef struct {
     double lost;   /* frames in a row that did not fit the map */
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
     double attitude[3][3], registered; /* of the last frame that fits, and its time */
+    double unsure;   /* variance of its rotation vector, rad2 */
+    double surprises; /* frames in a row with an attitude far from the foreseen one */
     double x[6];                       /* r, v at `time` */
     double from[6], F[6][6], elapsed;  /* r, v at the time of the covariances, the transition since, s */
+    double widest;        /* variance of the offset before the first frame, m2 */
     double seeming[3][3]; /* information on the offset that was taken back so far, in B, 1/m2 */
+    double span;    /* from the last node to the one before, s */
     double density; /* of white acceleration, m2/s3 */
     double squares, freedom; /* of the residuals of frames, in units of the noise */
     double used;             /* features */
     Node node;
     Feature feature[MOST_FEATURES];
     double b[MOST_FEATURES][3];
+    double share[MOST_FEATURES][3][3]; /* of a feature's error in the offset that the last node saw, in B */
     Member bank[DENSITIES + 1];
     Tumble tumble;
     double P[MOST_ERRORS][MOST_ERRORS];

@@ -4,24 +4,6 @@
 #define ROUGHLY 9.0      /* a pose from three points has up to three times the noise */
 enum { ROUNDS = 6, TRIPLES = 60 };
 
-typedef struct {
-    int count;
-    double y[MOST_FEATURES][3];
-    double noise[MOST_FEATURES][3][3];
-    double W[MOST_FEATURES][3][3]; /* of a residual: noise and map */
-    long long name[MOST_FEATURES];
-    int slot[MOST_FEATURES]; /* of the map, -1: not in it */
-    int fits[MOST_FEATURES];
-    double sightings[MOST_FEATURES]; /* of which a point is the mean */
-} Frame;
-
-typedef struct {
-    double c[3], R[3][3];  /* a feature b is at c + R b */
-    double factor[36];     /* Cholesky's, of the normal equations of (c, rotation vector in C) */
-    double squares;        /* of the weighted residuals */
-    int count;             /* points that fit */
-} Pose;
-
 static double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3]) {
     double We[3];
     times(pose->R, filter->b[frame->slot[i]], arm);
@@ -120,8 +102,8 @@ static int from_triple(const Online *filter, const Frame *frame, const int at[3]
     return 1;
 }
 
-/* The pose that most points agree on, by some of all triples. */
-static int agreed(const Online *filter, Frame *frame, Pose *best) {
+/* The pose that most points, and the foreseen attitude, agree on, by some of all triples. */
+static int agreed(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *best) {
     int known[MOST_FEATURES], n = 0, number = 0, found = 0;
     for (int i = 0; i < frame->count; i++)
         if (frame->slot[i] >= 0) known[n++] = i;
@@ -134,7 +116,8 @@ static int agreed(const Online *filter, Frame *frame, Pose *best) {
                 int at[3] = {known[i], known[j], known[k]};
                 Pose pose;
                 if (!from_triple(filter, frame, at, &pose)) continue;
-                double cost = 0.0;
+                double turn[3], angle = angle_between(pose.R, foreseen->R, turn);
+                double cost = fmin(angle * angle / foreseen->variance, ROUGHLY * GATE);
                 for (int p = 0; p < n; p++) {
                     double arm[3], e[3];
                     cost += fmin(residual(filter, frame, &pose, known[p], arm, e), ROUGHLY * GATE);
@@ -147,16 +130,16 @@ static int agreed(const Online *filter, Frame *frame, Pose *best) {
 }
 
 /* The pose of a frame near a foreseen attitude, or by agreement; 0 if fewer than three, or half of them, fit. */
-static int registered(const Online *filter, Frame *frame, const double foreseen[3][3], Pose *pose) {
+static int registered(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
     int known = 0;
     for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) pose->R[i][j] = foreseen[i][j];
+        for (int j = 0; j < 3; j++) pose->R[i][j] = foreseen->R[i][j];
     for (int i = 0; i < frame->count; i++) {
         frame->fits[i] = frame->slot[i] >= 0;
         known += frame->fits[i];
     }
     if (known < 3) return 0;
     if (adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE)) return 1;
-    return agreed(filter, frame, pose) && 2 * pose->count > known;
+    return agreed(filter, frame, foreseen, pose) && 2 * pose->count > known;
 }

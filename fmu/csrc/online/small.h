@@ -4,6 +4,8 @@
 
 #include <math.h>
 
+static const double NOTHING[3][3] = {{0}};
+
 static void cross(const double a[3], const double b[3], double c[3]) {
     c[0] = a[1] * b[2] - a[2] * b[1];
     c[1] = a[2] * b[0] - a[0] * b[2];
@@ -46,6 +48,19 @@ static int inverted(const double A[3][3], double C[3][3]) {
     C[2][2] = f * (A[0][0] * A[1][1] - A[0][1] * A[1][0]);
     return isfinite(f) && f > 0.0;
 }
+
+/* The inverse of a matrix by its cofactors; 0 if it has none. */
+static int inverse_of(const double A[3][3], double C[3][3]) {
+    double rows[3][3], determinant;
+    for (int k = 0; k < 3; k++) cross(A[(k + 1) % 3], A[(k + 2) % 3], rows[k]);
+    determinant = dot(A[0], rows[0]);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) C[j][i] = rows[i][j] / determinant;
+    return isfinite(1.0 / determinant);
+}
+
+/* Of a variance, what rounding may make of it in an update, and more: so much is added, and covariances stay definite. */
+#define ROUNDING 1e-12
 
 /* The lower Cholesky factor in place; 0 if there is none. */
 static int factored(int n, double *A) {
@@ -160,6 +175,11 @@ static double angle_between(const double A[3][3], const double B[3][3], double t
         for (int j = 0; j < 3; j++) change[i][j] = dot(A[i], B[j]);
     rotation_vector(change, turn);
     return sqrt(dot(turn, turn));
+}
+
+static void transposed(const double A[3][3], double C[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) C[j][i] = A[i][j];
 }
 
 static void copy(const double from[3][3], double to[3][3]) {

@@ -11,7 +11,7 @@
 #define WIDER 2.0     /* of the first estimate: rates are means over finite turns, and noisy */
 #define KNOWN 0.1     /* relative deviation of the rate at which the filters begin */
 #define MISFIT 4.0    /* mean square of the innovations, in units of their covariance */
-#define FINE 0.1      /* rad, a step of the integration */
+#define FINE 0.15     /* rad, a step of the integration */
 enum { FEWEST_PAIRS = 12, MOST_STEPS = 500, MEMORY = 16 };
 
 static void inertia_of(const double j[5], double J[3][3]) {
@@ -215,18 +215,20 @@ static void follow(Tumble *tumble, const double before[3][3], const double turn[
     if (!fits || !(tumble->misfit < MISFIT) || !possible(J)) forget_tumble(tumble);
 }
 
-/* The angular acceleration in C at a time after the last node; zero if no tumble is known. */
-static void swing_of(const Tumble *tumble, double T, double swing[3]) {
-    double J[3][3], inverse[3][3], R[3][3], momentum[3], torque[3], change[3];
+/* The angular acceleration in the axes of R of a free tumble `back` s ago; zero if none is known. */
+static void swing_of(const OnlineTumble *now, double back, double swing[3]) {
+    double inverse[3][3], R[3][3], w[3], momentum[3], torque[3], change[3] = {0}, turn[3];
     for (int k = 0; k < 3; k++) swing[k] = 0.0;
-    if (tumble->known == 0.0) return;
-    Spin spin = tumble->spin[best_spin(tumble)];
-    if (!spin_on(&spin, T, 0.0)) return;
-    inertia_of(spin.j, J);
-    if (!inverted(J, inverse)) return;
-    times(J, spin.w, momentum);
-    cross(momentum, spin.w, torque);
-    times(inverse, torque, change);
-    matrix_of(spin.q, R);
+    if (now->known == 0.0 || !inverted(now->inertia, inverse)) return;
+    copy(now->R, R);
+    times(R, now->rate, turn);
+    for (int k = 0; k < 3; k++) turn[k] *= -back;
+    turn_left(turn, R);
+    for (int round = 0; round < 2; round++) {
+        for (int k = 0; k < 3; k++) w[k] = now->rate[k] - back * change[k];
+        times(now->inertia, w, momentum);
+        cross(momentum, w, torque);
+        times(inverse, torque, change);
+    }
     times(R, change, swing);
 }

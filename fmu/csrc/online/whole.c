@@ -4,6 +4,7 @@
 
 #include "online.h"
 #include "small.h"
+#include "frames.h"
 
 #include "inertia_basis.h"
 
@@ -33,6 +34,9 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 #include "registration.c"
 #include "bank.c"
 #include "filter.c"
+#include "level.c"
+#include "seeming.c"
+#include "update.c"
 #include "features.c"
 #include "tumble.c"
 #include "node.c"

@@ -13,60 +13,10 @@ import oracles
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
+from tops import DRIFT, FRAMES, POINTS, SIGMA, START, attitudes, batch_bound, errors, run, straight, tracks
 
-SIGMA = 0.02  # m
-POINTS = np.array(
-    [
-        [2.0, 1.4, -1.2],
-        [-2.1, -1.4, 0.9],
-        [1.9, 1.0, 0.9],
-        [0.9, -1.4, -1.2],
-        [-1.1, 1.4, -1.2],
-        [-1.2, -0.4, 1.3],
-        [0.3, 0.2, 1.6],
-        [2.4, -0.6, 0.2],
-    ]
-)
-START, DRIFT = np.array([3.0, 18.0, -4.0]), np.array([0.02, -0.01, 0.015])
-TURN = 120.0  # s, of the precession
-FRAMES = 180
 DRAWS = 16
 ALPHA = 1e-4  # of the chi-square bands, two-sided
-
-
-def attitudes(time):
-    """R_C_B (n, 3, 3) of a symmetric top."""
-    turn = 2 * np.pi * time / TURN
-    angles = np.stack([turn, np.full_like(turn, 0.7), 0.6 * turn], axis=1)
-    return Rotation.from_euler("ZXZ", angles).as_matrix()
-
-
-def tracks(rng, time, path, points=POINTS, sigma=SIGMA):
-    places = path[:, None] + points @ np.swapaxes(attitudes(time), 1, 2)
-    return places + sigma * rng.standard_normal(places.shape)
-
-
-def straight(time):
-    return START + time[:, None] * DRIFT
-
-
-def run(filter, time, seen, **more):
-    return [filter.update(float(t), frame, **more) for t, frame in zip(time, seen, strict=True)]
-
-
-def errors(states, path):
-    """Distances (n,) and NEES (n,) of states."""
-    off = np.array([state.position for state in states]) - path
-    of_place = np.array([state.covariance[:3, :3] for state in states])
-    return np.linalg.norm(off, axis=1), np.einsum("ni,nij,nj->n", off, np.linalg.inv(of_place), off)
-
-
-def batch_bound(time):
-    """The rms error of least squares on all frames, at the last: position, velocity and offset, known attitudes."""
-    t = (time - time[-1])[:, None, None]
-    design = np.concatenate([np.tile(np.eye(3), (len(time), 1, 1)), t * np.eye(3), attitudes(time)], axis=2)
-    information = np.einsum("nki,nkj->ij", design, design) * len(POINTS) / SIGMA**2
-    return np.sqrt(np.trace(np.linalg.inv(information)[:3, :3]))
 
 
 def test_a_straight_path_is_found_as_exactly_as_by_a_batch_and_no_more_is_claimed():

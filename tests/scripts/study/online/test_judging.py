@@ -5,10 +5,12 @@ import itertools
 import numpy as np
 import pytest
 
+from baryscope.estimator.online import OnlineStatus
 from baryscope.study.online.__main__ import main
 from baryscope.study.online.flights import POPULATION, flight
 from baryscope.study.online.judging import END, judged
 from baryscope.study.online.report import ends, table
+from baryscope.study.population.judging import WRONG, nees
 from baryscope.study.world.judging import prepared
 
 
@@ -53,3 +55,12 @@ def test_tables_have_a_row_for_each_mark(line, tmp_path, capsys):
     assert main(["run", "--draws", "1", "--suites", "pivot slips", "-o", path]) == 0
     assert main(["report", path]) == 0
     assert capsys.readouterr().out.count("| pivot slips |") >= 4
+
+
+@pytest.mark.parametrize("draw", [98, 178, 319, 334, 336, 348, 387, 398])
+def test_a_case_that_was_confidently_wrong_is_right_or_says_so(draw):
+    """Stereo, spins and features that come and go within a node, by which nodes once were misled."""
+    made = flight("population", 1, draw)
+    *_, state = made.states()
+    if state.status is OnlineStatus.TRACKING:
+        assert nees(state.position - made.path[-1], state.covariance[:3, :3]) < WRONG

@@ -1,0 +1,53 @@
+/* A frame, or a node of frames as one: its points, its pose, and what it says of the centre of mass. */
+#ifndef FRAMES_H
+#define FRAMES_H
+
+/* When a point of a node was seen, which is the mean of its sightings: y = x + M R b from the foreseen path x. */
+typedef struct {
+    double y[3];    /* from the foreseen centre of mass */
+    double later;   /* than the node's mean time, s */
+    double swept;   /* s, by which an error of the rate turns the target */
+    double M[3][3]; /* the mean rotation in C since the mean time */
+    double unsteady; /* rad, what a rate that changes by its cube may turn it by besides */
+} Passage;
+
+typedef struct {
+    int count;
+    double y[MOST_FEATURES][3];
+    double noise[MOST_FEATURES][3][3];
+    double W[MOST_FEATURES][3][3]; /* of a residual: noise and map */
+    long long name[MOST_FEATURES];
+    int slot[MOST_FEATURES]; /* of the map, -1: not in it */
+    int fits[MOST_FEATURES];
+    double sightings[MOST_FEATURES]; /* of which a point is the mean */
+    Passage passage[MOST_FEATURES];
+} Frame;
+
+typedef struct {
+    double c[3], R[3][3];  /* a feature b is at c + R b */
+    double factor[36];     /* Cholesky's, of the normal equations of (c, rotation vector in C) */
+    double squares;        /* of the weighted residuals */
+    int count;             /* points that fit */
+} Pose;
+
+/* An attitude with the variance of its rotation vector, rad2; INFINITY where any is possible. */
+typedef struct {
+    double R[3][3], variance;
+} Foreseen;
+
+/* How the target turns about the mean time of a node: rate and acceleration in C, with the covariance of the rate, and the
+   drift of the map's centre of mass from the foreseen one. If `since` is not 0, `before` is the mean rate since the node
+   before, that long ago, and acceleration the rate's change from then. */
+typedef struct {
+    double rate[3], acceleration[3], drift[3], covariance[3][3];
+    double before[3], since;
+} Sweep;
+
+/* What a node says of (r, v, offset): c is r - lag v + offset, with matrices for the latter two; `offset` is from B to C.
+   turn: the covariance of its attitude, from that of the whole map. */
+typedef struct {
+    double c[3], lag[3][3], offset[3][3], noise[3][3], turn[3][3];
+    double change[3][3]; /* of the offset since the node before, as other features are seen, in B */
+} Level;
+
+#endif

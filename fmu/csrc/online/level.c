@@ -1,0 +1,182 @@
+/* What a node says of (r, v, offset), with all that is uncertain about it. */
+
+/* The covariance of a x b of independent a and b. */
+static void of_cross(const double A[3][3], double B[3][3], double C[3][3]) {
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            int p = (i + 1) % 3, q = (i + 2) % 3, r = (j + 1) % 3, s = (j + 2) % 3;
+            C[i][j] = A[p][r] * B[q][s] - A[p][s] * B[q][r] - A[q][r] * B[p][s] + A[q][s] * B[p][r];
+        }
+}
+
+/* The covariance (3, 3) of the pose's place, `first` 0, or of its rotation vector in C, `first` 3. */
+static void of_pose(const Pose *pose, int first, double found[3][3]) {
+    for (int j = 0; j < 3; j++) {
+        double column[6] = {0};
+        column[first + j] = 1.0;
+        solved(6, pose->factor, column);
+        for (int i = 0; i < 3; i++) found[i][j] = column[first + i];
+    }
+}
+
+/* A = R A R' */
+static void turned(const double R[3][3], double A[3][3]) {
+    double T[3][3];
+    product(R, A, T);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) A[j][k] = dot(T[j], R[k]);
+}
+
+/* What moves all points of a frame together: the camera's attitude, and what is of second order, the error of the
+   attitude times that of the offset. */
+static void common_noise(const Online *filter, const Frame *frame, const Pose *pose, const Level *level,
+                         double found[3][3]) {
+    double offset[3][3] = {{0}}, a = filter->options.attitude_noise;
+    for (int i = 0; i < frame->count; i++) {
+        if (!frame->fits[i]) continue;
+        int at = BODY + 3 * frame->slot[i];
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++) offset[j][k] += filter->P[at + j][at + k] / pose->count;
+    }
+    turned(pose->R, offset);
+    of_cross(level->turn, offset, found);
+    double square = dot(pose->c, pose->c);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) found[j][k] += a * a * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
+}
+
+/* Of a feature's place, what the error of the rate does to it: of second order. */
+static void add_swept(const Online *filter, Frame *frame, const Pose *pose, const Sweep *sweep) {
+    for (int i = 0; i < frame->count; i++) {
+        double own[3][3], more[3][3], swept = frame->passage[i].swept;
+        if (!frame->fits[i] || swept == 0.0) continue;
+        int at = BODY + 3 * frame->slot[i];
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++) own[j][k] = filter->P[at + j][at + k];
+        turned(pose->R, own);
+        of_cross(sweep->covariance, own, more);
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++) frame->noise[i][j][k] += swept * swept * more[j][k];
+    }
+}
+
+/* R' A R */
+static void in_body(const double R[3][3], const double A[3][3], double found[3][3]) {
+    double T[3][3];
+    product(A, R, T);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) found[a][b] = R[0][a] * T[0][b] + R[1][a] * T[1][b] + R[2][a] * T[2][b];
+}
+
+/* By how much of each feature's error the whole map is turned, in B: least squares of a rotation about the centroid. */
+static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3]) {
+    int used = (int)filter->used;
+    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3];
+    for (int f = 0; f < used; f++)
+        for (int k = 0; k < 3; k++) mean[k] += filter->b[f][k] / used;
+    for (int f = 0; f < used; f++) {
+        double arm[3], K[3][3];
+        for (int k = 0; k < 3; k++) arm[k] = filter->b[f][k] - mean[k];
+        moved_by_turn(arm, K);
+        transposed(K, share[f]);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) J[a][b] += dot(K[a], K[b]);
+    }
+    if (!inverted(J, inverse)) copy(NOTHING, inverse);
+    for (int f = 0; f < used; f++) {
+        double T[3][3];
+        copy(share[f], T);
+        product(inverse, T, share[f]);
+    }
+}
+
+/* What the errors of the features do: to the offset that is seen, as other features are seen than in the node before, and to
+   the attitude against that of the whole map; adds the covariances, in B. */
+static void of_map(const Online *filter, double share[MOST_FEATURES][3][3], double turn[MOST_FEATURES][3][3],
+                   double change[3][3], double turned_by[3][3]) {
+    int n = 3 * (int)filter->used;
+    double D[2][3][3 * MOST_FEATURES], DP[3 * MOST_FEATURES];
+    for (int j = 0; j < n; j++)
+        for (int a = 0; a < 3; a++) {
+            D[0][a][j] = share[j / 3][a][j % 3] - filter->share[j / 3][a][j % 3];
+            D[1][a][j] = turn[j / 3][a][j % 3];
+        }
+    for (int part = 0; part < 2; part++)
+        for (int a = 0; a < 3; a++) {
+            for (int j = 0; j < n; j++) DP[j] = 0.0;
+            for (int i = 0; i < n; i++)
+                for (int j = 0; j < n; j++) DP[j] += D[part][a][i] * filter->P[BODY + i][BODY + j];
+            for (int b = 0; b < 3; b++) {
+                double sum = 0.0;
+                for (int j = 0; j < n; j++) sum += DP[j] * D[part][b][j];
+                (part == 0 ? change : turned_by)[a][b] += sum;
+            }
+        }
+}
+
+/* A S A' is added. */
+static void add_congruent(double (*A)[3], const double S[3][3], double found[3][3]) {
+    double T[3][3];
+    product(A, S, T);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) found[a][b] += dot(T[a], A[b]);
+}
+
+/* What a node says of its centre of mass; share (3, 3): of each feature's error in the offset, in B; features without one are
+   not seen. */
+static void level_of(const Online *filter, const Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
+                     double share[MOST_FEATURES][3][3], Level *level) {
+    double V[6][6], swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3], inverse[3][3];
+    for (int j = 0; j < 6; j++) {
+        for (int k = 0; k < 6; k++) V[j][k] = k == j;
+        solved(6, pose->factor, V[j]);
+    }
+    *level = (Level){0};
+    turn_of_map(filter, turn);
+    for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]);
+    for (int i = 0; i < frame->count; i++) {
+        if (!frame->fits[i]) continue;
+        const Passage *passage = &frame->passage[i];
+        double arm[3], K[3][3], G[3], D[2][3][3], M[3][3];
+        int f = frame->slot[i];
+        times(pose->R, filter->b[f], arm);
+        moved_by_turn(arm, K);
+        for (int j = 0; j < 6; j++) {
+            for (int a = 0; a < 3; a++) G[a] = V[j][a] + dot(K[a], &V[j][3]);
+            transposed_times(frame->W[i], G, D[j / 3][j % 3]);
+        }
+        add_congruent(D[0], frame->noise[i], level->noise);
+        add_congruent(D[1], frame->noise[i], level->turn);
+        for (int part = 0; part < 2 && passage->swept != 0.0; part++) {
+            product(D[part], K, T);
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) swept[part][a][b] += passage->swept * T[a][b];
+        }
+        product(passage->M, pose->R, M);
+        product(D[0], M, share[f]);
+        in_body(pose->R, D[1], T);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) {
+                later[a][b] += passage->later * D[0][a][b];
+                level->offset[a][b] += share[f][a][b];
+                turn[f][a][b] -= T[a][b];
+            }
+    }
+    if (!inverse_of(level->offset, inverse)) copy(NOTHING, inverse);
+    for (int f = 0; f < (int)filter->used; f++) {
+        copy(share[f], T);
+        product(inverse, T, share[f]);
+    }
+    copy(NOTHING, T);
+    of_map(filter, share, turn, level->change, T);
+    turned(pose->R, T);
+    add_congruent(swept[0], sweep->covariance, level->noise);
+    add_congruent(swept[1], sweep->covariance, level->turn);
+    for (int a = 0; a < 3; a++) {
+        for (int b = 0; b < 3; b++) {
+            level->turn[a][b] += T[a][b];
+            level->lag[a][b] = (a == b ? lag : 0.0) - later[a][b];
+        }
+        level->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(level->lag[a], &filter->x[3]);
+    }
+}

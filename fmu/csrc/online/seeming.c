@@ -1,0 +1,55 @@
+/* Information on the offset that is none, taken back. */
+
+/* The information on the offset that is not there: the noise of an attitude turns the offset, too, and seems to show it, by
+   E[[turn]x' N^-1 [turn]x]. What it seems to show is noise again, of as much information: twice that is taken back. In B. */
+static void seeming(const Pose *pose, double turn[3][3], double noise[3][3], double M[3][3]) {
+    double weight[3][3], T[3][3], found[3][3];
+    if (!inverted(noise, weight)) weight[0][0] = 0.0;
+    of_cross(turn, weight, found);
+    product(found, pose->R, T);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            M[i][j] = 2.0 * (pose->R[0][i] * T[0][j] + pose->R[1][i] * T[1][j] + pose->R[2][i] * T[2][j]);
+}
+
+/* M (1 + P M)^-1: information M is taken from a covariance P, to first order, but never more than half of it, nor what was
+   known before the first frame: a variance of `widest`. */
+static void damped(double P[3][3], double M[3][3], double widest, double found[3][3]) {
+    double inverse[3][3], part = 1.0 - (P[0][0] + P[1][1] + P[2][2]) / (3.0 * widest);
+    copy(NOTHING, found);
+    if (!(part > 0.0) || !inverted(M, inverse)) return;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) inverse[i][j] += P[i][j];
+    if (!inverted(inverse, found)) copy(NOTHING, found);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) found[i][j] *= part;
+}
+
+static void take_back(Online *filter, double M[3][3]) {
+    int n = size_of(filter), used = (int)filter->used;
+    double G[3][MOST_ERRORS] = {{0}}, MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
+    for (int f = 0; f < used; f++)
+        for (int a = 0; a < 3; a++)
+            for (int j = 0; j < n; j++) G[a][j] += filter->P[BODY + 3 * f + a][j] / used;
+    for (int f = 0; f < used; f++)
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) P[a][b] += G[a][BODY + 3 * f + b] / used;
+    damped(P, M, filter->widest, less);
+    for (int a = 0; a < 3; a++)
+        for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+}
+
+static void take_back_of_member(Member *member, double M[3][3], double widest) {
+    double P[3][3], less[3][3], G[3][LEVEL], MG[3][LEVEL];
+    for (int a = 0; a < 3; a++) {
+        for (int j = 0; j < LEVEL; j++) G[a][j] = member->P[6 + a][j];
+        for (int b = 0; b < 3; b++) P[a][b] = member->P[6 + a][6 + b];
+    }
+    damped(P, M, widest, less);
+    for (int a = 0; a < 3; a++)
+        for (int j = 0; j < LEVEL; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
+    for (int i = 0; i < LEVEL; i++)
+        for (int j = 0; j < LEVEL; j++) member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+}

@@ -1,0 +1,61 @@
+/* The update with a node. */
+
+/* By how much the variance of an attitude exceeds that of its registration before the update: nearly nothing is known. */
+#define FREE 1e4
+
+/* A node whose mean time is `lag` s ago; afterwards its points are where they would have
+   been seen from the centre of mass as it is known now. */
+static void update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
+                         double turn[3][3]) {
+    double dx[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}};
+    double moved[3] = {0}, share[MOST_FEATURES][3][3], rate[3][3];
+    Level level;
+    add_swept(filter, frame, pose, sweep);
+    level_of(filter, frame, pose, lag, sweep, share, &level);
+    common_noise(filter, frame, pose, &level, common);
+    copy(level.turn, turn);
+    for (int k = 0; k < 3; k++)
+        free[k][k] = fmin(1.0, FREE * (turn[0][0] + turn[1][1] + turn[2][2]));
+    copy(sweep->covariance, rate);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) level.noise[k][j] += common[k][j];
+    add_noise(update_bank(filter, &level), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    filter->span = 0.0;
+    int first = SHIFT;
+    for (int i = 0; i < frame->count; i++)
+        if (frame->passage[i].swept != 0.0) first = SWEEP;
+    renew(filter, SWEEP, rate);
+    renew(filter, SHIFT, common);
+    renew(filter, TURN, free);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
+    for (int i = 0; i < frame->count; i++)
+        if (frame->fits[i]) update_point(filter, frame, i, lag, first, dx);
+    for (int k = 0; k < 6; k++) filter->x[k] += dx[PLACE + k];
+    for (int i = 0; i < frame->count; i++) {
+        Passage *passage = &frame->passage[i];
+        double swept[3], since = lag - passage->later;
+        cross(&dx[SWEEP], passage->y, swept);
+        for (int k = 0; k < 3; k++) {
+            passage->y[k] -= dx[SHIFT + k] + dx[PLACE + k] - since * dx[SPEED + k] + passage->swept * swept[k];
+            frame->y[i][k] += lag * dx[SPEED + k];
+        }
+    }
+    start_interval(filter);
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) {
+            filter->b[f][k] += dx[BODY + 3 * f + k];
+            moved[k] += dot(share[f][k], &dx[BODY + 3 * f]);
+            for (int j = 0; j < 3; j++) filter->share[f][k][j] = share[f][k][j];
+        }
+    turn_left(&dx[TURN], filter->R);
+    double M[3][3];
+    seeming(pose, level.turn, level.noise, M);
+    take_back(filter, M);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];
+    for (int m = 0; m <= SHADOW; m++) {
+        for (int k = 0; k < 3; k++) filter->bank[m].x[6 + k] -= moved[k];
+        take_back_of_member(&filter->bank[m], M, filter->widest);
+    }
+}

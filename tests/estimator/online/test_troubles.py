@@ -1,0 +1,63 @@
+"""The online estimator where features are taken for others, the chaser burns untold, or digits are few."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from baryscope.estimator.online import OnlineEstimator, OnlineStatus
+from tops import POINTS, SIGMA, errors, run, straight, tracks
+
+ALPHA = 1e-4  # of the chi-square bands
+
+
+def test_an_attitude_that_points_under_wrong_names_make_is_left_out():
+    """Two of five features exchange their names in some frames: with the other three, other attitudes fit, too."""
+    points = np.array([[1.0, 0.0, 0.0], [-0.5, 0.87, 0.0], [-0.5, -0.87, 0.0], [0.0, 0.0, 1.2], [0.0, 0.3, -1.0]])
+    time = np.arange(240.0)
+    path = straight(time)
+    worst = []
+    for draw in range(8):
+        rng = np.random.default_rng([22, draw])
+        seen = tracks(rng, time, path, points)
+        for k in np.nonzero(rng.random(len(time)) < 0.2)[0]:
+            two = rng.permutation(5)[:2]
+            seen[k, two] = seen[k, two[::-1]]
+        states = run(OnlineEstimator(SIGMA), time, seen)
+        found = [state for state in states if state.status is OnlineStatus.TRACKING][-1]
+        off = found.position - straight(np.array([found.time]))[0]
+        worst.append(off @ np.linalg.solve(found.covariance[:3, :3], off))
+    assert sum(worst) < chi2.ppf(1 - ALPHA, 24)
+
+
+def test_the_covariance_stays_definite_where_fine_points_meet_a_wide_start():
+    """Points known to 10 µm across the line of sight, and an offset of which 50 m are possible."""
+    deviations = np.array([1e-5, 1e-3, 1e-5])
+    time = np.arange(0.0, 30.0, 0.25)
+    path, points = straight(time), 4 * POINTS
+    covariance = np.tile(np.diag(deviations**2), (len(points), 1, 1))
+    for draw in range(4):
+        rng = np.random.default_rng([23, draw])
+        seen = tracks(rng, time, path, points, sigma=0.0)
+        seen += deviations * rng.standard_normal(seen.shape)
+        states = run(OnlineEstimator(1.0), time, seen, covariance=covariance)
+        every = np.array([state.covariance for state in states])
+        size = np.sqrt(np.diagonal(every, axis1=1, axis2=2))  # NaN is a warning, which is an error
+        assert (np.linalg.eigvalsh(every / size[:, :, None] / size[:, None])[:, 0] > 0).all()
+
+
+def test_a_burn_that_nobody_tells_is_bridged_and_forgotten():
+    """20 s of 3 mm/s² after a turn, in which the offset is known: the path is soon as sure as before."""
+    time = np.arange(300.0)
+    push = np.array([2e-3, -2e-3, 1e-3])
+    since = np.clip(time - 150, 0, None)
+    burn = np.where(since < 20, 0.5 * since**2, 20 * since - 200)
+    path = straight(time) + burn[:, None] * push
+    nees = []
+    for draw in range(8):
+        rng = np.random.default_rng([24, draw])
+        states = run(OnlineEstimator(SIGMA), time, tracks(rng, time, path))
+        distance, own = errors(states, path)
+        assert states[-1].status is OnlineStatus.TRACKING
+        assert distance[-1] < 0.02
+        assert np.sqrt(np.trace(states[-1].covariance[:3, :3])) < 0.02
+        nees.append(own[-1])
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 24)
