@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.orbit import Orbit
@@ -40,7 +41,8 @@ def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | N
     return Report(
         f"Centre of mass from {name}",
         f"{counted(len(tracks.time), 'frame')} over {tracks.time[-1] - tracks.time[0]:.6g} s, "
-        f"{counted(len(tracks.labels), 'feature')}, by {result.method}",
+        f"{counted(len(tracks.labels), 'feature')}, by {result.method}"
+        + ("" if tracks.epoch is None else f"; time 0 is {tracks.epoch}"),
         result.version,
         (*parts, *parts_of(result, shades)),
         (state, words + accuracy),  # type: ignore[arg-type]
@@ -74,17 +76,21 @@ def in_tracks(flags: BoolArray, labels: tuple[str, ...], tracks: FeatureTracks) 
 
 
 def _filled(result: Estimate, tracks: FeatureTracks) -> FloatArray:
-    """Measured features (n, m, 3), and estimated ones where an attitude is known and they are not seen."""
+    """Measured features (n, m, 3), and estimated ones where an attitude is known and they are not seen.
+
+    With `ml` all clusters have the same axes; else only those of the main one are those of the attitude.
+    """
     found = tracks.position.copy()
     if result.attitude is None or not result.clusters:
         return found
     main = max(result.clusters, key=lambda cluster: len(cluster.frames))
+    clusters = result.clusters if isinstance(result.details, TumbleDetails) else (main,)  # those with the same axes
     place = {label: index for index, label in enumerate(tracks.labels)}
     known = np.isfinite(result.attitude).all(axis=(1, 2))
-    for label, point in zip(main.labels, main.points - main.centre_of_mass, strict=True):
-        column = place.get(label)
-        if column is None or not np.isfinite(point).all():
-            continue
-        hidden = known & ~tracks.seen[:, column]
-        found[hidden, column] = result.position[hidden] + result.attitude[hidden] @ point
+    for cluster in clusters:
+        for label, point in zip(cluster.labels, cluster.points - cluster.centre_of_mass, strict=True):
+            column = place.get(label)
+            if column is not None and np.isfinite(point).all():
+                hidden = known & ~tracks.seen[:, column]
+                found[hidden, column] = result.position[hidden] + result.attitude[hidden] @ point
     return found

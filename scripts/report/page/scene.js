@@ -1,6 +1,6 @@
 // The scene: an orthographic picture on a canvas, centred on the centre of mass, that is turned, enlarged and played.
 
-const VIEWS = ["target", "chaser and target", "errors"];
+const VIEWS = ["target", "chaser and target", "errors and ellipsoids"];
 
 function Scene(part) {
   const count = part.time.length, features = part.labels.length;

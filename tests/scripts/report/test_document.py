@@ -6,7 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from baryscope.estimator import FeatureTracks, estimate
+from baryscope.estimator import FeatureTracks, PathOptions, estimate
+from baryscope.estimator.details import TumbleDetails
 from baryscope.report import html_of, report_of_estimate
 from baryscope.report.charts import expected_error, nees_of
 from baryscope.report.document import data_of, plain
@@ -67,6 +68,25 @@ def test_own_tracks_tell_what_was_rejected_and_when(hostile):
     assert len(bins[4]) >= 3
     assert [state[4] for state in parts["scene"]["state"][19:24]] == ["1", "2", "2", "2", "1"]
     assert data_of(hostile)["verdict"][0] == "good"
+
+
+def test_hidden_features_are_where_the_estimate_has_them():
+    """ml knows all features in one body's axes; each is seen in half of the time or more. Noise 1 mm, bodies of 2 m."""
+    time = np.arange(0.0, 200.0, 2.0)
+    com = np.array([8.0, -18.0, 6.0]) + 0.01 * time[:, None] * [1, -1, 0.5]
+    R = attitude(np.diag([2.0, 3.0, 4.0]), np.array([0.04, 0.03, 0.02]), time)
+    features = box_features(6, (2, 2, 3), 1)
+    clusters = [(0, 120, [0, 1, 2, 3]), (80, 201, [2, 3, 4, 5])]
+    case = make_case(time, R, com, features, noise=0.001, clusters=clusters)
+    result = estimate(case.tracks, method="ml", options=PathOptions(trajectory="polynomial:1"))
+    assert isinstance(result.details, TumbleDetails)
+    scene = data_of(report_of_estimate(result, case.tracks, None, "two.csv"))["parts"][0]
+    shown = np.array(scene["features"], dtype=float).reshape(len(time), -1, 3) + np.reshape(scene["path"], (-1, 1, 3))
+    true = com[:, None] + np.einsum("kij,mj->kmi", R, features)
+    hidden = ~case.tracks.seen
+    assert hidden.sum() > 100
+    np.testing.assert_allclose(shown[hidden], true[hidden], atol=0.01)
+    assert len(scene["faces"]) == 3 * 8  # a polyhedron of triangles with six corners
 
 
 def test_a_hundred_thousand_frames_are_small():

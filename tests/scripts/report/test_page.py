@@ -37,6 +37,14 @@ def text_of(page, selector):
     return page.value(f"document.querySelector({selector!r}).textContent")
 
 
+def pick(page, which, index):
+    """Choose an entry of one of the scene's lists: view, axes, pace."""
+    page.value(
+        f"(() => {{ const one = document.querySelectorAll('section[aria-label=Scene] select')[{which}]; "
+        f"one.selectedIndex = {index}; one.dispatchEvent(new Event('change')); }})()"
+    )
+
+
 def test_all_parts_are_there_and_words_are_words(page):
     kinds = page.value("[...document.querySelectorAll('main > section')].map((one) => one.ariaLabel)")
     assert kinds[:4] == ["Methods side by side", "Scene", "Error of the centre of mass", "NEES of the centre of mass"]
@@ -69,8 +77,9 @@ def test_the_slider_moves_the_scene_and_the_charts(page):
 def test_play_moves_on_and_stops(page):
     page.value("document.querySelector('input[type=range]').value = 0")
     page.value("document.querySelector('input[type=range]').dispatchEvent(new Event('input'))")
+    pick(page, 2, 0)
     page.click("button.play")
-    page.value("new Promise((done) => setTimeout(done, 1500))")
+    page.value("new Promise((done) => setTimeout(done, 500))")
     page.click("button.play")
     at = page.value(f"Number(document.querySelector('{SLIDER}').value)")
     assert at > 0
@@ -88,10 +97,7 @@ def test_dragging_and_keys_turn_and_enlarge_the_scene(page):
         page.key(name, code, text)
         pictures.append(page.value(INK))
     for view in (1, 2):
-        page.value(
-            f"(() => {{ const one = document.querySelector('section select'); one.selectedIndex = {view}; "
-            "one.dispatchEvent(new Event('change')); })()"
-        )
+        pick(page, 0, view)
         pictures.append(page.value(INK))
     assert len(set(pictures)) == len(pictures)
     assert page.value(EMPTY) not in pictures
