@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 FORMAT = 1
-DIGITS = 5  # of a number, but for those of EXACT fields
+DIGITS = 5  # of a number, but for those of fields that say another number
 MORE_DIGITS = 8
 EXACT = {"digits": MORE_DIGITS}
+MOMENTS = {"digits": 13}  # seconds since 1970, to a tenth of a millisecond
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,7 @@ class Series:
     """
 
     label: str
-    x: FloatArray = field(metadata=EXACT)
+    x: FloatArray = field(metadata=MOMENTS)
     y: FloatArray
     colour: int | Literal["ink"] = "ink"
     style: Literal["line", "dashed", "wide", "points", "cross"] = "line"
@@ -131,7 +132,7 @@ class Scene:
     every: how many frames of the tracks one of these stands for.
     """
 
-    time: FloatArray = field(metadata=EXACT)
+    time: FloatArray = field(metadata=MOMENTS)
     path: FloatArray = field(metadata=EXACT)
     path_label: str
     labels: tuple[str, ...]
@@ -186,7 +187,7 @@ def plain(value: Any, digits: int = DIGITS) -> Any:
         return [_rounded(number, digits) for number in value.ravel().tolist()]
     if isinstance(value, list | tuple):
         return [plain(one, digits) for one in value]
-    return _rounded(value, MORE_DIGITS) if isinstance(value, float) else value
+    return _rounded(value, MOMENTS["digits"]) if isinstance(value, float) else value
 
 
 def _rounded(number: float, digits: int) -> float | int | None:

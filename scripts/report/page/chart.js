@@ -131,7 +131,7 @@ function Chart(part) {
         found.push(`${one.label.split(":")[0]} ${shown(one.y[k])}${between}`);
       }
     });
-    reading.textContent = `${part.timed ? "t = " : ""}${shown(x)}${part.timed ? " s" : ""}: ${found.join("; ")}`;
+    reading.textContent = `${part.timed ? `t = ${moment(x)} s` : shown(x)}: ${found.join("; ")}`;
   }
 
   function readPoint(one, x, y) {

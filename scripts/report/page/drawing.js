@@ -29,6 +29,9 @@ function shown(value) {
   return String(Number(value.toPrecision(4)));
 }
 
+// A time in s, which may be counted from 1970.
+const moment = (seconds) => String(Number(seconds.toPrecision(Math.abs(seconds) < 1e5 ? 5 : 11)));
+
 // A length in the unit that suits it, from metres.
 function length(metres) {
   const size = Math.abs(metres);
@@ -44,7 +47,7 @@ function linearTicks(low, high, count) {
   const ticks = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) ticks.push(k * step);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const far = Math.max(Math.abs(low), Math.abs(high)) >= 1e6;
+  const far = Math.max(Math.abs(low), Math.abs(high)) >= 1e11;
   return ticks.map((value) => ({ value, text: far ? value.toExponential(1) : value.toFixed(Math.min(digits, 9)) }));
 }
 

@@ -219,7 +219,7 @@ function Scene(part) {
   function show(k, tell = false) {
     state.k = k;
     slider.value = k;
-    const seconds_text = `${shown(part.time[k])} s`;
+    const seconds_text = `${moment(part.time[k])} s`;
     slider.setAttribute("aria-valuetext", seconds_text);
     const digits = part.state[k], seen = [...digits].filter((one) => one !== "0").length, rejected = [...digits].filter((one) => one === "2").length;
     const words = [`t = ${seconds_text}`, `range ${length(norm(triple(part.path, k)))}`, `${seen} of ${features} features seen${rejected ? `, ${rejected} rejected` : ""}`];
@@ -242,9 +242,9 @@ function Scene(part) {
     play.textContent = "⏸ pause"; play.setAttribute("aria-pressed", "true");
     const begin = part.time[0], whole = part.time[count - 1] - begin;
     let time = part.time[at];
-    const tick = (moment) => {
-      time += ((moment - last) / 1e3) * (whole / seconds);
-      last = moment;
+    const tick = (stamp) => {
+      time += ((stamp - last) / 1e3) * (whole / seconds);
+      last = stamp;
       at = Math.min(nearest(part.time, Math.min(time, begin + whole)), count - 1);
       if (at !== state.k) show(at, true);
       if (time >= begin + whole) stop(); else state.playing = requestAnimationFrame(tick);
