@@ -1,10 +1,11 @@
 """What a report says of one estimate, with or without a truth: residuals, coverage, observability, options."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.details import ScoreDetails, ScrewDetails
 from baryscope.estimator.document import document_of
 from baryscope.estimator.prose import summary, verdict
 from baryscope.estimator.result import Estimate, Status
@@ -18,7 +19,8 @@ BoolArray = NDArray[np.bool_]
 
 MOST_RESIDUALS = 3000
 MOST_REJECTED = 1000
-STATUSES = {
+Verdict = tuple[Literal["good", "warn", "bad"], str]
+STATUSES: dict[Status, Verdict] = {
     Status.GOOD: ("good", "The estimate can be used: its covariance describes its error."),
     Status.NOT_OBSERVABLE: ("warn", "The estimate can be used, but not in every direction is the position observable."),
     Status.NOT_CHECKED: ("bad", "Too few frames show an attitude to check the estimate: do not trust it."),
@@ -27,9 +29,21 @@ STATUSES = {
 }
 
 
+def verdict_of(result: Estimate) -> Verdict:
+    """Whether the estimate can be used, and what it claims.
+
+    The screw methods and `score` do not test their models, so that they cannot be good.
+    """
+    state, words = STATUSES[result.status]
+    if state != "bad" and isinstance(result.details, ScrewDetails | ScoreDetails):
+        state, words = "warn", f"{result.method} does not test its models: where they are wrong, nothing here says so."
+    claim = "" if result.predicted_rmse is None else f" It claims ±{millimetres(result.predicted_rmse)} mm rms."
+    return state, words + claim
+
+
 def parts_of(result: Estimate, shades: tuple[tuple[float, float], ...] = ()) -> tuple[Part, ...]:
     """All that an estimate tells of itself."""
-    parts: list[Part] = [Words("In words", tuple(summary(result)))]
+    parts: list[Part] = [Words("In words", (verdict_of(result)[1], *summary(result)))]
     parts += [residual_chart(result, shades), feature_sheet(result)]
     if result.observability is not None:
         parts.append(observability_sheet(result))

@@ -10,7 +10,7 @@ from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 from baryscope.report.charts import blackouts
 from baryscope.report.document import Part, Report
-from baryscope.report.estimates import STATUSES, coverage, deviation_chart, millimetres, parts_of, path_chart
+from baryscope.report.estimates import coverage, deviation_chart, parts_of, path_chart, verdict_of
 from baryscope.report.scene import Body, Shown, scene_of
 
 FloatArray = NDArray[np.float64]
@@ -36,8 +36,6 @@ def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | N
         parts.append(deviations)
     rejected = in_tracks(result.rejected, result.labels, tracks)
     parts.append(coverage(tracks.time, tracks.labels, tracks.seen, rejected))
-    state, words = STATUSES[result.status]
-    accuracy = "" if result.predicted_rmse is None else f" It claims ±{millimetres(result.predicted_rmse)} mm rms."
     return Report(
         f"Centre of mass from {name}",
         f"{counted(len(tracks.time), 'frame')} over {tracks.time[-1] - tracks.time[0]:.6g} s, "
@@ -45,12 +43,12 @@ def report_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | N
         + ("" if tracks.epoch is None else f"; time 0 is {tracks.epoch}"),
         result.version,
         (*parts, *parts_of(result, shades)),
-        (state, words + accuracy),  # type: ignore[arg-type]
+        verdict_of(result),
     )
 
 
 def scene_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | None) -> Part:
-    """Features where they were measured; where they are not seen, where the estimate has those of its main cluster."""
+    """Features where they were measured; where they are not seen, where the estimate has them, if it does."""
     rejected = in_tracks(result.rejected, result.labels, tracks)
     body = Body(
         time=tracks.time,

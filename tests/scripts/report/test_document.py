@@ -70,6 +70,20 @@ def test_own_tracks_tell_what_was_rejected_and_when(hostile):
     assert data_of(hostile)["verdict"][0] == "good"
 
 
+@pytest.mark.parametrize("method", ["score", "screw-gpa"])
+def test_methods_that_do_not_test_their_models_are_never_good(method):
+    """Not even where they are right, with a centre of mass at rest and the status good."""
+    time = np.arange(0.0, 300.0)
+    com = np.tile([8.0, -18.0, 6.0], (300, 1))
+    R = attitude(np.diag([2.0, 3.0, 4.0]), np.array([0.04, 0.03, 0.02]), time)
+    case = make_case(time, R, com, box_features(6, (2, 2, 3), 1), noise=0.002)
+    result = estimate(case.tracks, method=method)
+    assert result.status == "good"
+    state, words = report_of_estimate(result, case.tracks, None, "rest.csv").verdict
+    assert state == "warn"
+    assert words.startswith(f"{method} does not test its models")
+
+
 def test_hidden_features_are_where_the_estimate_has_them():
     """ml knows all features in one body's axes; each is seen in half of the time or more. Noise 1 mm, bodies of 2 m."""
     time = np.arange(0.0, 200.0, 2.0)
