@@ -5,7 +5,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.details import ScoreDetails, ScrewDetails
+from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.document import document_of
 from baryscope.estimator.prose import summary, verdict
 from baryscope.estimator.result import Estimate, Status
@@ -32,10 +32,10 @@ STATUSES: dict[Status, Verdict] = {
 def verdict_of(result: Estimate) -> Verdict:
     """Whether the estimate can be used, and what it claims.
 
-    The screw methods and `score` do not test their models, so that they cannot be good.
+    The screw methods do not test their models, so that they cannot be good.
     """
     state, words = STATUSES[result.status]
-    if state != "bad" and isinstance(result.details, ScrewDetails | ScoreDetails):
+    if state != "bad" and isinstance(result.details, ScrewDetails):
         state, words = "warn", f"{result.method} does not test its models: where they are wrong, nothing here says so."
     claim = "" if result.predicted_rmse is None else f" It claims ±{millimetres(result.predicted_rmse)} mm rms."
     return state, words + claim
