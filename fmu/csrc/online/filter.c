@@ -94,8 +94,8 @@ static void renew(Online *filter, int begin, double covariance[3][3]) {
 }
 
 /* The update with one point of a node whose mean time is `lag` s ago; dx are the errors found so far in this node, and
-   errors before `first` are none. */
-static void update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
+   errors before `first` are none. 0 where rounding has left the covariance indefinite. */
+static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
     int n = size_of(filter), at = BODY + 3 * frame->slot[i];
     double arm[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], L[9], e[3], since = lag - passage->later;
@@ -127,7 +127,7 @@ static void update_point(Online *filter, const Frame *frame, int i, double lag, 
                            frame->noise[i][c][d];
             if (first == SWEEP) L[3 * c + d] += dot(S[d], &B[c][SWEEP]);
         }
-    if (!factored(3, L)) return;
+    if (!factored(3, L)) return 0;
     for (int c = 0; c < 3; c++) {
         for (int d = 0; d < c; d++) {
             e[c] -= L[3 * c + d] * e[d];
@@ -142,5 +142,7 @@ static void update_point(Online *filter, const Frame *frame, int i, double lag, 
         double x = B[0][k], y = B[1][k], z = B[2][k], *row = filter->P[k], before = row[k];
         for (int j = first; j < n; j++) row[j] -= x * B[0][j] + y * B[1][j] + z * B[2][j];
         row[k] += ROUNDING * before;
+        if (!(row[k] >= 0.0)) return 0;
     }
+    return 1;
 }

@@ -215,8 +215,8 @@ static double as_frame(const Online *filter, const OnlineTumble *tumble, const d
     return filter->time - node->begin - mean;
 }
 
-/* Give the node to the filter and begin another; with the tumble as it is foreseen now. */
-static void close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
+/* Give the node to the filter and begin another; with the tumble as it is foreseen now. 0 if the filter has to start again. */
+static int close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
     Frame frame;
     Pose pose;
     Sweep sweep;
@@ -224,10 +224,10 @@ static void close_node(Online *filter, const OnlineTumble *tumble, const double 
     filter->node.count = 0.0;
     Foreseen foreseen = {.variance = INFINITY};
     copy(R, foreseen.R);
-    if (!registered(filter, &frame, &foreseen, &pose)) return;
+    if (!registered(filter, &frame, &foreseen, &pose)) return 1;
     copy(filter->R, before);
     settle(filter);
-    update_frame(filter, &frame, &pose, lag, &sweep, noise);
+    if (!update_frame(filter, &frame, &pose, lag, &sweep, noise)) return 0;
     angle_between(filter->R, before, turn);
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
     follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
@@ -240,4 +240,5 @@ static void close_node(Online *filter, const OnlineTumble *tumble, const double 
         for (int k = 0; k < 6; k++) V[k][j] = column[k];
     }
     extend_map(filter, &frame, lag, V);
+    return 1;
 }

@@ -116,6 +116,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     OnlineTumble tumble;
     Foreseen foreseen;
     double R[3][3], turn[3];
+    int sound = 1;
     if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     foresee(filter, time, &tumble, &foreseen);
@@ -141,10 +142,11 @@ int online_update(Online *filter, double time, int count, const long long *names
     filter->registered = time;
     if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > widest_within(&filter->node)) {
         far_enough(filter, R);
-        close_node(filter, &tumble, R);
+        sound = close_node(filter, &tumble, R);
     }
     gather(filter, &frame, &pose);
     note_sightings(filter, &frame);
-    if (far_enough(filter, R)) close_node(filter, &tumble, R);
+    if (sound && far_enough(filter, R)) sound = close_node(filter, &tumble, R);
+    if (!sound) begin(filter, &frame, time);
     return ACCEPTED;
 }

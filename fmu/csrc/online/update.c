@@ -3,9 +3,9 @@
 /* By how much the variance of an attitude exceeds that of its registration before the update: nearly nothing is known. */
 #define FREE 1e4
 
-/* A node whose mean time is `lag` s ago; afterwards its points are where they would have
-   been seen from the centre of mass as it is known now. */
-static void update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
+/* A node whose mean time is `lag` s ago; afterwards its points are where they would have been seen from the centre of mass as
+   it is known now. 0 where rounding has left the covariance indefinite. */
+static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
                          double turn[3][3]) {
     double dx[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}};
     double moved[3] = {0}, share[MOST_FEATURES][3][3], rate[3][3];
@@ -30,7 +30,7 @@ static void update_frame(Online *filter, Frame *frame, const Pose *pose, double 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
     for (int i = 0; i < frame->count; i++)
-        if (frame->fits[i]) update_point(filter, frame, i, lag, first, dx);
+        if (frame->fits[i] && !update_point(filter, frame, i, lag, first, dx)) return 0;
     for (int k = 0; k < 6; k++) filter->x[k] += dx[PLACE + k];
     for (int i = 0; i < frame->count; i++) {
         Passage *passage = &frame->passage[i];
@@ -58,4 +58,5 @@ static void update_frame(Online *filter, Frame *frame, const Pose *pose, double 
         for (int k = 0; k < 3; k++) filter->bank[m].x[6 + k] -= moved[k];
         take_back_of_member(&filter->bank[m], M, filter->widest);
     }
+    return 1;
 }
