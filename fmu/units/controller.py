@@ -13,9 +13,10 @@ from baryscope.models.variables import AXES, Variable
 NAME = "ApproachController"
 USUAL = {
     "grapple.standoff": 2.0, "guidance.speed": 0.1, "guidance.rate": 0.02, "control.rate": 0.2,
-    "corridor.halfAngle": np.deg2rad(20.0), "thrust.limit": 0.05,
+    "corridor.halfAngle": np.deg2rad(20.0),
 }  # fmt: skip
 """Start values that no scenario has, SI."""
+LEAST_LIMIT, RESERVE = 0.05, 1.3  # m/s², of the thrust limit, and over what it takes to go around with the body
 CLEARANCE = 0.5  # the keep-out sphere's radius over the range at which the chaser starts
 
 _FRAMES = (
@@ -43,8 +44,9 @@ _LAW = (
 _USE = (
     "Connect the inputs to an estimator, or to TumblingTarget, and command.acceleration to its chaser.acceleration.",
     "The command is computed from the inputs at the beginning of a step, and stands in the outputs after it. Where a "
-    "master hands it on in the next step, it acts a step later (command.steps is 1): a command that turns with the "
-    "body turns so far. Where it acts in the same step, command.steps is 0; thrusters that wait have command.delay.",
+    "master hands it on in the next step, it acts a step later (command.steps is 1). Where it acts in the same step, "
+    "command.steps is 0; thrusters that wait have command.delay. It is computed for the middle of the step in which it "
+    "acts: till then the body tumbles on, and the chaser with it.",
     "While navigation.valid is false the command is zero, and other outputs are those of a chaser at hold.position; "
     "but camera.attitude looks at target.position, unless that is zero.",
     "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",
@@ -78,6 +80,9 @@ def controller_blueprint(scenario: Scenario) -> Blueprint:
 def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]:
     known, first = scenario.parameters(), scenario.features.points[0]
     moments = np.array([known[f"target.inertia.{axes}"] for axes in AXES])
+    sphere = CLEARANCE * float(np.linalg.norm(known["chaser.position0"]))
+    farthest = max(sphere, float(np.linalg.norm(first.position)) + USUAL["grapple.standoff"])
+    around = float(np.sum(np.deg2rad(scenario.target.angular_rate_deg) ** 2)) * farthest
     given = {
         "target.attitude": known["target.attitude0"],
         "target.inertia": moments / moments[:3].sum(),
@@ -86,7 +91,8 @@ def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]
         "hold.position": known["chaser.position0"],
         "grapple.point": first.position,
         "command.steps": 1.0,
-        "keepOut.radius": CLEARANCE * np.linalg.norm(known["chaser.position0"]),
+        "keepOut.radius": sphere,
+        "thrust.limit": max(LEAST_LIMIT, RESERVE * around),
         **USUAL,
     }
     return starts_of(system.variables, given)

@@ -5,9 +5,10 @@ tumble is known, a point before a grapple point of the body, which turns with it
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
+from typing import Self
 
 import casadi as ca
 
@@ -19,6 +20,7 @@ from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_
 from baryscope.models.relative_motion import relative_acceleration
 from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, Kind, Variable, variable_table
 
+SMALLEST_TURN = 1e-9  # rad, keeps its direction from a division by zero
 ALONG = 0.9  # cosine from which two directions are too much alike to span a plane
 
 
@@ -59,10 +61,7 @@ def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol]
 
 
 def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
-    """Outputs by name. The command acts some steps and a delay later, for a step, while the goal turns on.
-
-    The command turns with it, to the middle of the step in which it acts.
-    """
+    """Outputs by name. The command is for the middle of the step in which it acts, some steps and a delay later."""
     time, length = ca.vertsplit(step)
     elements = Elements.named(parameters)
     true_anomaly = true_anomaly_after(time, elements)
@@ -70,17 +69,22 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
     seen, inputs = inputs["target.position"], _believed(orbit, R_I_L, inputs, parameters)
     position_L = -R_I_L.T @ inputs["target.position"]
     velocity_L = -R_I_L.T @ inputs["target.velocity"] - ca.cross(_spin(orbit), position_L)
-    natural = relative_acceleration(position_L, velocity_L, ca.SX.zeros(3), orbit)
-    motion, goal = Motion(position_L, velocity_L, natural), _goal(orbit, R_I_L, inputs, parameters)
+    body = _Body.told(R_I_L, inputs)
+    goal = _goal(body, orbit, inputs, parameters)
     limits = Limits(
         parameters["guidance.speed"],
         parameters["guidance.rate"],
         parameters["keepOut.radius"],
         ca.cos(parameters["corridor.halfAngle"]),
     )
-    wanted = commanded(motion, goal, limits, parameters["control.rate"])
-    late = parameters["command.steps"] * length + parameters["command.delay"]
-    wanted += ca.cross(goal.turning, wanted) * (late + length / 2)
+    late = (parameters["command.steps"] + 0.5) * length + parameters["command.delay"]
+    # Body and chaser then: the chaser is and moves in the body's axes as now. Nothing changes if the goal is at rest.
+    by = goal.turning * late + goal.turning_rate * late**2 / 2
+    then = _goal(body.later(by, late), orbit, inputs, parameters)
+    place, glide = _turned(position_L, by), _turned(velocity_L - ca.cross(goal.turning, position_L), by)
+    moving = glide + ca.cross(then.turning, place)
+    natural = relative_acceleration(place, moving, ca.SX.zeros(3), orbit)
+    wanted = commanded(Motion(place, moving, natural), then, limits, parameters["control.rate"])
     size, limit, valid = ca.norm_2(wanted), parameters["thrust.limit"], inputs["navigation.valid"]
     return {
         "command.acceleration": valid * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED)),
@@ -132,34 +136,63 @@ def _spin(orbit: Conic) -> Symbol:
     return ca.vertcat(0, 0, orbit.anomaly_rate)
 
 
-def _goal(orbit: Conic, R_I_L: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> Goal:
+@dataclass(frozen=True)
+class _Body:
+    """The free body: attitude R_L_B, angular rate in B, a multiple of its inertia, and whether that is known."""
+
+    R_L_B: Symbol
+    rate: Symbol
+    inertia: Symbol
+    known: Symbol
+
+    @classmethod
+    def told(cls, R_I_L: Symbol, inputs: Mapping[str, Symbol]) -> Self:
+        """As the inputs tell; of a sphere where they do not know the inertia."""
+        xx, yy, zz, xy, xz, yz = ca.vertsplit(inputs["target.inertia"])
+        J = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+        known = ca.trace(J) > 0
+        R_L_B = R_I_L.T @ rotation_from_quaternion(_unit(inputs["target.attitude"]))
+        return cls(R_L_B, inputs["target.angularRate"], ca.if_else(known, J, ca.SX.eye(3)), known)
+
+    def tumble(self, rate: Symbol) -> Symbol:
+        """The angular acceleration at a rate, in B."""
+        return angular_acceleration(self.inertia, symmetric_inverse(self.inertia), rate, ca.SX.zeros(3))
+
+    def later(self, by: Symbol, seconds: Symbol) -> Self:
+        """The body some seconds later, turned by a rotation vector in L till then; its rate by the midpoint rule."""
+        R_L_B = ca.horzcat(*(_turned(column, by) for column in ca.horzsplit(self.R_L_B)))
+        halfway = self.rate + self.tumble(self.rate) * seconds / 2
+        return replace(self, R_L_B=R_L_B, rate=self.rate + self.tumble(halfway) * seconds)
+
+
+def _goal(body: _Body, orbit: Conic, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> Goal:
     """The goal in L. Its angular rate is that of the body less that of L, differentiated in L; the body is free.
 
     It turns while `synchronised`, but only where tumble and grapple point are known: an estimator tells zeros before.
     """
-    rate_B, apex_B = inputs["target.angularRate"], inputs["grapple.point"]
-    xx, yy, zz, xy, xz, yz = ca.vertsplit(inputs["target.inertia"])
-    J = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
-    known = ca.logic_and(ca.trace(J) > 0, ca.norm_2(apex_B) > DIRECTED)
-    turns = ca.logic_and(parameters["synchronised"], known)
-    J = ca.if_else(known, J, ca.SX.eye(3))
-    tumble_B = angular_acceleration(J, symmetric_inverse(J), rate_B, ca.SX.zeros(3))
-
+    apex_B, told = inputs["grapple.point"], inputs["grapple.direction"]
+    turns = ca.logic_and(parameters["synchronised"], ca.logic_and(body.known, ca.norm_2(apex_B) > DIRECTED))
     outward = ca.if_else(ca.norm_2(apex_B) > DIRECTED, apex_B, ca.SX([1, 0, 0]))
-    told = inputs["grapple.direction"]
     axis_B = _unit(ca.if_else(ca.norm_2(told) > DIRECTED, told, outward))
     before_B = apex_B + parameters["grapple.standoff"] * axis_B
-    R_L_B = R_I_L.T @ rotation_from_quaternion(_unit(inputs["target.attitude"]))
-    spin, rate_L = _spin(orbit), R_L_B @ rate_B
-    turning_rate = R_L_B @ tumble_B - ca.cross(spin, rate_L) - ca.vertcat(0, 0, orbit.anomaly_acceleration)
+    spin, rate_L = _spin(orbit), body.R_L_B @ body.rate
+    turning_rate = body.R_L_B @ body.tumble(body.rate) - ca.cross(spin, rate_L)
+    turning_rate -= ca.vertcat(0, 0, orbit.anomaly_acceleration)
     return Goal(
-        position=ca.if_else(turns, R_L_B @ before_B, parameters["hold.position"]),
-        apex=R_L_B @ apex_B,
-        axis=R_L_B @ axis_B,
+        position=ca.if_else(turns, body.R_L_B @ before_B, parameters["hold.position"]),
+        apex=body.R_L_B @ apex_B,
+        axis=body.R_L_B @ axis_B,
         turning=ca.if_else(turns, rate_L - spin, ca.SX.zeros(3)),
         turning_rate=ca.if_else(turns, turning_rate, ca.SX.zeros(3)),
         turns=turns,
     )
+
+
+def _turned(vector: Symbol, by: Symbol) -> Symbol:
+    """A vector turned by a rotation vector (Rodrigues)."""
+    angle = ca.sqrt(ca.dot(by, by) + SMALLEST_TURN**2)
+    across = ca.cross(by, vector)
+    return vector + ca.sin(angle) / angle * across + 2 * (ca.sin(angle / 2) / angle) ** 2 * ca.cross(by, across)
 
 
 def _unit(vector: Symbol) -> Symbol:

@@ -77,7 +77,7 @@ class OnBoard:
             self._samples.append(points - self._displaced(moment)[:3])
         if time >= self._due:
             self._due += PERIOD
-            self._run(time)
+            self._run()
         self.told.append(np.full(3, np.nan) if self._state is None else self._state[:3])
         self._tell(units)
 
@@ -110,7 +110,7 @@ class OnBoard:
             return point.displaced
         return self._moved(point.displaced[:, None], begin, time, point.command)[:, 0]
 
-    def _run(self, time: float) -> None:
+    def _run(self) -> None:
         """The method on all samples, and from its last one to now."""
         self.runs += 1
         labels = tuple(str(k + 1) for k in range(len(self._samples[0])))
