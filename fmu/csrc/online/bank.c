@@ -37,12 +37,15 @@ static void of_level(const Online *filter, double P[LEVEL][LEVEL]) {
         for (int b = 6; b < LEVEL; b++) P[a][b] = P[b][a];
 }
 
-/* All members as the large filter is. */
+/* All members as the large filter is, but for their weights. */
 static void start_bank(Online *filter) {
     Member first = {{0}, {{0}}, 0.0};
     for (int k = 0; k < 6; k++) first.x[k] = filter->x[k];
     of_level(filter, first.P);
-    for (int m = 0; m <= SHADOW; m++) filter->bank[m] = first;
+    for (int m = 0; m <= SHADOW; m++) {
+        first.weight = filter->bank[m].weight;
+        filter->bank[m] = first;
+    }
 }
 
 static void advance_bank(Online *filter, double T, const double step[6], const double F[6][6]) {
@@ -96,17 +99,17 @@ static void whitened(const double L[9], double e[3]) {
 }
 
 /* The update with a node, `span` s after the one before. An innovation that is else one in ten thousand is a jump: returns the
-   density of the acceleration over the span that explains it, else 0. */
+   density of the acceleration over the span that explains it, else 0; -1 where rounding has left the covariance indefinite. */
 static double update_member(Member *member, const Level *level, double span) {
     double e[3], L[9], B[LEVEL][3], jump = 0.0;
-    if (!innovation(member, level, e, L, B)) return 0.0;
+    if (!innovation(member, level, e, L, B)) return -1.0;
     double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
     whitened(L, e);
     if (dot(e, e) > GATE && span > 0.0) {
         jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
         add_noise(jump, span, &member->P[0][0], LEVEL);
         member->weight += JUMP;
-        if (!innovation(member, level, e, L, B)) return 0.0;
+        if (!innovation(member, level, e, L, B)) return -1.0;
         whitened(L, e);
     }
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
@@ -125,19 +128,21 @@ static double update_member(Member *member, const Level *level, double span) {
 /* Returns the density of a jump that the most likely member takes, 0 for none. */
 static double update_bank(Online *filter, const Level *level) {
     double jump[DENSITIES];
-    int best = 0;
+    int best = 0, sound = 1;
     for (int m = 0; m <= SHADOW; m++) {
         Member *member = &filter->bank[m];
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) member->P[6 + a][6 + b] += level->change[a][b];
         if (m < SHADOW) {
             jump[m] = update_member(member, level, filter->span);
+            sound = sound && jump[m] >= 0.0;
             if (member->weight > filter->bank[best].weight) best = m;
         } else {
-            add_noise(jump[best], filter->span, &member->P[0][0], LEVEL);
-            update_member(member, level, 0.0);
+            add_noise(fmax(jump[best], 0.0), filter->span, &member->P[0][0], LEVEL);
+            sound = update_member(member, level, 0.0) >= 0.0 && sound;
         }
     }
+    if (!sound) start_bank(filter);
     double highest = filter->bank[best].weight, sum = 0.0, mean = 0.0;
     for (int m = 0; m < DENSITIES; m++) {
         Member *member = &filter->bank[m];
@@ -150,7 +155,7 @@ static double update_bank(Online *filter, const Level *level) {
         sum += w, mean += w * log(density_of(m));
     }
     filter->density = exp(mean / sum);
-    return jump[best];
+    return fmax(jump[best], 0.0);
 }
 
 /* The mixture of the bank, against the shadow: its mean, and its covariance. */
