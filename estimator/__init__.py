@@ -13,7 +13,7 @@ from baryscope.estimator.camera.attitude import AttitudeSeries
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.document import write_estimate
-from baryscope.estimator.formats import dataset_of_tracks, read_tracks, tracks_of, tracks_of_dataset
+from baryscope.estimator.formats import dataset_of_tracks, read_tracks, tracks_of, tracks_of_dataset, write_tracks
 from baryscope.estimator.methods import METHODS, Failure, attempt, estimate
 from baryscope.estimator.options import PathOptions, ScrewOptions
 from baryscope.estimator.prediction import Prediction
@@ -39,4 +39,5 @@ __all__ = [
     "tracks_of",
     "tracks_of_dataset",
     "write_estimate",
+    "write_tracks",
 ]

@@ -24,6 +24,7 @@ from baryscope.estimator.document_details import (
     plain,
 )
 from baryscope.estimator.findings import Finding
+from baryscope.estimator.formats.write import netcdf, parquet
 from baryscope.estimator.observability import Observability, PrincipalAxes
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import sentence, verdict
@@ -32,7 +33,7 @@ from baryscope.estimator.result import Cluster, Estimate, ProcessNoise, Status
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, write_together
+from baryscope.models.files import AnyPath, Writer, write_together
 
 SCHEMA_VERSION: Literal[1] = 1
 
@@ -232,6 +233,7 @@ def write_estimate(
 ) -> None:
     """Write the path as a CSV file, and the document beside it with the suffix .json.
 
+    A name that ends in .parquet or .nc has the same columns in Parquet, or `Estimate.to_dataset` in NetCDF.
     prediction: goes into a file with the suffix .prediction.csv; also: texts of other files, to be written with these
     or, if one cannot be, not at all.
 
@@ -243,13 +245,23 @@ def write_estimate(
     if beside == path:
         raise InputError(f"{path}: this name is kept for the diagnostics, expected another suffix than .json")
     text = json.dumps(document_of(result).model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)
-    rows = _rows(("time", "x", "y", "z", *COVARIANCE_COLUMNS), _columns(result))
-    writing: dict[Path, Callable[[TextIO], object]] = {path: rows, beside: lambda stream: stream.write(text + "\n")}
+    writing: dict[Path, Writer] = {path: _path_writer(result, path), beside: lambda stream: stream.write(text + "\n")}
     if prediction is not None:
         names = ("time", *STATE, *(f"c{one}{other}" for k, one in enumerate(STATE) for other in STATE[k:]))
         writing[path.with_suffix(".prediction.csv")] = _rows(names, _predicted_columns(prediction))
     texts = (also or {}).items()
     write_together(writing | {file: partial(_write_text, content) for file, content in texts})
+
+
+def _path_writer(result: Estimate, path: Path) -> Writer:
+    names = ("time", "x", "y", "z", *COVARIANCE_COLUMNS)
+    match path.suffix:
+        case ".parquet":
+            columns = zip(names, _columns(result), strict=True)
+            return parquet({name: [None if cell == "" else cell for cell in cells] for name, cells in columns})
+        case ".nc":
+            return netcdf(result.to_dataset())
+    return _rows(names, _columns(result))
 
 
 def _write_text(content: str, stream: TextIO) -> None:

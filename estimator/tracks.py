@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import TextIO
 
@@ -99,24 +98,32 @@ class FeatureTracks:
 
     def write_rows(self, stream: TextIO) -> None:
         """Write the file of `write_csv` to a text stream that does not translate line ends."""
-        seen = self.seen
-        rows = seen.copy()
-        rows[:1] = True  # the first frame lists all features, which keeps their order
-        frame, feature = np.nonzero(rows)
-        blank = np.nonzero(~rows.any(axis=1))[0]
+        frame, feature = self.rows()
+        there = (feature >= 0) & self.seen[frame, feature]
         values = [self.position[frame, feature, axis] for axis in range(3)]
         if self.covariance is not None:
             values += [self.covariance[frame, feature, row, column] for row, column in UPPER]
         columns: list[list[object]] = [
-            _times(np.concatenate([self.time[frame], self.time[blank]]), self.epoch),
-            [*(self.labels[index] for index in feature.tolist()), *[""] * len(blank)],
-            *(_cells(column, seen[frame, feature], len(blank)) for column in values),
+            _times(self.time[frame], self.epoch),
+            [self.labels[index] if index >= 0 else "" for index in feature.tolist()],
+            *(_cells(column, there) for column in values),
         ]
-        order = np.argsort(np.concatenate([frame, blank]), kind="stable").tolist()
-        header = COLUMNS + (COVARIANCE_COLUMNS if self.covariance is not None else ())
-        rows_of_cells = list(zip(*columns, strict=True))
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerows(chain([header], (rows_of_cells[index] for index in order)))
+        writer.writerow(COLUMNS + (COVARIANCE_COLUMNS if self.covariance is not None else ()))
+        writer.writerows(zip(*columns, strict=True))
+
+    def rows(self) -> tuple[IntArray, IntArray]:
+        """The frame and the feature of each row of a table of these tracks, frame by frame.
+
+        The first frame lists all features, which keeps their order; a frame without any has one row, with feature -1.
+        """
+        listed = self.seen
+        listed[:1] = True
+        frame, feature = np.nonzero(listed)
+        blank = np.nonzero(~listed.any(axis=1))[0]
+        frame, feature = np.append(frame, blank), np.append(feature, np.full(len(blank), -1))
+        order = np.argsort(frame, kind="stable")
+        return frame[order], feature[order]
 
     def _check_shapes(self) -> None:
         n, m = len(self.time) if self.time.ndim == 1 else -1, len(self.labels)
@@ -214,8 +221,8 @@ def _times(time: FloatArray, epoch: str | None) -> list[object]:
     return [utc_text(moment) for moment in moments]
 
 
-def _cells(values: FloatArray, seen: BoolArray, blanks: int) -> list[object]:
+def _cells(values: FloatArray, there: BoolArray) -> list[object]:
     cells: list[object] = values.tolist()
-    for index in np.nonzero(~seen)[0].tolist():
+    for index in np.nonzero(~there)[0].tolist():
         cells[index] = ""
-    return cells + [""] * blanks
+    return cells

@@ -5,6 +5,7 @@ import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -48,11 +49,21 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def write_together(writers: Mapping[Path, Callable[[TextIO], object]]) -> None:
-    """Write text files that belong together: all of them are finished before the first replaces an older one.
+@dataclass(frozen=True)
+class Whole:
+    """Writes a file that is not text, under a name that it is told."""
+
+    write: Callable[[Path], object]
+
+
+Writer = Callable[[TextIO], object] | Whole
+
+
+def write_together(writers: Mapping[Path, Writer]) -> None:
+    """Write files that belong together: all of them are finished before the first replaces an older one.
 
     Args:
-        writers: for each file, what writes its text to a stream.
+        writers: for each file, what writes its text to a stream, or the whole file.
 
     Raises:
         InputError, DiskError: a file cannot be written, as for `replacing`.
@@ -60,6 +71,9 @@ def write_together(writers: Mapping[Path, Callable[[TextIO], object]]) -> None:
     with ExitStack() as stack:
         for path, write in writers.items():
             temporary = stack.enter_context(replacing(path))
+            if isinstance(write, Whole):
+                write.write(temporary)
+                continue
             with temporary.open("w", encoding="utf-8", newline="") as stream:
                 write(stream)
 

@@ -8,5 +8,16 @@ from baryscope.estimator.formats.dataset import dataset_of_tracks, tracks_of_dat
 from baryscope.estimator.formats.frame import tracks_of
 from baryscope.estimator.formats.read import ENDINGS, read_tracks
 from baryscope.estimator.formats.units import METRES, Unit
+from baryscope.estimator.formats.write import writable, write_tracks
 
-__all__ = ["ENDINGS", "METRES", "Unit", "dataset_of_tracks", "read_tracks", "tracks_of", "tracks_of_dataset"]
+__all__ = [
+    "ENDINGS",
+    "METRES",
+    "Unit",
+    "dataset_of_tracks",
+    "read_tracks",
+    "tracks_of",
+    "tracks_of_dataset",
+    "writable",
+    "write_tracks",
+]

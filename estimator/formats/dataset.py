@@ -40,7 +40,7 @@ def dataset(
     Raises:
         InputError: xarray is not installed.
     """
-    xarray = _xarray("a dataset")
+    xarray = xarray_for("a dataset")
     units = "s" if epoch is None else f"seconds since {epoch.removesuffix('Z')}"
     of_time = {"units": units, "standard_name": "time", "axis": "T"}
     axes = {name: AXES for name in ("axis", "axis_") if any(name in of[0] for of in values.values())}
@@ -87,7 +87,7 @@ def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:
     """
     source = str(path)
     read_bytes(path, "feature tracks in NetCDF")
-    xarray = _xarray(source)
+    xarray = xarray_for(source)
     try:
         with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as opened:
             found = opened.load()
@@ -96,7 +96,12 @@ def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:
     return tracks_of_dataset(found, source)
 
 
-def _xarray(what: str) -> Any:
+def xarray_for(what: str) -> Any:
+    """The module, for what needs it.
+
+    Raises:
+        InputError: it is not installed.
+    """
     if find_spec("xarray") is None or find_spec("h5netcdf") is None:
         raise InputError(f"{what}: needs xarray and h5netcdf, expected them installed: pip install 'baryscope[io]'")
     import xarray

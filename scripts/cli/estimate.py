@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.document import write_estimate
-from baryscope.estimator.formats import Unit, read_tracks
+from baryscope.estimator.formats import Unit, read_tracks, writable
 from baryscope.estimator.methods import METHODS, estimate
 from baryscope.estimator.options import Axes, Burns, Noise, Options, Reference, Torque
 from baryscope.estimator.plausibility import refuse_implausible
@@ -24,7 +24,6 @@ from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
-from baryscope.scripts.cli.simulate import csv_path
 from baryscope.study.progress import stage
 
 
@@ -148,12 +147,12 @@ def estimate_file(
     report
         Write a .report.html file, too: scene in 3D, path, residuals and diagnostics, for a browser.
     output
-        The path of the centre of mass and its covariance, a .csv file; all else goes beside it, into a .json file, the
-        report into a .report.html file, and a prediction into a .prediction.csv file.
+        The path of the centre of mass and its covariance, a .csv, .parquet or .nc file; all else goes beside it, into
+        a .json file, the report into a .report.html file, and a prediction into a .prediction.csv file.
         Default: the tracks' name with .estimate.csv.
     """
     show = show or Show()
-    target = csv_path(output or tracks.with_suffix(".estimate.csv"))
+    target = writable(output or tracks.with_suffix(".estimate.csv"))
     for_path, for_screws = asdict(path or PathChoices()), asdict(screws or ScrewChoices())
     forces = forces or ForceChoices()
     method, options = _choice(method, for_path | forces.chosen(), for_screws)
@@ -175,7 +174,7 @@ def estimate_file(
             refuse_implausible(data, str(tracks))
             epoch = _epoch(data, epoch)
             known_orbit = None if orbit is None else load_orbit(orbit, epoch)
-            turned = None if camera is None else Camera.load(csv_path(camera), rig)
+            turned = None if camera is None else Camera.load(_csv(camera), rig)
             options, point = forces.read_into(options, epoch, turned), prediction.point_of(data)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, camera=turned, progress=share)
@@ -191,6 +190,17 @@ def estimate_file(
     words += [*(f"  report, for a browser: {path}" for path in page), f"  more in {diagnostics}"]
     show.result(json.loads(diagnostics.read_text(encoding="utf-8")), *words)
     return 0 if result.status.trustworthy else UNTRUSTED
+
+
+def _csv(path: Path) -> Path:
+    """A path of a CSV file.
+
+    Raises:
+        InputError: its name doesn't end in .csv.
+    """
+    if path.suffix != ".csv":
+        raise InputError(f"{path}: ends in {path.suffix!r}, expected .csv")
+    return path
 
 
 def _epoch(tracks: FeatureTracks, given: str | None) -> str | None:

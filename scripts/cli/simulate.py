@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from baryscope import __version__
-from baryscope.models.errors import InputError
+from baryscope.estimator.formats import writable
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.models.words import counted
@@ -32,12 +32,12 @@ def simulate_scenario(
     fmu
         A unit that `baryscope build` made for as many features. Default: a new one is built.
     output
-        The tracks, a .csv file. Default: the scenario's name with .csv. Beside TRACKS.csv the truth is in
-        TRACKS.truth.csv and the orbit, as `baryscope estimate --orbit` reads it, in TRACKS.orbit.toml.
+        The tracks, a .csv, .parquet or .nc file. Default: the scenario's name with .csv. Beside TRACKS.csv the truth is
+        in TRACKS.truth.csv and the orbit, as `baryscope estimate --orbit` reads it, in TRACKS.orbit.toml.
     """
     show = show or Show()
     flown = load_scenario(scenario)
-    path = csv_path(output or Path(f"{flown.name}.csv"))
+    path = writable(output or Path(f"{flown.name}.csv"))
     refuse_overwriting(flight_paths(path), [scenario_path(scenario), *([] if fmu is None else [fmu])])
     with show.progress() as progress:
         flight = fly(flown, fmu, progress)
@@ -50,14 +50,3 @@ def simulate_scenario(
         f"{tracks}: {counted(observations, 'observation')} at {counted(frames, 'time')}; "
         f"truth in {truth}, orbit in {orbit}",
     )
-
-
-def csv_path(path: Path) -> Path:
-    """The path of a table to write or read, if it is one we can.
-
-    Raises:
-        InputError: its name doesn't end in .csv.
-    """
-    if path.suffix != ".csv":
-        raise InputError(f"{path}: ends in {path.suffix!r}, expected .csv")
-    return path

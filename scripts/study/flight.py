@@ -10,9 +10,9 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.formats.write import writable, writer_of_tracks
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.fmu import Recording, Session, build_fmu, simulate
-from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, temporary_folder, write_together
 from baryscope.models.scenario import Scenario, load_scenario, orbit_text
 from baryscope.models.sensor.tracking import observe
@@ -130,27 +130,25 @@ def flight_paths(path: AnyPath) -> tuple[Path, Path, Path]:
     """The files of a flight: tracks, truth and orbit.
 
     Raises:
-        InputError: the name of the tracks does not end in .csv.
+        InputError: the name of the tracks ends in none of .csv, .parquet and .nc.
     """
-    tracks = Path(path)
-    if tracks.suffix != ".csv":
-        raise InputError(f"{tracks}: ends in {tracks.suffix!r}, expected .csv")
+    tracks = writable(path)
     return tracks, tracks.with_suffix(".truth.csv"), tracks.with_suffix(".orbit.toml")
 
 
 def write_flight(flight: Flight, path: AnyPath) -> tuple[Path, ...]:
-    """Write the tracks as TRACKS.csv, the truth as TRACKS.truth.csv and the orbit as TRACKS.orbit.toml.
+    """Write the tracks as TRACKS.csv (or .parquet, .nc), the truth as TRACKS.truth.csv, the orbit as TRACKS.orbit.toml.
 
     Returns:
         The files, in this order.
 
     Raises:
-        InputError: the name does not end in .csv, or a file cannot be written.
+        InputError: another ending, or a file cannot be written.
     """
     tracks, truth, orbit = flight_paths(path)
     write_together(
         {
-            tracks: flight.tracks.write_rows,
+            tracks: writer_of_tracks(flight.tracks, tracks),
             truth: partial(write_truth, flight.truth),
             orbit: lambda stream: stream.write(orbit_text(flight.scenario.orbit)),
         }

@@ -5,8 +5,18 @@ import numpy as np
 import pandas
 import polars
 import pytest
+import xarray
 
-from baryscope.estimator import FeatureTracks, dataset_of_tracks, estimate, read_tracks, tracks_of, tracks_of_dataset
+from baryscope.estimator import (
+    FeatureTracks,
+    dataset_of_tracks,
+    estimate,
+    read_tracks,
+    tracks_of,
+    tracks_of_dataset,
+    write_estimate,
+    write_tracks,
+)
 from baryscope.estimator.formats import METRES
 from baryscope.models.errors import InputError
 from synthetic import ENVISAT, attitude, box_features, make_case
@@ -242,3 +252,26 @@ def test_an_estimate_as_a_dataset(tracks, tmp_path, method):
     assert found.attrs["method"] == method
     assert found["position"].attrs["units"] == "m"
     found.to_netcdf(tmp_path / "e.nc", engine="h5netcdf")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".nc"])
+def test_what_is_written_is_read(tracks, precise, tmp_path, ending):
+    for one in (tracks, precise):
+        write_tracks(one, tmp_path / f"t{ending}")
+        back = read_tracks(tmp_path / f"t{ending}")
+        same(back, one)
+        assert back.epoch == one.epoch
+    with pytest.raises(InputError, match=r"ends in '.txt', expected .csv, .parquet or .nc"):
+        write_tracks(tracks, tmp_path / "t.txt")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"t{ending}"]
+
+
+def test_estimates_in_other_forms(tracks, tmp_path):
+    result = estimate(tracks)
+    for ending in (".csv", ".parquet", ".nc"):
+        write_estimate(result, tmp_path / f"e{ending}")
+    rows, table = polars.read_csv(tmp_path / "e.csv"), polars.read_parquet(tmp_path / "e.parquet")
+    assert rows.columns == table.columns
+    np.testing.assert_array_equal(rows.to_numpy(), table.to_numpy())
+    with xarray.open_dataset(tmp_path / "e.nc", engine="h5netcdf") as found:
+        np.testing.assert_array_equal(found["covariance"].values[:, 0, 1], table["cxy"])

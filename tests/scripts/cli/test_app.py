@@ -69,7 +69,7 @@ def test_scenarios_has_a_line_for_each_preset(capsys):
     (["build", "--colour", "red"], "--colour"),
     (["build", "-o", "unit.zip"], "'.zip', expected .fmu"),
     (["simulate", "-o", "tracks.xls"], "'.xls', expected .csv"),
-    (["estimate", "tracks.nc"], "'.nc', expected .csv"),
+    (["estimate", "tracks.txt"], "'.txt', expected one of .csv, .parquet"),
     (["simulate", "--fmu", "none.fmu", "-o", "x.csv"], "none.fmu: No such file"),
 ])  # fmt: skip
 def test_wrong_arguments_exit_with_2(capsys, tmp_path, monkeypatch, arguments, words):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator import METHODS, FeatureTracks
+from baryscope.estimator import METHODS, FeatureTracks, read_tracks
 from baryscope.estimator.bound import cramer_rao_bound
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario, load_orbit
@@ -180,5 +180,7 @@ def test_a_flight_is_written_as_it_is(scenario, tmp_path):
     assert load_orbit(orbit) == flight.scenario.orbit
     columns = np.loadtxt(truth, delimiter=",", skiprows=1)
     np.testing.assert_array_equal(columns[:, 1:4], flight.true_path)
-    with pytest.raises(InputError, match=r"ends in '\.nc', expected \.csv"):
-        write_flight(flight, "small.nc")
+    with pytest.raises(InputError, match=r"ends in '\.txt', expected \.csv, \.parquet or \.nc"):
+        write_flight(flight, "small.txt")
+    parquet, *_ = write_flight(flight, tmp_path / "small.parquet")
+    np.testing.assert_array_equal(read_tracks(parquet).position, flight.tracks.position)

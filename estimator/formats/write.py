@@ -1,0 +1,86 @@
+"""Tracks and estimates into files, whose form their names tell."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from baryscope.estimator.formats.dataset import dataset_of_tracks, xarray_for
+from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, UPPER
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.ephemeris.utc import utc_of
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath, Whole, Writer, write_together
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+WRITABLE = (".csv", ".parquet", ".nc")
+
+
+def writable(path: AnyPath) -> Path:
+    """A path whose ending tells of a form that can be written.
+
+    Raises:
+        InputError: it does not, or xarray is not installed for .nc.
+    """
+    ending = Path(path).suffix
+    if ending not in WRITABLE:
+        raise InputError(f"{path}: ends in {ending!r}, expected {', '.join(WRITABLE[:-1])} or {WRITABLE[-1]}")
+    if ending == ".nc":
+        xarray_for(str(path))
+    return Path(path)
+
+
+def write_tracks(tracks: FeatureTracks, path: AnyPath) -> None:
+    """Write tracks as a .csv, .parquet or .nc file, so that `read_tracks` restores them.
+
+    Raises:
+        InputError: another ending, xarray is not installed for .nc, or the file cannot be written.
+        DiskError: the disk is full, or fails.
+    """
+    write_together({Path(path): writer_of_tracks(tracks, path)})
+
+
+def writer_of_tracks(tracks: FeatureTracks, path: AnyPath) -> Writer:
+    """What writes the file of `write_tracks`.
+
+    Raises:
+        InputError: another ending, or xarray is not installed for .nc.
+    """
+    match writable(path).suffix:
+        case ".parquet":
+            return parquet(_rows(tracks))
+        case ".nc":
+            return netcdf(dataset_of_tracks(tracks))
+    return tracks.write_rows
+
+
+def parquet(columns: Mapping[str, Any]) -> Whole:
+    """What writes columns of equal lengths as Parquet."""
+    import polars
+
+    return Whole(polars.DataFrame(columns).write_parquet)
+
+
+def netcdf(dataset: "Dataset") -> Whole:
+    """What writes a dataset as NetCDF 4."""
+    return Whole(lambda path: dataset.to_netcdf(path, engine="h5netcdf"))
+
+
+def _rows(tracks: FeatureTracks) -> dict[str, Any]:
+    """The columns of the CSV file, NaN and None for empty cells."""
+    frame, feature = tracks.rows()
+    there = feature >= 0
+    time: Any = tracks.time[frame]
+    if tracks.epoch is not None:
+        time = utc_of(tracks.epoch, "epoch") + np.round(time * 1e9).astype("timedelta64[ns]")
+    labels = [tracks.labels[index] if index >= 0 else None for index in feature.tolist()]
+    found = {"time": time, "feature": labels}
+    for axis, name in enumerate(COLUMNS[2:]):
+        found[name] = np.where(there, tracks.position[frame, feature, axis], np.nan)
+    if tracks.covariance is not None:
+        for name, (i, j) in zip(COVARIANCE_COLUMNS, UPPER, strict=True):
+            found[name] = np.where(there, tracks.covariance[frame, feature, i, j], np.nan)
+    return found
