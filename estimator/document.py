@@ -257,8 +257,7 @@ def _path_writer(result: Estimate, path: Path) -> Writer:
     names = ("time", "x", "y", "z", *COVARIANCE_COLUMNS)
     match path.suffix:
         case ".parquet":
-            columns = zip(names, _columns(result), strict=True)
-            return parquet({name: [None if cell == "" else cell for cell in cells] for name, cells in columns})
+            return parquet(dict(zip(names, _columns(result), strict=True)))
         case ".nc":
             return netcdf(result.to_dataset())
     return _rows(names, _columns(result))
@@ -273,7 +272,7 @@ def _columns(result: Estimate) -> list[list[object]]:
     n = len(result.time)
     columns: list[list[object]] = [result.time.tolist(), *(result.position[:, axis].tolist() for axis in range(3))]
     for row, column in UPPER:
-        columns.append([""] * n if result.covariance is None else result.covariance[:, row, column].tolist())
+        columns.append([None] * n if result.covariance is None else result.covariance[:, row, column].tolist())
     return columns
 
 

@@ -99,7 +99,7 @@ class FeatureTracks:
     def write_rows(self, stream: TextIO) -> None:
         """Write the file of `write_csv` to a text stream that does not translate line ends."""
         frame, feature = self.rows()
-        there = (feature >= 0) & self.seen[frame, feature]
+        there = self.seen[frame, feature]  # of feature -1, too, whose frame has none
         values = [self.position[frame, feature, axis] for axis in range(3)]
         if self.covariance is not None:
             values += [self.covariance[frame, feature, row, column] for row, column in UPPER]

@@ -14,6 +14,7 @@ is `pivot`'s, a smooth one with a prior, and white acceleration.
 import time as clock
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -59,14 +60,19 @@ def estimate_by_filter(
     begin = clock.perf_counter()
     _refuse_forces(options)
     found: Passes | None = None
+
+    @cache
+    def solved() -> Pivot:
+        return solve_pivot(tracks, orbit, options)
+
     try:
-        found = _filtered(tracks, orbit, options, progress)
+        found = _filtered(tracks, orbit, options, solved, progress)
         if found.converged:
             return answer_of(found, begin)
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
     except ComputationError as error:
         failure = error
-    free = None if failure.reason is Reason.TOO_LARGE else _with_free_attitudes(tracks, orbit, options, begin)
+    free = None if failure.reason is Reason.TOO_LARGE else _with_free_attitudes(tracks, options, solved, begin)
     if free is not None and (found is None or free.converged):
         return replace(free, method="ekf", findings=(*free.findings, FreeAttitudes(str(failure))))
     if found is None:
@@ -75,17 +81,21 @@ def estimate_by_filter(
 
 
 def _with_free_attitudes(
-    tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, begin: float
+    tracks: FeatureTracks, options: PathOptions, solved: Callable[[], Pivot], begin: float
 ) -> Estimate | None:
     """The estimate of `pivot`; None if there is none."""
     try:
-        return estimate_of(solve_pivot(tracks, orbit, options), tracks, options, begin)
+        return estimate_of(solved(), tracks, options, begin)
     except ComputationError:
         return None
 
 
-def _filtered(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, progress: Progress) -> Passes:
+def _filtered(
+    tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, whole: Callable[[], Pivot], progress: Progress
+) -> Passes:
     """The passes from the first start from which they come to rest, else from the first that leads anywhere.
+
+    whole: the solution of `pivot`, with all options, where it is needed.
 
     Raises:
         ComputationError: none does, or the tracks do not determine the unknowns, or there are too many.
@@ -93,7 +103,7 @@ def _filtered(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, 
     trajectory, span = trajectory_of(options.trajectory, orbit), (float(tracks.time[0]), float(tracks.time[-1]))
     path, on_orbit = trajectory.path(orbit, *span, options.acceleration), trajectory.kind == "relative-orbit"
     measured, rounds = observations_of(tracks, tracks.seen), Rounds(progress)
-    solved = _least_squares(tracks, orbit, options, path)
+    solved = whole() if path.prior.hyperparameters else _for_attitudes(tracks, orbit, options)
     if solved is not None:
         trajectory = replace(trajectory, highest=highest_degree(solved.path))
         path = _with_burns_of(solved, trajectory.path(orbit, *span, options.acceleration))
@@ -107,8 +117,7 @@ def _filtered(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, 
     def better() -> Passes | None:
         """From the tumble that `ml` finds: its steps are damped, and arrive from where passes do not."""
         try:
-            whole = solved if path.prior.hyperparameters and solved else solve_pivot(tracks, orbit, options)
-            points, _, best = likeliest_tumble(tracks, whole, torques, options, rounds)
+            points, _, best = likeliest_tumble(tracks, whole(), torques, options, rounds)
             found = followed(start_of(points, best), points, observations_of(points, points.seen))
         except ComputationError:
             return None
@@ -117,8 +126,8 @@ def _filtered(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, 
     torques = torques_of(orbit, options)
     try:
         found = _first_of(starts(tracks, measured, solved, torques), followed)
-    except ComputationError:
-        if (other := better()) is None:
+    except ComputationError as error:
+        if error.reason is Reason.TOO_LARGE or (other := better()) is None:
             raise
         found = other
     if not found.converged:
@@ -147,17 +156,11 @@ def _with_burns_of(solved: Pivot, path: Path) -> Path:
     return replace(burned, base=path, about=None if burned.about is None else burned.about[: path.size])
 
 
-def _least_squares(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions, path: Path) -> Pivot | None:
-    """The solution of `pivot`, for the hyperparameters of a smooth path, or for attitudes of weighted observations.
+def _for_attitudes(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot | None:
+    """The solution of `pivot`, for attitudes of weighted observations; None if there are none, or no solution.
 
-    None if neither is needed, or if there is no solution for the latter. A registration weighs all points alike, so
-    that its attitudes are noisier than the observations' covariances tell.
-
-    Raises:
-        ComputationError: the hyperparameters are not to be had.
+    A registration weighs all points alike, so that its attitudes are noisier than the observations' covariances tell.
     """
-    if path.prior.hyperparameters:
-        return solve_pivot(tracks, orbit, options)
     if tracks.covariance is None:
         return None
     try:

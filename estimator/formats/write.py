@@ -72,7 +72,7 @@ def netcdf(dataset: "Dataset") -> Whole:
 def _rows(tracks: FeatureTracks) -> dict[str, Any]:
     """The columns of the CSV file, NaN and None for empty cells."""
     frame, feature = tracks.rows()
-    there = feature >= 0
+    there = tracks.seen[frame, feature]  # of feature -1, too, whose frame has none
     time: Any = tracks.time[frame]
     if tracks.epoch is not None:
         time = utc_of(tracks.epoch, "epoch") + np.round(time * 1e9).astype("timedelta64[ns]")

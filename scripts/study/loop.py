@@ -18,6 +18,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.models.variables import Kind, variable_table
+from baryscope.report.charts import nees_of
 from baryscope.study.flight import TRUTH_COLUMNS
 from baryscope.study.progress import Progress, stage
 
@@ -89,10 +90,8 @@ class Loop:
     @property
     def nees(self) -> FloatArray:
         """eᵀ P⁻¹ e of the CoM, (n,), of 3 degrees of freedom; NaN unless the estimator tracks the target."""
-        error, known = self.position - self.truth["target.position"], self.tracking
-        P = np.where(known[:, None, None], self.covariance, np.eye(3))
-        squares = np.einsum("ki,ki->k", error, np.linalg.solve(P, error[..., None])[..., 0])
-        return np.where(known, squares, np.nan)
+        squares = nees_of(self.position - self.truth["target.position"], self.covariance)
+        return np.where(self.tracking, squares, np.nan)
 
     @property
     def tracking(self) -> BoolArray:

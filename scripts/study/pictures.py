@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
-from baryscope.report.charts import expected_error
+from baryscope.report.charts import blackouts, expected_error
 from baryscope.study.comparison import Comparison, Outcome
 from baryscope.study.flight import Flight
 from baryscope.study.methods import COLOURS
@@ -61,7 +61,7 @@ def outcome_figure(flight: Flight, outcome: Outcome) -> "Figure":
     panels[3].set_ylabel("error in m")
     panels[3].set_xlabel("time in s")
     for panel in panels:
-        _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
+        _shade_blackouts(panel, time, tracks.seen)
         panel.set_xlim(time[0], time[-1])
         panel.grid(alpha=0.25)
     named = {word: handle for panel in panels for handle, word in zip(*panel.get_legend_handles_labels(), strict=True)}
@@ -94,7 +94,7 @@ def comparison_figure(comparison: Comparison) -> "Figure":
         least = np.sqrt(np.trace(bound.position_covariance, axis1=1, axis2=2))
         label = f"Cramér–Rao bound on path RMSE: {_length(bound.position_deviation)}"
         panel.semilogy(bound.time, least, color=_INK, lw=1.6, ls="--", label=label)
-    _shade_blackouts(panel, time, np.any(tracks.seen, axis=1))
+    _shade_blackouts(panel, time, tracks.seen)
     panel.set_xlim(time[0], time[-1])
     low, high = panel.get_ylim()
     panel.set_ylim(max(low, 1e-5), high)
@@ -111,7 +111,5 @@ def _length(metres: float) -> str:
 
 
 def _shade_blackouts(panel: Any, time: NDArray[np.float64], seen: NDArray[np.bool_]) -> None:
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], seen, [True]]).astype(int)))
-    for k, (start, stop) in enumerate(edges.reshape(-1, 2)):
-        end = time[min(stop, time.size - 1)]
-        panel.axvspan(time[start], end, color=_SHADE, lw=0, zorder=0, label="nothing seen" if k == 0 else None)
+    for k, (begin, end) in enumerate(blackouts(time, seen)):
+        panel.axvspan(begin, end, color=_SHADE, lw=0, zorder=0, label="nothing seen" if k == 0 else None)

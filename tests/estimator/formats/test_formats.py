@@ -266,6 +266,17 @@ def test_what_is_written_is_read(tracks, precise, tmp_path, ending):
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"t{ending}"]
 
 
+def test_a_covariance_without_an_observation_is_not_written(tracks, tmp_path):
+    position = tracks.position.copy()
+    position[0, 1] = np.nan  # the first frame lists all features
+    whole = FeatureTracks(TIME, position, LABELS, np.broadcast_to(1e-6 * np.eye(3), (40, 4, 3, 3)))
+    for ending in (".csv", ".parquet"):
+        write_tracks(whole, tmp_path / f"t{ending}")
+        found = read_tracks(tmp_path / f"t{ending}")
+        np.testing.assert_array_equal(found.position, position)
+        np.testing.assert_array_equal(np.isnan(found.covariance[..., 0, 0]), np.isnan(position[..., 0]))
+
+
 def test_estimates_in_other_forms(tracks, tmp_path):
     result = estimate(tracks)
     for ending in (".csv", ".parquet", ".nc"):
