@@ -18,7 +18,8 @@ from baryscope.estimator.progress import Progress, silent
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.score import estimate_by_score
 from baryscope.estimator.screws import gpa, least_squares, raw
-from baryscope.estimator.screws.pipeline import ScrewFunction, estimate_by_screws
+from baryscope.estimator.screws.pipeline import estimate_by_screws
+from baryscope.estimator.screws.stages import ScrewFunction
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.orbit import Orbit
