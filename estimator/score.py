@@ -69,7 +69,8 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     centre, offsets, inverse, variance, unseen = solve_score(registered)
     path = "fixed in LVLH" if in_orbit else "fixed"
     lack = _lack_of_fit(registered, tracks.time, centre, offsets, path)
-    finding = lack or _excess_residuals(registered, inliers, offsets, variance, path)
+    noisy = variance > (ROUNDING * float(np.abs(centre).max())) ** 2
+    finding = lack or (_excess_residuals(registered, inliers, offsets, variance, path) if noisy else None)
     distance = float(np.linalg.norm(centre))
     inverse = _without_spurious_information(registered, inliers, inverse, variance / max(distance, 1e-300) ** 2)
     unseen = unseen * distance / np.linalg.norm(unseen[-3:], axis=0)

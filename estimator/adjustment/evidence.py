@@ -145,7 +145,7 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     """
     of = prior.slopes[:, 0] != 0
     rest = linear.information[~of][:, ~of] + np.diag(held(linear, prior, bounds[:1])[0][~of])
-    scale, factor = _factor(Linear(rest, np.zeros(len(rest)), np.zeros(len(rest))), np.zeros(len(rest)))
+    scale, factor = scaled_factor(rest)
     crossed = linear.information[~of][:, of]
     absolute = linear.rhs + linear.information[:, of] @ linear.x[of]
     left = scale[:, None] * dpotrs(factor, scale[:, None] * np.column_stack([crossed, absolute[~of]]), lower=True)[0]
@@ -177,7 +177,9 @@ def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) ->
 def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
     """−2 ln p of hyperparameters θ (h,), up to a constant."""
     precision, _ = held(linear, prior, theta)
-    return _minimum(linear, prior, precision, *_factor(linear, precision))[1] + float(prior.penalty(theta)[0])
+    return _minimum(linear, prior, precision, *scaled_factor(linear.information, precision))[1] + float(
+        prior.penalty(theta)[0]
+    )
 
 
 def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
@@ -301,27 +303,40 @@ def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, B
     return np.minimum(precision, linear.firmest), ~prior.free & (precision < linear.firmest)
 
 
-def _factor(linear: Linear, precision: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor (p, p) of the scaled matrix."""
-    diagonal = linear.information.diagonal() + precision
+def scaled_factor(information: FloatArray, precision: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor (p, p) of the scaled matrix.
+
+    What elimination has rounded may be indefinite; the diagonal then grows until it is not.
+
+    Raises:
+        LinAlgError: the matrix (p, p) has values that are not finite.
+    """
+    diagonal = information.diagonal() + precision
     positive = diagonal > 0
     scale = 1 / np.sqrt(np.where(positive, diagonal, 1.0))
     ridge = RIDGE
-    while True:
-        matrix = linear.information * scale
+    while np.isfinite(ridge):
+        matrix = information * scale
         matrix *= scale[:, None]
         matrix.flat[:: len(scale) + 1] = positive + ridge
         # The transpose, in Fortran's order, is not copied. A tenth of the time of cho_factor.
         factor, failed = dpotrf(matrix.T, lower=True, overwrite_a=True)
         if not failed:
             return scale, factor
-        ridge *= 100  # rounding of the elimination
+        ridge *= 100
+    raise np.linalg.LinAlgError("the information has values that are not finite")
+
+
+def solved(information: FloatArray, right: FloatArray) -> FloatArray:
+    """The solution (p, k) of a positive definite system (p, p), scaled to a unit diagonal."""
+    scale, factor = scaled_factor(information)
+    return np.asarray(scale[:, None] * dpotrs(factor, scale[:, None] * right, lower=True)[0])
 
 
 def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean (p,) and covariance (p, p) of x for given hyperparameters."""
     precision, _ = held(linear, prior, theta)
-    scale, factor = _factor(linear, precision)
+    scale, factor = scaled_factor(linear.information, precision)
     change = scale * dpotrs(factor, scale * (linear.rhs - precision * linear.x), lower=True)[0]
     root, _ = dtrtri(factor, lower=True)
     root *= scale
@@ -331,7 +346,7 @@ def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatA
 def _objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
     """−2 ln p up to a constant, and its gradient (h,)."""
     precision, loose = held(linear, prior, theta)
-    scale, factor = _factor(linear, precision)
+    scale, factor = scaled_factor(linear.information, precision)
     change, value = _minimum(linear, prior, precision, scale, factor)
     inverse, _ = dtrtri(factor, lower=True)
     p, mean = precision[loose], (linear.x + change)[loose]

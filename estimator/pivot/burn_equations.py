@@ -10,9 +10,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
-from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, cost, held, maximise
+from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, held, maximise, solved
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
@@ -321,10 +320,3 @@ def _limited(linear: Linear, prior: Prior, start: FloatArray | None, most: float
     """The likeliest hyperparameters (h,), the last of which is limited."""
     theta = maximise(linear, prior, start)
     return theta if theta[-1] <= most else np.append(maximise(linear, prior.fixed(DENSITY, most), theta[:-1]), most)
-
-
-def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """The solution of a positive definite system, scaled to a unit diagonal."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    factor = cho_factor(matrix * np.outer(scale, scale) + RIDGE * np.eye(len(matrix)))
-    return np.asarray(scale[:, None] * cho_solve(factor, scale[:, None] * right))

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.evidence import RIDGE, solved
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn
-from baryscope.estimator.pivot.burn_equations import FREE, NOISE_ROUNDS, BurnEquations, BurnFit, Limit, solved
+from baryscope.estimator.pivot.burn_equations import FREE, NOISE_ROUNDS, BurnEquations, BurnFit, Limit
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -151,6 +152,7 @@ def _of_windows(
     mixed = np.column_stack([matrix[:others, others:], rhs[:others]])
     gone = mixed[:, :-1].T @ solved(equations.known(fit), mixed)
     own = np.column_stack([matrix[others:, others:], rhs[others:]]) - gone
+    own.flat[:: 3 * n + 2] += RIDGE * matrix.diagonal()[others:]  # what is left of the difference is above its rounding
     own -= own[:, :-1] @ solved(own[:, :-1] + equations.width / fit.density * np.eye(3 * n), own)
     sums = np.zeros((n + 1, n + 1, 3, 3))
     sums[1:, 1:] = np.moveaxis(own[:, :-1].reshape(n, 3, n, 3), 1, 2).cumsum(axis=0).cumsum(axis=1)
