@@ -16,6 +16,7 @@ from baryscope.scripts.cli.campaign import campaign
 from baryscope.scripts.cli.check import check
 from baryscope.scripts.cli.compare import compare
 from baryscope.scripts.cli.estimate import estimate_file
+from baryscope.scripts.cli.figures import figures
 from baryscope.scripts.cli.fly import fly
 from baryscope.scripts.cli.scenarios import scenarios
 from baryscope.scripts.cli.simulate import simulate_scenario
@@ -44,6 +45,7 @@ app.command(simulate_scenario, name="simulate")
 app.command(estimate_file, name="estimate")
 app.command(campaign)
 app.command(bound)
+app.command(figures)
 app.command(scenarios)
 
 

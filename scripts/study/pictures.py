@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
+from baryscope.models.words import length
 from baryscope.report.charts import blackouts, expected_error
 from baryscope.study.comparison import Comparison, Outcome
 from baryscope.study.flight import Flight
@@ -16,8 +17,8 @@ from baryscope.study.methods import COLOURS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_INK, _ESTIMATE, _SHADE = "#333333", "#d1495b", "#e9e9ee"
-_PALETTE = ("#8a8f9c", "#5f7396", "#b86e00", "#c62f3d", "#128073", "#2350dd", "#8a4fd0", "#c0489f")  # the report's
+INK, _ESTIMATE, _SHADE = "#333333", "#d1495b", "#e9e9ee"
+PALETTE = ("#8a8f9c", "#5f7396", "#b86e00", "#c62f3d", "#128073", "#2350dd", "#8a4fd0", "#c0489f")  # the report's
 
 
 def pictures_possible() -> bool:
@@ -50,18 +51,18 @@ def outcome_figure(flight: Flight, outcome: Outcome) -> "Figure":
     figure = Figure(figsize=(9, 7.5), dpi=120, layout="constrained")
     panels = figure.subplots(4, 1, sharex=True, height_ratios=(1, 1, 1, 1.6))
     for axis, (panel, name) in enumerate(zip(panels[:3], "xyz", strict=True)):
-        panel.plot(time, true_path[:, axis], color=_INK, lw=2.5, label="truth")
+        panel.plot(time, true_path[:, axis], color=INK, lw=2.5, label="truth")
         panel.plot(time, outcome.estimate.position[:, axis], color=_ESTIMATE, lw=1, label="estimate")
         panel.set_ylabel(f"{name} in m")
     panels[3].semilogy(time, np.maximum(outcome.error, 1e-9), color=_ESTIMATE, lw=1)
     if outcome.estimate.covariance is not None:
         band = np.maximum(expected_error(outcome.estimate.covariance), 1e-9)
         panels[3].fill_between(time, *band, color=_ESTIMATE, alpha=0.15, lw=0, label="95 % by the covariance")
-    panels[3].axhline(outcome.rmse, color=_INK, lw=0.8, ls="--", label=f"RMSE {outcome.rmse:.3g} m")
+    panels[3].axhline(outcome.rmse, color=INK, lw=0.8, ls="--", label=f"RMSE {outcome.rmse:.3g} m")
     panels[3].set_ylabel("error in m")
     panels[3].set_xlabel("time in s")
     for panel in panels:
-        _shade_blackouts(panel, time, tracks.seen)
+        shade_blackouts(panel, time, tracks.seen)
         panel.set_xlim(time[0], time[-1])
         panel.grid(alpha=0.25)
     named = {word: handle for panel in panels for handle, word in zip(*panel.get_legend_handles_labels(), strict=True)}
@@ -85,16 +86,16 @@ def comparison_figure(comparison: Comparison) -> "Figure":
     for outcome in comparison.outcomes:
         if outcome.error is None or outcome.rmse is None or outcome.estimate is None:
             continue
-        colour = _PALETTE[COLOURS[outcome.label]]
+        colour = PALETTE[COLOURS[outcome.label]]
         how = {"lw": 5, "alpha": 0.4} if comparison.hidden(outcome) else {"lw": 1.2}
-        panel.semilogy(time, outcome.error, color=colour, label=f"{outcome.title}: RMSE {_length(outcome.rmse)}", **how)
+        panel.semilogy(time, outcome.error, color=colour, label=f"{outcome.title}: RMSE {length(outcome.rmse)}", **how)
         if outcome.estimate.covariance is not None:
             panel.fill_between(time, *expected_error(outcome.estimate.covariance), color=colour, alpha=0.12, lw=0)
     if bound is not None:
         least = np.sqrt(np.trace(bound.position_covariance, axis1=1, axis2=2))
-        label = f"Cramér–Rao bound on path RMSE: {_length(bound.position_deviation)}"
-        panel.semilogy(bound.time, least, color=_INK, lw=1.6, ls="--", label=label)
-    _shade_blackouts(panel, time, tracks.seen)
+        label = f"Cramér–Rao bound on path RMSE: {length(bound.position_deviation)}"
+        panel.semilogy(bound.time, least, color=INK, lw=1.6, ls="--", label=label)
+    shade_blackouts(panel, time, tracks.seen)
     panel.set_xlim(time[0], time[-1])
     low, high = panel.get_ylim()
     panel.set_ylim(max(low, 1e-5), high)
@@ -106,10 +107,7 @@ def comparison_figure(comparison: Comparison) -> "Figure":
     return figure
 
 
-def _length(metres: float) -> str:
-    return f"{metres:.2f} m" if metres >= 0.1 else f"{1000 * metres:.2f} mm"
-
-
-def _shade_blackouts(panel: Any, time: NDArray[np.float64], seen: NDArray[np.bool_]) -> None:
+def shade_blackouts(panel: Any, time: NDArray[np.float64], seen: NDArray[np.bool_]) -> None:
+    """Shade where nothing is seen."""
     for k, (begin, end) in enumerate(blackouts(time, seen)):
         panel.axvspan(begin, end, color=_SHADE, lw=0, zorder=0, label="nothing seen" if k == 0 else None)

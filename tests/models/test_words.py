@@ -1,6 +1,6 @@
 import pytest
 
-from baryscope.models.words import counted
+from baryscope.models.words import counted, length
 
 
 @pytest.mark.parametrize("number, words, expected", [
@@ -12,3 +12,10 @@ from baryscope.models.words import counted
 ])  # fmt: skip
 def test_one_is_singular(number, words, expected):
     assert counted(number, *words) == expected
+
+
+@pytest.mark.parametrize(
+    "metres, expected", [(0.1, "0.10 m"), (12.25, "12.25 m"), (0.0999, "99.90 mm"), (0, "0.00 mm")]
+)
+def test_lengths_carry_their_unit(metres, expected):
+    assert length(metres) == expected
