@@ -1,16 +1,20 @@
 // Charts of curves, bands and points: legend, choice of a feature, zoom, and a reading under pointer or arrow keys.
 
-function Chart(part) {
+const Chart = (part) => chartOf(part).nodes;
+
+// The nodes of a chart, and what draws it anew after its series have changed.
+function chartOf(part) {
   const size = { width: pictureWidth(), height: 330, left: 66, right: 18, top: 12, bottom: 44 };
   const state = { shown: part.series.map((one) => one.shown), zoom: null, only: -1, pointer: null };
   const reading = el("output", { class: "reading", "aria-live": "polite" });
-  const picture = draw("svg", { viewBox: `0 0 ${size.width} ${size.height}`, role: "img", tabindex: "0", "aria-label": spoken(part) });
-  const whole = extent(part.series.flatMap((one) => limits(one.x)), part.log_x);
-  if (whole[0] === whole[1]) whole[1] += 1;
+  const picture = draw("svg", { viewBox: `0 0 ${size.width} ${size.height}`, role: "img", tabindex: "0" });
   const axes = {}, now = draw("line", { class: "now", visibility: "hidden" }), pointer = draw("line", { class: "pointer", visibility: "hidden" });
   const reset = el("button", { type: "button", text: "whole range", hidden: true, class: "only-screen", onclick: () => { state.zoom = null; render(); } });
 
   function render() {
+    const whole = extent(part.series.flatMap((one) => limits(one.x)), part.log_x);
+    if (whole[0] === whole[1]) whole[1] += 1;
+    picture.setAttribute("aria-label", spoken(part));
     reset.hidden = !state.zoom;
     const [from, to] = state.zoom || whole;
     axes.x = axisOf(from, to, size.left, size.width - size.right, part.log_x);
@@ -131,7 +135,7 @@ function Chart(part) {
         found.push(`${one.label.split(":")[0]} ${shown(one.y[k])}${between}`);
       }
     });
-    reading.textContent = `${part.timed ? `t = ${moment(x)} s` : shown(x)}: ${found.join("; ")}`;
+    reading.textContent = `${part.timed ? `t = ${timeText(x)} s` : shown(x)}: ${found.join("; ")}`;
   }
 
   function readPoint(one, x, y) {
@@ -198,7 +202,7 @@ function Chart(part) {
   controls.append(reset);
   render();
   if (part.timed) clock.follow(moveNow);
-  return [controls, picture, reading];
+  return { nodes: [controls, picture, reading], update: render };
 }
 
 function choice(name, options, pick, first = 0) {

@@ -30,7 +30,7 @@ function shown(value) {
 }
 
 // A time in s, which may be counted from 1970.
-const moment = (seconds) => String(Number(seconds.toPrecision(Math.abs(seconds) < 1e5 ? 5 : 11)));
+const timeText = (seconds) => String(Number(seconds.toPrecision(Math.abs(seconds) < 1e5 ? 5 : 11)));
 
 // A length in the unit that suits it, from metres.
 function length(metres) {

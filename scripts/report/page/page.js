@@ -46,28 +46,12 @@ function section(part, level) {
   return node;
 }
 
-function theme(name) {
-  document.documentElement.dataset.theme = name;
-  window.dispatchEvent(new Event("theme"));
-}
-
 const report = JSON.parse(document.getElementById("data").textContent);
-const dark = window.matchMedia("(prefers-color-scheme: dark)");
-document.documentElement.dataset.theme = dark.matches ? "dark" : "light";
-dark.addEventListener("change", () => theme(dark.matches ? "dark" : "light"));
-let before = null;
-window.addEventListener("beforeprint", () => { before = document.documentElement.dataset.theme; theme("light"); });
-window.addEventListener("afterprint", () => { if (before) theme(before); });
-
 const sections = report.parts.map((part) => section(part, 2));
 const verdicts = { good: "Good", warn: "With limits", bad: "Do not trust" };
 const contents = el("nav", { "aria-label": "Contents" }, el("ul", {}, ...report.parts.map((part, k) => el("li", {}, el("a", { href: `#${sections[k].id}`, text: part.title })))));
-document.getElementById("report").append(
-  el("a", { class: "skip", href: "#main", text: "Skip to the report" }),
-  el("header", { class: "top" },
-    el("h1", { text: report.title }),
-    el("button", { type: "button", class: "theme", text: "light / dark", onclick: () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark") }),
-    el("p", { class: "soft", text: report.subtitle })),
+document.getElementById("page").append(
+  ...top(report.title, report.subtitle, "Skip to the report"),
   ...(report.verdict ? [el("div", { class: `verdict ${report.verdict[0]}`, role: "note" }, el("b", { text: `${verdicts[report.verdict[0]]}. ` }), report.verdict[1])] : []),
   ...report.notes.map((text) => el("p", { text })),
   contents,

@@ -22,6 +22,14 @@ function fromQuaternion(w, x, y, z) {
   ];
 }
 
+// The rotation a share of the shorter way from one unit quaternion (w, x, y, z) to another.
+function slerp(p, q, share) {
+  const cosine = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3], sign = cosine < 0 ? -1 : 1;
+  const angle = Math.acos(Math.min(Math.abs(cosine), 1));
+  const [a, b] = angle < 1e-6 ? [1 - share, share] : [Math.sin((1 - share) * angle) / Math.sin(angle), Math.sin(share * angle) / Math.sin(angle)];
+  return p.map((one, k) => a * one + sign * b * q[k]);
+}
+
 // A symmetric matrix from its upper triangle, turned: R C Rᵀ.
 function turnedCovariance(R, [a, b, c, d, e, f]) {
   return product(product(R, [a, b, c, b, d, e, c, e, f]), transposed(R));

@@ -1,9 +1,14 @@
 """Reports in a browser: they draw without a complaint, ask for nothing, and do what mouse and keys tell them."""
 
+import itertools
+import json
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from baryscope.report import write_report
+from baryscope.report.page import page_file
 from baryscope.study import compare
 from baryscope.study.comparison_report import report_of_comparison
 from browser import PROGRAM, Browser
@@ -85,6 +90,44 @@ def test_play_moves_on_and_stops(page):
     assert at > 0
     page.value("new Promise((done) => setTimeout(done, 200))")
     assert page.value(f"Number(document.querySelector('{SLIDER}').value)") == at
+
+
+def test_play_shows_what_is_between_two_frames(page):
+    """The picture changes though the slider stands."""
+    pick(page, 2, 2)
+    page.click("button.play")
+    seen = page.value(f"""(async () => {{ const found = [];
+        for (let k = 0; k < 12; k += 1) {{ await new Promise(requestAnimationFrame);
+            found.push([document.querySelector('{SLIDER}').value, {INK}]); }} return found; }})()""")
+    page.click("button.play")
+    pairs = list(itertools.pairwise(seen))
+    assert any(one[0] == other[0] and one[1] != other[1] for one, other in pairs)
+
+
+def test_between_two_frames_the_body_turns_about_one_axis(page):
+    """As scipy has it; features and path go with it, and a turn that could be either way is not guessed."""
+    rng = np.random.default_rng(3)
+    source = page_file("turning.js") + page_file("moment.js")
+    body, ends = rng.normal(size=(2, 3)), Rotation.from_rotvec([[0.2, -0.4, 0.1], [0.7, 0.9, -0.6]])
+    for turn, share in ((ends, 0.3), (ends, 0.8), (Rotation.from_rotvec([[0, 0, 0], [0, 0, 2.5]]), 0.8)):
+        moments = [
+            {
+                "path": [k, 2.0, 3.0],
+                "features": [*one.apply(body).tolist(), [None, None, None]],
+                "state": "110",
+                "attitude": (one.as_quat(scalar_first=True) * (-1) ** k).tolist(),
+                "orbit": None,
+                "ghosts": [],
+            }
+            for k, one in enumerate(turn)
+        ]
+        found = page.value(f"(() => {{ {source}; return between(...{json.dumps(moments)}, {share}) }})()")
+        near = (turn[1] * turn[0].inv()).magnitude() < 2
+        expected = Slerp([0, 1], turn)(share) if near else turn[round(share)]
+        assert (Rotation.from_quat(found["attitude"], scalar_first=True) * expected.inv()).magnitude() < 1e-7
+        np.testing.assert_allclose(found["features"][:2], expected.apply(body), atol=1e-14)
+        assert found["features"][2] in (None, [None, None, None])
+        assert found["path"] == pytest.approx([share, 2.0, 3.0])
 
 
 def test_dragging_and_keys_turn_and_enlarge_the_scene(page):
