@@ -1,7 +1,9 @@
 """The unit as a WebAssembly module, for browsers and Node. FMI has no folder for it, so it is a file of its own."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from baryscope.fmu.generate.build import describe_unit
 from baryscope.fmu.generate.compiler import Job, Progress, compile_all, find_cross_compiler
@@ -22,13 +24,33 @@ WASM = Platform(
 )
 
 
+@dataclass(frozen=True)
+class Module:
+    """A unit in WebAssembly: its code, and the table of its variables as JSON has it."""
+
+    code: bytes
+    table: dict[str, Any]
+
+
+def wasm_module(unit: Blueprint, progress: Progress | None = None) -> Module:
+    """Compile the unit of a blueprint; `build_wasm` says what is in it.
+
+    Raises:
+        ComputationError: ziglang is not installed, or fails.
+    """
+    _, sources = describe_unit(unit, 2, main="wasm.c")
+    job = Job(sources | interface_headers(2), "wasm.c", f"{unit.name}.wasm", WASM, tuple(find_cross_compiler()))
+    return Module(compile_all([job], progress)[WASM], _table(unit))
+
+
 def build_wasm(scenario: Scenario, path: AnyPath, *, unit: str = "target", progress: Progress | None = None) -> Path:
     """Build a scenario's unit as a WebAssembly module, with a table of its variables beside it.
 
     The module imports nothing, and exports its memory, `malloc`, `free`, `_initialize` (to be called first), the
     fmi2* functions, `unit_instantiate()`, which calls fmi2Instantiate, and `unit_message()`, the last message of the
-    unit. scripts/examples/step_unit.mjs is an example. The table, in JSON, has the path's name with .json: for every
-    variable name, kind, unit, description, shape and first value reference (the others follow, in row-major order).
+    unit. fmu/runtime/unit.mjs steps it, as scripts/examples/step_unit.mjs shows. The table, in JSON, has the path's
+    name with .json: for every variable name, kind, unit, description, shape, whether it is Boolean, and its first value
+    reference (the others follow, in row-major order).
 
     Args:
         scenario: gives the number of features and the start values.
@@ -45,17 +67,14 @@ def build_wasm(scenario: Scenario, path: AnyPath, *, unit: str = "target", progr
     """
     path = Path(path)
     blueprint = blueprint_of(unit, scenario)
-    _, sources = describe_unit(blueprint, 2, main="wasm.c")
     with replacing(path) as module, replacing(path.with_suffix(".json")) as table:
-        job = Job(
-            sources | interface_headers(2), "wasm.c", f"{blueprint.name}.wasm", WASM, tuple(find_cross_compiler())
-        )
-        module.write_bytes(compile_all([job], progress)[WASM])
-        table.write_text(_variables(blueprint), encoding="utf-8")
+        built = wasm_module(blueprint, progress)
+        module.write_bytes(built.code)
+        table.write_text(json.dumps(built.table, indent=1), encoding="utf-8")
     return path
 
 
-def _variables(unit: Blueprint) -> str:
+def _table(unit: Blueprint) -> dict[str, Any]:
     variables, reference = [], 0
     for variable in unit.variables:
         variables.append(
@@ -65,9 +84,10 @@ def _variables(unit: Blueprint) -> str:
                 "unit": variable.unit,
                 "description": variable.whole_description(unit.setting.labels),
                 "shape": list(variable.shape),
+                "boolean": variable.boolean,
                 "reference": reference,
             }
         )
         reference += variable.size
     experiment = {"stopTime": unit.setting.stop_time, "stepSize": unit.setting.step_size}
-    return json.dumps({"model": unit.name, "experiment": experiment, "variables": variables}, indent=1)
+    return {"model": unit.name, "experiment": experiment, "variables": variables}

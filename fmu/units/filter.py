@@ -1,6 +1,7 @@
 """What the C of the online filter (fmu/csrc/online) needs: CasADi's functions, their memory, the basis of inertias."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import casadi as ca
 
@@ -8,6 +9,7 @@ from baryscope.models.attitude import INERTIA_BASIS, tumble_step
 from baryscope.models.relative_orbit import step_in_chaser_axes
 
 
+@cache
 def filter_functions() -> tuple[ca.Function, ...]:
     """The steps of the relative orbit and of the tumble."""
     return step_in_chaser_axes(), tumble_step()

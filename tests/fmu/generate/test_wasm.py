@@ -64,7 +64,8 @@ def test_its_table_is_the_table_of_variables(envisat, module):
     assert [row["name"] for row in described] == [variable.name for variable in table]
     sizes = [variable.size for variable in table]
     assert [row["reference"] for row in described] == [sum(sizes[:k]) for k in range(len(sizes))]
-    assert all(row["unit"] == v.unit and row["kind"] == v.kind for row, v in zip(described, table, strict=True))
+    for row, variable in zip(described, table, strict=True):
+        assert (row["unit"], row["kind"], row["boolean"]) == (variable.unit, variable.kind, variable.boolean)
 
 
 def test_the_command_line_builds_it(module, tmp_path, capsys):
