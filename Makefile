@@ -24,9 +24,10 @@ check: $(VENV)/.ready
 	$(BIN)/python tests/documents.py build/typed/examples
 	cd build/typed && $(CURDIR)/$(BIN)/python -m mypy --config-file $(CURDIR)/pyproject.toml -p baryscope -p examples
 
-# The pages of docs/ and the reference, from the docstrings of the plain install. A dead link or name is an error, and so is
-# what griffe, which reads the docstrings, remarks: --strict does not count it.
+# The pages of docs/, the page in which the units run, and the reference, from the docstrings of the plain install. A dead
+# link or name is an error, and so is what griffe, which reads the docstrings, remarks: --strict does not count it.
 site: check
+	$(BIN)/python -m baryscope.live docs/live/index.html
 	$(BIN)/python -m zensical build --clean --strict --config-file mkdocs.yml >build/site.log 2>&1; \
 	    code=$$?; cat build/site.log; test $$code = 0 && ! grep -q '^griffe:' build/site.log
 
@@ -46,4 +47,4 @@ lock:
 	    --no-emit-index-url --custom-compile-command 'make lock' -o requirements.lock
 
 clean:
-	rm -rf $(VENV) build out *.egg-info .cache .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) build docs/live out *.egg-info .cache .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -69,10 +69,11 @@ class Browser:
         text, self._rest = self._rest.split(b"\0", 1)
         return json.loads(text)
 
-    def open(self, path, dark=False):
-        """Load a file, and wait until its script is done."""
+    def open(self, path, dark=False, still=False):
+        """Load a file for a reader who likes it dark, or still, and wait until its script is done."""
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        self.call("Emulation.setEmulatedMedia", features=[scheme])
+        motion = {"name": "prefers-reduced-motion", "value": "reduce" if still else "no-preference"}
+        self.call("Emulation.setEmulatedMedia", features=[scheme, motion])
         self.events.clear()
         done = self.call("Page.navigate", url=path.resolve().as_uri())
         assert "errorText" not in done, done["errorText"]
@@ -119,6 +120,17 @@ class Browser:
         """Write a screenshot."""
         data = self.call("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
         path.write_bytes(base64.b64decode(data))
+
+    @property
+    def nameless(self):
+        """How many elements that act, or are pictures, have no name that is read out."""
+        return self.value("""[...document.querySelectorAll('button, select, input, canvas, svg, table')].filter((one) =>
+            !(one.ariaLabel || one.textContent.trim() || one.closest('label')?.textContent.trim())).length""")
+
+    @property
+    def heading_levels(self):
+        """The levels of the headings in their order."""
+        return self.value("[...document.querySelectorAll('h1, h2, h3')].map((one) => Number(one.tagName[1]))")
 
     @property
     def complaints(self):

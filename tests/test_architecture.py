@@ -35,7 +35,7 @@ LAYERS = [
     ["estimator.methods", "estimator.bound"],
     ["estimator", "fmu"],
     ["report"],
-    ["study"],
+    ["study", "live"],
     ["study.population"],
     ["study.world"],
     ["study.online", "study.approach"],

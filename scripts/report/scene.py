@@ -72,7 +72,7 @@ def scene_of(body: Body, estimates: tuple[Shown, ...], orbit: Orbit | None, abou
         labels=tuple(body.labels[index] for index in chosen.tolist()),
         features=features - path[:, None],
         state=tuple("".join(map(str, row)) for row in state.tolist()),
-        faces=_faces(body, chosen),
+        faces=hull_of(body_points(body)[chosen]),
         ghosts=ghosts,
         attitude=None if body.attitude is None else quaternions(body.attitude[keep]),
         orbit=None if orbit is None else quaternions(lvlh_attitude(orbit, body.time[keep])),
@@ -104,9 +104,11 @@ def body_points(body: Body) -> FloatArray:
     return points
 
 
-def _faces(body: Body, chosen: IntArray) -> IntArray:
-    """Triangles of the convex hull of the features, by their places among those chosen; none if they span no volume."""
-    points = body_points(body)[chosen]
+def hull_of(points: FloatArray) -> IntArray:
+    """Triangles (f, 3) of the convex hull of points (m, 3), by their places; none if they span no volume.
+
+    Points that are NaN are left out.
+    """
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(known) < 4:
         return np.empty((0, 3), dtype=np.intp)

@@ -39,7 +39,7 @@ function Scene(part) {
 
   const stage = Stage({
     labels: part.labels, faces: part.faces, ghosts, axes, first: part.orbit ? 1 : 0, reach, farthest: () => range,
-    past: { count: () => count, at: outlineOf }, toggle, changed: () => show(state.k),
+    past: { count: () => count, at: outlineOf, recent: () => 0 }, toggle, changed: () => show(state.k),
   });
   const reading = el("output", { class: "reading scene-reading", "aria-live": "off" });
   const slider = el("input", { type: "range", min: 0, max: count - 1, step: 1, value: 0, "aria-label": "Time", oninput: () => { stop(); show(Number(slider.value)); clock.set(part.time[state.k]); } });

@@ -9,10 +9,16 @@ const away = (quaternion) => (known(quaternion) ? transposed(fromQuaternion(...q
 // what: { labels, faces, of the features; ghosts: [{ label, colour, shown }]; axes: names in AXES, and which is first;
 // reach: of the features from the centre, m; farthest: () → the longest path, m; past: { count: () → …, at: (j) → a moment
 // without features }, for trails; toggle: what the space bar does; changed: told when an estimate is shown or hidden }.
-function Stage(what) {
-  const state = { azimuth: -0.9, elevation: 0.45, zoom: 1, view: 0, axes: what.first, shape: true, names: false, trail: true };
-  const canvas = el("canvas", { role: "img", tabindex: "0", "aria-label": "The scene in three dimensions. Drag or arrow keys turn it, plus and minus enlarge it, space plays." });
+// Stages of the same `what` turn together. view: at first, of VIEWS.
+function Stage(what, view = 0) {
+  what.camera ??= { azimuth: -0.9, elevation: 0.45, axes: what.first, shape: true, names: false, trail: true };
+  what.pictures ??= [];
+  what.pictures.push(render);
+  const state = { zoom: 1, view }, { camera } = what, spoken = view ? `${VIEWS[view]} in three dimensions` : "The scene in three dimensions";
+  const canvas = el("canvas", { role: "img", tabindex: "0", "aria-label": `${spoken}. Drag or arrow keys turn it, plus and minus enlarge it, space plays.` });
   let now = null, colour = null;
+
+  const redraw = () => { for (const picture of what.pictures) picture(); };
 
   function errorSize() {
     let most = 0;
@@ -25,7 +31,7 @@ function Stage(what) {
   }
 
   const radius = () => [() => 1.04 * what.reach, () => 1.08 * Math.max(what.farthest(), what.reach), () => 1.3 * errorSize()][state.view]() / state.zoom;
-  const inAxes = (moment) => AXES[what.axes[state.axes]](moment);
+  const inAxes = (moment) => AXES[what.axes[camera.axes]](moment);
   const paintOf = (index) => colour[`c${what.ghosts[index].colour % 8}`];
 
   function colours() {
@@ -43,12 +49,12 @@ function Stage(what) {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
     const scale = Math.min(width, height) / 2 / radius();
-    const eye = looking(state.azimuth, state.elevation), V = product(eye, inAxes(now));
+    const eye = looking(camera.azimuth, camera.elevation), V = product(eye, inAxes(now));
     const seen = (v, by = V) => { const p = turn(by, v); return [width / 2 + scale * p[0], height / 2 - scale * p[1], p[2]]; };
     const view = { pen, scale, V, eye, seen, width, height };
-    if (state.trail && state.view !== 0) trails(view);
+    if (camera.trail && state.view !== 0) trails(view);
     sight(view);
-    if (state.shape && state.view !== 2) shape(view);
+    if (camera.shape && state.view !== 2) shape(view);
     points(view);
     if (known(now.orbit)) orbitAxes(view);
     now.ghosts.forEach((ghost, index) => { if (what.ghosts[index].shown) ghostly(view, ghost, index); });
@@ -70,8 +76,8 @@ function Stage(what) {
 
   // Where the chaser has been, and where the estimates have been, as seen from the centre of mass in the chosen axes.
   function trails(view) {
-    const { pen, seen, eye } = view, count = what.past.count(), step = Math.max(1, Math.floor(count / 700)), turned = [];
-    for (let j = 0; j < count; j += step) {
+    const { pen, seen, eye } = view, from = state.view === 2 ? what.past.recent() : 0, count = what.past.count(), turned = [];
+    for (let j = from; j < count; j += Math.max(1, Math.floor((count - from) / 700))) {
       const moment = what.past.at(j);
       turned.push([moment, product(eye, inAxes(moment))]);
     }
@@ -135,7 +141,7 @@ function Stage(what) {
       pen.fillStyle = looks === "2" ? colour.c3 : looks === "1" ? colour.ink : colour.paper;
       pen.strokeStyle = looks === "2" ? colour.c3 : looks === "1" ? colour.ink : colour.soft;
       pen.lineWidth = 1.2; pen.fill(); pen.stroke();
-      if (state.names) word(view, what.labels[j], x + 7, y - 5, colour.soft);
+      if (camera.names) word(view, what.labels[j], x + 7, y - 5, colour.soft);
     });
   }
 
@@ -159,7 +165,7 @@ function Stage(what) {
       pen.strokeStyle = paint; pen.lineWidth = 1.4; pen.stroke();
     }
     pen.beginPath(); pen.arc(x, y, 3.5, 0, 7); pen.fillStyle = paint; pen.fill();
-    if (state.view === 2) word(view, what.ghosts[index].label, x + 9, y + 4 + 14 * index, paint);
+    if (state.view === 2 && what.ghosts.length > 1) word(view, what.ghosts[index].label, x + 9, y + 4 + 14 * index, paint);
   }
 
   function centre(view) {
@@ -176,9 +182,9 @@ function Stage(what) {
   }
 
   function rotate(right, up) {
-    state.azimuth -= right;
-    state.elevation = Math.min(Math.max(state.elevation + up, -Math.PI / 2), Math.PI / 2);
-    render();
+    camera.azimuth -= right;
+    camera.elevation = Math.min(Math.max(camera.elevation + up, -Math.PI / 2), Math.PI / 2);
+    redraw();
   }
   function enlarge(factor) { state.zoom = Math.min(Math.max(state.zoom * factor, 1e-3), 1e6); render(); }
 
@@ -203,7 +209,7 @@ function Stage(what) {
   new ResizeObserver(render).observe(canvas);
   for (const name of ["theme", "beforeprint", "afterprint"]) window.addEventListener(name, () => { colour = null; render(); });
 
-  const tick = (text, name) => el("label", {}, el("input", { type: "checkbox", checked: state[name], onchange: (event) => { state[name] = event.currentTarget.checked; render(); } }), text);
+  const tick = (text, name) => el("label", {}, el("input", { type: "checkbox", checked: camera[name], onchange: (event) => { camera[name] = event.currentTarget.checked; redraw(); } }), text);
   const bigger = [["+", "enlarge", 1.25], ["−", "make smaller", 0.8]].map(([text, name, factor]) => el("button", { type: "button", text, "aria-label": name, class: "only-screen", onclick: () => enlarge(factor) }));
   const legend = what.ghosts.map((ghost) => el("button", {
     type: "button", class: "key points", style: key(ghost.colour), text: ghost.label, "aria-pressed": String(ghost.shown),
@@ -213,8 +219,8 @@ function Stage(what) {
     canvas,
     legend,
     controls: [
-      choice("look at", VIEWS, (index) => { state.view = index; state.zoom = 1; render(); }),
-      choice("in", what.axes, (index) => { state.axes = index; render(); }, state.axes),
+      choice("look at", VIEWS, (index) => { state.view = index; state.zoom = 1; render(); }, view),
+      choice("in", what.axes, (index) => { camera.axes = index; redraw(); }, camera.axes),
       ...bigger, tick("shape", "shape"), tick("names", "names"), tick("trails", "trail"),
     ],
     show(moment) { now = moment; render(); },

@@ -22,6 +22,10 @@ function fromQuaternion(w, x, y, z) {
   ];
 }
 
+const quaternionProduct = ([a, b, c, d], [w, x, y, z]) => [
+  a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y, a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w,
+];
+
 // The rotation a share of the shorter way from one unit quaternion (w, x, y, z) to another.
 function slerp(p, q, share) {
   const cosine = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3], sign = cosine < 0 ? -1 : 1;
