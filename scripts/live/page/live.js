@@ -24,7 +24,7 @@ async function live() {
     kind: "chart", title: "Error of the centre of mass", y_label: "error in m", x_label: "time in s", log: true, log_x: false, timed: false,
     series: [error], shades: [], shade: "", marks: [], levels: [], filter: [],
   };
-  const drawn = chartOf(chart), ghosts = [{ label: "estimate, 3σ", colour: 5, shown: true }];
+  const drawn = chartOf(chart), ghosts = [{ label: "estimate", colour: 5, shown: true }];
   const seen = {
     labels: [], faces: [], reach: 1, ghosts, axes: Object.keys(AXES), first: 0, farthest: () => run.farthest,
     past: { count: () => run.kept.length, at: (k) => run.kept[k], recent: () => Math.max(0, run.kept.length - RECENT) }, toggle, changed: () => show(1),
