@@ -98,7 +98,7 @@ def smaller(command):
         return command
     command = ["1" if before == "--draws" else word for before, word in zip(["", *command], command, strict=False)]
     if "--suite" in command:
-        command += [] if "--scenario" in command else ["--scenario", "slow-stereo"]
+        command += ["--scenario", "slow-stereo"] if "reach" in command and "--scenario" not in command else []
         command += [] if "--draws" in command else ["--draws", "1"]
     return command
 

@@ -221,6 +221,34 @@ def _path(location: Sequence[int | str]) -> str:
     return text
 
 
+@dataclass(frozen=True)
+class FieldKind:
+    """What a field of a file takes: the type of its value and its unit, None where it has none."""
+
+    kind: Any
+    unit: str | None
+
+
+def field_at(location: Sequence[int | str], model: type[BaseModel]) -> FieldKind:
+    """What stands at a location in a file, such as ("target", "angular_rate_deg", 2), places counted from 0.
+
+    Raises:
+        InputError: there is no such field.
+    """
+    for k in range(1, len(location) + 1):
+        inner = _walk(location[: k - 1], model)[1]
+        part = location[k - 1]
+        if get_args(inner):
+            known, hint = isinstance(part, int), ", expected a place in its list, from 0"
+        else:
+            fields = getattr(inner, "model_fields", {})
+            known, hint = part in fields, _hint(location[:k], model) if fields else ", expected a value without fields"
+        if not known:
+            raise InputError(f"{_path(location[:k])}: unknown field{hint}")
+    field, kind = _walk(location, model)
+    return FieldKind(kind, _unit_of(field))
+
+
 def _walk(location: Sequence[int | str], model: type[BaseModel]) -> tuple[FieldInfo | None, Any]:
     """The last field that a location passes through, and the type of value expected at its end."""
     field: FieldInfo | None = None

@@ -1,30 +1,38 @@
-"""`baryscope campaign`: scenarios drawn many times, and each method's RMSE over the Cramér–Rao bound."""
+"""`baryscope campaign`: scenarios drawn many times, and each method's RMSE over the Cramér–Rao bound.
+
+The campaigns' package is imported where it is used: it brings polars, which takes as long as other commands' start.
+"""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
+from cyclopts import App, Parameter
 
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import scenario_path
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
-from baryscope.study.campaign import VARIED, CampaignSummary, Plan, begin, campaign_paths, plan_of, read_runs, run
-from baryscope.study.campaign import report as report_of
-from baryscope.study.campaign.runner import PAGE, SUMMARY
-from baryscope.study.campaign.suite import suite_path
+
+if TYPE_CHECKING:
+    from baryscope.study.campaign import CampaignSummary, Plan, Shard
+
+campaign = App(name="campaign", result_action="return_value")
+
+Names = Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")]
 
 
-def campaign(
+@campaign.default
+def run_campaign(
     *,
-    scenario: Annotated[list[str] | None, Parameter(consume_multiple=True, negative="")] = None,
+    scenario: Names = None,
     suite: str | None = None,
     methods: str | None = None,
-    draws: int = 100,
-    seed: int = 1,
-    vary: str = ",".join(VARIED),
+    draws: int | None = None,
+    seed: int | None = None,
+    vary: Names = None,
     workers: int | None = None,
+    shard: str | None = None,
     restart: Annotated[bool, Parameter(negative="")] = False,
     report: Annotated[bool, Parameter(negative="")] = False,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
@@ -32,8 +40,9 @@ def campaign(
 ) -> None:
     """Draw scenarios many times, estimate with every method, and compare the errors with the Cramér–Rao bound.
 
-    Writes campaign.json, runs.jsonl (each run as it ends), summary.md and report.html (for a browser). The same command
-    again resumes a campaign that was interrupted. The results do not depend on the number of workers.
+    Writes campaign.json, runs.jsonl (each run as it ends), the same as a table (runs.parquet), summary.md and
+    report.html (for a browser). The same command again resumes a campaign that was interrupted. The results do not
+    depend on the number of workers, nor on where they are.
 
     Parameters
     ----------
@@ -41,84 +50,132 @@ def campaign(
         Presets (see `baryscope scenarios`) or scenario files, FILE.toml. Default: envisat. With --suite: names of its
         scenarios. Default: all.
     suite
-        A set of scenarios with target ratios of RMSE to bound: reach, the twelve of docs/campaign.md, or FILE.toml.
+        A study as one file, FILE.toml: scenarios, methods, draws, seed and what varies (docs/campaign.md); or reach,
+        the twelve scenarios of docs/campaign.md with their target ratios of RMSE to bound.
     methods
         Methods, separated by commas. Default: those of the suite, or screw-gpa,pivot,ml.
     draws
-        Draws of each scenario; a greater number than before continues a campaign.
+        Draws of each scenario; a greater number than before continues a campaign without ranges. Default: that of the
+        suite, or 100.
     seed
-        Seed of all random numbers.
+        Seed of all random numbers. Default: that of the suite, or 1.
     vary
         What each draw varies besides noise, dropout and outliers: attitude (uniform over all rotations), anomaly (true
-        anomaly, uniform over the orbit), both, or none.
+        anomaly, uniform over the orbit), and any number of the scenario as FIELD=LOW:HIGH or FIELD=LOW:HIGH:log, such
+        as sensor.noise=0.005:0.05:log or target.angular_rate_deg.2=0:3 (a Latin hypercube); or none. Only what is
+        listed varies. Default: that of the suite, or attitude,anomaly.
     workers
-        Worker processes. Default: one for each core.
+        Worker processes on this machine. Default: one for each core.
+    shard
+        Run only a part of the draws, such as 3/8; `baryscope campaign merge` puts the parts' folders together.
     restart
         Delete the runs that are there and begin anew.
     report
         Run nothing; print the tables of the runs that are there.
     output
-        Folder to write to. Default: out/campaign- and the names of suite or scenarios.
+        Folder to write to. Default: out/campaign- and the names of suite or scenarios, and of the shard.
     """
+    from baryscope.study.campaign import begin, campaign_paths, mended, plan_of, shard_of
+    from baryscope.study.campaign import report as report_of
+
     show = show or Show()
     if workers is not None and workers < 1:
         raise InputError(f"--workers: found {workers}, expected at least 1")
-    if report and restart:
-        raise InputError("--report: found beside --restart, expected one of them")
+    for one, other, there in (("report", "restart", report and restart),):
+        if there:
+            raise InputError(f"--{one}: found beside --{other}, expected one of them")
+    part = shard_of("1/1" if shard is None else shard)
     if report and output is not None:
-        folder = output
-    else:
-        chosen = None if methods is None else methods.split(",")
-        plan = plan_of(scenario or [], suite, chosen, draws=draws, seed=seed, vary=_varied(vary))
-        folder = output or Path("out") / _name(plan, suite, scenario)
-        refuse_overwriting(campaign_paths(folder), _sources(scenario, suite))
+        _show(report_of(output), output, show)
+        return
+    chosen = None if methods is None else methods.split(",")
+    plan = plan_of(scenario or [], suite, chosen, draws=draws, seed=seed, vary=_varied(vary))
+    named = plan.name if part.of == 1 else f"{plan.name}-{part.index}-of-{part.of}"
+    folder = output or Path("out") / named
+    refuse_overwriting(campaign_paths(folder), _sources(scenario, suite))
     if report:
         summary = report_of(folder)
     else:
         plan = begin(folder, plan, restart=restart)
-        _remark_on_what_is_there(plan, folder, show)
-        with show.progress() as progress:
-            summary = run(plan, folder, workers, progress)
-    if not summary.runs:
-        raise InputError(f"{folder}: holds no runs yet, expected some to report")
+        ended = mended(folder, plan)
+        missing = sum(len(part.numbers(plan.draws, ended.of(entry.name))) for entry in plan.entries)
+        _remark_on_what_is_there(ended.count, missing, show)
+        summary = _carried_out(plan, folder, workers, part, show)
     _show(summary, folder, show)
-    if summary.failed:
-        raise ComputationError(f"no run gave a result; the first says: {summary.failures[0]}")
+
+
+@campaign.command(name="merge")
+def merge_folders(
+    folders: list[Path],
+    /,
+    *,
+    output: Annotated[Path, Parameter(alias="-o")],
+    show: Show | None = None,
+) -> None:
+    """Put the shards of a campaign together, and write their report.
+
+    Folders of different seeds, scenarios, methods or versions are refused.
+
+    Parameters
+    ----------
+    folders
+        Folders of the same campaign, each with some of its runs.
+    output
+        A new folder for all of them.
+    """
+    from baryscope.study.campaign import merge
+    from baryscope.study.campaign import report as report_of
+
+    merge(folders, output)
+    _show(report_of(output), output, show or Show())
+
+
+def _carried_out(plan: "Plan", folder: Path, workers: int | None, part: "Shard", show: Show) -> "CampaignSummary":
+    """The campaign, on this machine."""
+    from baryscope.study.campaign import campaign as carry_out
+
+    with show.progress() as progress:
+        return carry_out(plan, folder, workers=workers, shard=part, progress=progress)
 
 
 def _sources(scenario: list[str] | None, suite: str | None) -> list[Path]:
     """The files that a campaign reads."""
-    return [scenario_path(name) for name in scenario or []] if suite is None else [suite_path(suite)]
+    from baryscope.study.campaign.suite import read_suite
+
+    return [scenario_path(name) for name in scenario or []] if suite is None else list(read_suite(suite).files)
 
 
-def _varied(text: str) -> list[str]:
-    """What --vary names."""
-    chosen = [item.strip() for item in text.split(",") if item.strip()]
+def _varied(items: list[str] | None) -> list[str] | None:
+    """What --vary names; None where it is not given."""
+    if items is None:
+        return None
+    chosen = [item.strip() for text in items for item in text.split(",") if item.strip()]
     if not chosen:
-        raise InputError(f"--vary: found {text!r}, expected none or some of {', '.join(VARIED)}")
+        raise InputError(f"--vary: found {' '.join(items)!r}, expected none or what to vary")
     return [] if chosen == ["none"] else chosen
 
 
-def _name(plan: Plan, suite: str | None, scenario: list[str] | None) -> str:
-    names = [] if suite is None else [Path(suite).stem]
-    names += [entry.name for entry in plan.entries] if scenario or suite is None else []
-    return "-".join(["campaign", *names])
-
-
-def _remark_on_what_is_there(plan: Plan, folder: Path, show: Show) -> None:
-    done = len(read_runs(folder, plan))
-    if done == plan.total:
+def _remark_on_what_is_there(done: int, missing: int, show: Show) -> None:
+    if not missing:
         show.remark(f"nothing to run: {counted(done, 'run is', 'runs are')} there")
     elif done:
-        show.remark(f"{done} of {counted(plan.total, 'run')} there; going on")
+        show.remark(f"{counted(done, 'run is', 'runs are')} there; going on with {missing}")
 
 
-def _show(summary: CampaignSummary, folder: Path, show: Show) -> None:
+def _show(summary: "CampaignSummary", folder: Path, show: Show) -> None:
     """The tables, and what to know of them."""
+    from baryscope.study.campaign.runner import PAGE, SUMMARY
+
+    if not summary.count:
+        raise InputError(f"{folder}: holds no runs yet, expected some to report")
     words = [word for table in summary.tables() for word in (table, "")]
     words.append(summary.about_nees())
-    if summary.remarks:
-        words.append(f"remarks on single draws: {len(summary.remarks)}, see summary.md")
+    if left := summary.plan.total - summary.count:
+        words.append(f"{left} of {counted(summary.plan.total, 'run')} still missing")
+    if summary.remark_count:
+        words.append(f"remarks on single draws: {summary.remark_count}, see summary.md")
     page = folder / PAGE
     words += [f"Report, for a browser: {page}", f"More in {folder / SUMMARY}"]
     show.result(summary.to_json() | {"folder": str(folder), "report": str(page)}, *words)
+    if summary.failed:
+        raise ComputationError(f"no run gave a result; the first says: {summary.failures[0]}")

@@ -20,6 +20,8 @@ from baryscope.estimator.prose import verdict
 from baryscope.estimator.result import Estimate
 from baryscope.models.errors import ComputationError, DiskError, InputError
 from baryscope.models.scenario import Outliers, Scenario
+from baryscope.models.scenario.orbit import degrees_of
+from baryscope.study.campaign.vary import ANOMALY, Values, with_values
 from baryscope.study.flight import Flight, fly
 from baryscope.study.methods import options_of
 
@@ -31,7 +33,8 @@ T = TypeVar("T")
 class Case:
     """One draw: the scenario as data, and all that the draw depends on.
 
-    unit: an FMU for as many features; built for the draw unless given.
+    vary: some of VARIED. unit: an FMU for as many features; built for the draw unless given. values: of fields that are
+    drawn over ranges, which `prepared` has made ready. plan: the hash of the plan that the line is of.
     """
 
     scenario: dict[str, Any]
@@ -40,6 +43,8 @@ class Case:
     methods: tuple[str, ...]
     vary: tuple[str, ...]
     unit: str = ""
+    values: Values = ()
+    plan: str = ""
 
 
 def drawn(case: Case) -> Scenario:
@@ -47,7 +52,7 @@ def drawn(case: Case) -> Scenario:
 
     They come from SeedSequence([seed, number]) alone: a draw of one scenario and that of the same number of another
     have the same attitude and the same noise. Attitudes are uniform over all rotations. The angular rate is that of
-    the scenario in body axes, so the angular momentum points anywhere.
+    the scenario in body axes, so the angular momentum points anywhere. Values over ranges are the plan's.
 
     Raises:
         InputError: the scenario does not allow the draw.
@@ -55,7 +60,8 @@ def drawn(case: Case) -> Scenario:
     of_attitude, of_anomaly, of_noise = np.random.SeedSequence([case.seed, case.number]).spawn(3)
     quaternion = np.random.default_rng(of_attitude).standard_normal(4)
     anomaly = 360.0 * np.random.default_rng(of_anomaly).random()
-    data = {name: dict(value) if isinstance(value, dict) else value for name, value in case.scenario.items()}
+    varied = with_values(case.scenario, case.values)
+    data = {name: dict(value) if isinstance(value, dict) else value for name, value in varied.items()}
     if "attitude" in case.vary:
         data["target"]["attitude"] = (quaternion / np.linalg.norm(quaternion)).tolist()
     if "anomaly" in case.vary:
@@ -73,12 +79,15 @@ def run_one(case: Case) -> dict[str, Any]:
         DiskError: there is no room for the unit's files.
     """
     wall: dict[str, float] = {}
-    line: dict[str, Any] = {"scenario": case.scenario["name"], "case": case.number}
+    line: dict[str, Any] = {"plan": case.plan, "seed": case.seed, "scenario": case.scenario["name"]}
+    line |= {"case": case.number, "varied": dict(case.values)}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         scenario, failure = _attempt(lambda: drawn(case))
         flight, line["bound"] = None, {}
         if scenario is not None:
+            if "anomaly" in case.vary:
+                line["varied"][ANOMALY] = degrees_of(scenario.orbit.true_anomaly)
             begin = clock.perf_counter()
             flight, failure = _attempt(lambda: fly(scenario, Path(case.unit) if case.unit else None))
             wall["flight"] = clock.perf_counter() - begin

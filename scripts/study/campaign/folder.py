@@ -57,53 +57,19 @@ def begin(folder: AnyPath, plan: Plan, *, restart: bool = False) -> Plan:
         plan = replace(plan, draws=max(plan.draws, found.draws))
     elif runs.exists():
         raise InputError(f"{runs}: found without {HEADER}, expected both; --restart begins anew")
-    with replacing(folder / HEADER) as temporary:
-        text = json.dumps(plan.header(), indent=1, ensure_ascii=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_plan(plan, folder / HEADER)
     return plan
 
 
-def read_runs(folder: AnyPath, plan: Plan, *, mend: bool = False) -> dict[tuple[str, int], Run]:
-    """The runs that have ended, by scenario and number. A last line that was torn is none; mend cuts it off the file.
+def write_plan(plan: Plan, path: Path) -> None:
+    """Write the header of a campaign.
 
     Raises:
-        InputError: a line that is no run of this plan.
+        InputError, DiskError: it cannot be written.
     """
-    path = Path(folder) / RUNS
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return {}
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}, expected the runs of a campaign") from error
-    lines = content.split(b"\n")
-    whole, rest = lines[:-1], lines[-1]
-    if whole and _parsed(whole[-1]) is None:  # its end may be there when its middle is not
-        rest = whole.pop() + b"\n" + rest
-    if mend and rest:
-        os.truncate(path, len(content) - len(rest))
-    known = {(entry.name, number) for entry in plan.entries for number in range(plan.draws)}
-    runs: dict[tuple[str, int], Run] = {}
-    for number, line in enumerate(whole, start=1):
-        run = _parsed(line)
-        if run is None:
-            raise InputError(f"{path}: line {number} is not the JSON of a run, expected one run a line")
-        key = (run["scenario"], run["case"])
-        if key not in known or set(run["methods"]) != set(plan.methods):
-            raise InputError(f"{path}: line {number} is of {key[0]}, draw {key[1]}, expected a run of {HEADER}")
-        runs.setdefault(key, run)
-    return runs
-
-
-def _parsed(line: bytes) -> Run | None:
-    """The run of a line; None if it is none."""
-    try:
-        run = json.loads(line)
-    except ValueError:
-        return None
-    shape = {"scenario": str, "case": int, "bound": dict, "methods": dict, "wall": dict}
-    right = isinstance(run, dict) and all(isinstance(run.get(name), kind) for name, kind in shape.items())
-    return run if right else None
+    with replacing(path) as temporary:
+        text = json.dumps(plan.header(), indent=1, ensure_ascii=False)
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 class RunFile:

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
@@ -10,11 +11,12 @@ from baryscope.models.words import counted
 from baryscope.report import Report
 from baryscope.report.charts import curve
 from baryscope.report.document import Chart, Facts, Part, Series, Sheet, Tabs, Words
-from baryscope.study.campaign.folder import Run
-from baryscope.study.campaign.report import LEGEND, MOST_REMARKS
+from baryscope.study.campaign.marginals import marginals
+from baryscope.study.campaign.report import LEGEND, MOST_REMARKS, varied_words
 from baryscope.study.campaign.statistics import DEGREES
 from baryscope.study.campaign.suite import Entry
 from baryscope.study.campaign.summary import HEADINGS, CampaignSummary
+from baryscope.study.campaign.table import NEES
 from baryscope.study.methods import COLOURS
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +29,7 @@ def report_of_campaign(summary: CampaignSummary) -> Report:
     plan = summary.plan
     entries = [entry for entry in plan.entries if summary.draws(entry)]
     rows = [(entry.name, *row) for entry in entries for row in summary.table(entry).rows]
-    left = plan.total - len(summary.runs)
+    left = plan.total - summary.count
     missing = f"; {left} still missing" if left else ""
     parts: list[Part] = [
         Sheet("All scenarios", ("scenario", *HEADINGS), tuple(rows), " ".join([*LEGEND, summary.about_nees()]), 2),
@@ -35,11 +37,11 @@ def report_of_campaign(summary: CampaignSummary) -> Report:
     ]
     if summary.remarks:
         lines = [f"{one.scenario} {one.case}, {one.method}: {one.text}" for one in summary.remarks[:MOST_REMARKS]]
-        more = len(summary.remarks) - len(lines)
+        more = summary.remark_count - len(lines)
         parts.append(Words("Draws to look at", (*lines, *([f"and {more} more"] if more else []))))
     parts.append(_options(summary))
     return Report(
-        f"Campaign: {counted(len(entries), 'scenario')}, {counted(len(summary.runs), 'run')}",
+        f"Campaign: {counted(len(entries), 'scenario')}, {counted(summary.count, 'run')}",
         f"{counted(plan.draws, 'draw')} of each scenario, seed {plan.seed}{missing}",
         plan.version,
         tuple(parts),
@@ -52,7 +54,7 @@ def _options(summary: CampaignSummary) -> Facts:
     items = [
         ("command", plan.command),
         ("methods", ", ".join(plan.methods)),
-        ("varied", ", ".join(plan.vary) or "noise only"),
+        ("varied", varied_words(plan)),
         ("program", plan.program),
         ("baryscope", plan.version),
     ]
@@ -60,10 +62,10 @@ def _options(summary: CampaignSummary) -> Facts:
 
 
 def _parts_of(entry: Entry, summary: CampaignSummary) -> tuple[Part, ...]:
-    runs = [summary.runs[key] for key in sorted(summary.runs) if key[0] == entry.name]
+    runs = summary.runs.filter(pl.col("scenario") == entry.name)
     parts: list[Part] = [Words("Scenario", (entry.description or entry.name,))]
     errors = [_errors(label, runs) for label in summary.plan.methods]
-    bound = _sorted([1e3 * run["bound"]["path_rmse_clean"] for run in runs if "path_rmse_clean" in run["bound"]])
+    bound = _sorted(1e3 * runs.filter(pl.col("method").to_physical() == 0)["bound"])
     if bound.size:
         errors.append(_distribution("Cramér–Rao bound", bound, style="dashed"))
     parts.append(
@@ -87,7 +89,7 @@ def _parts_of(entry: Entry, summary: CampaignSummary) -> tuple[Part, ...]:
                 [*normalised, expected],
             )
         )
-    return tuple(parts)
+    return (*parts, *marginals(summary.plan, runs))
 
 
 def _shares(title: str, about: str, x_label: str, series: list[Series | None]) -> Chart:
@@ -95,20 +97,20 @@ def _shares(title: str, about: str, x_label: str, series: list[Series | None]) -
     return Chart(title, about, "share of the draws", some, x_label=x_label, log_x=True, timed=False)
 
 
-def _errors(label: str, runs: list[Run]) -> Series | None:
-    found = [run["methods"][label] for run in runs]
-    values = _sorted([1e3 * one["rmse"] for one in found if "failure" not in one])
-    return _distribution(label, values, len(runs), COLOURS[label]) if values.size else None
+def _errors(label: str, runs: pl.DataFrame) -> Series | None:
+    own = runs.filter(pl.col("method") == label)
+    values = _sorted(1e3 * own.filter(pl.col("failure").is_null())["rmse"])
+    return _distribution(label, values, len(own), COLOURS[label]) if values.size else None
 
 
-def _nees(label: str, runs: list[Run]) -> Series | None:
-    found = [run["methods"][label].get("nees") for run in runs]
-    values = _sorted([one[1] for one in found if one and one[1] is not None])
+def _nees(label: str, runs: pl.DataFrame) -> Series | None:
+    values = _sorted(runs.filter(pl.col("method") == label)[NEES[1]])
     return _distribution(label, values, None, COLOURS[label]) if values.size else None
 
 
-def _sorted(values: list[float]) -> FloatArray:
-    return np.sort(np.maximum(np.array(values, dtype=float), LEAST))
+def _sorted(values: pl.Series) -> FloatArray:
+    found: FloatArray = np.sort(np.maximum(values.drop_nulls().to_numpy(), LEAST))
+    return found
 
 
 def _distribution(label: str, values: FloatArray, total: int | None = None, colour: Any = "ink", **how: Any) -> Series:

@@ -7,7 +7,12 @@ from importlib.resources.abc import Traversable
 
 STATIONS = ("baryscope.models", "baryscope.fmu", "baryscope.estimator")
 SUFFIXES = (".py", ".c", ".h")
-ITSELF = (("baryscope.study.campaign", "case.py"), ("baryscope.study", "flight.py"))
+ITSELF = (
+    ("baryscope.study.campaign", "case.py"),
+    ("baryscope.study.campaign", "vary.py"),
+    ("baryscope.study", "flight.py"),
+    ("baryscope.study", "methods.py"),
+)
 
 
 @cache

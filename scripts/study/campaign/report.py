@@ -4,6 +4,7 @@ from pathlib import Path
 
 from baryscope.models.files import replacing
 from baryscope.models.words import counted
+from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.statistics import Remark
 from baryscope.study.campaign.summary import CampaignSummary
 
@@ -24,13 +25,8 @@ def write_summary(summary: CampaignSummary, path: Path) -> None:
         InputError: the file cannot be written.
     """
     plan = summary.plan
-    left = plan.total - len(summary.runs)
+    left = plan.total - summary.count
     missing = f" {left} of {counted(plan.total, 'run')} still missing." if left else ""
-    varied = {
-        ("attitude", "anomaly"): "attitude (uniform over all rotations), place on the orbit and noise",
-        ("attitude",): "attitude (uniform over all rotations) and noise",
-        ("anomaly",): "place on the orbit and noise",
-    }.get(plan.vary, "noise")
     lines = [
         "# Campaign",
         "",
@@ -38,7 +34,7 @@ def write_summary(summary: CampaignSummary, path: Path) -> None:
         "",
         f"    {plan.command}",
         "",
-        f"{counted(plan.draws, 'draw')} of each scenario, each with its own {varied}.{missing}",
+        f"{counted(plan.draws, 'draw')} of each scenario, each with its own {varied_words(plan)}.{missing}",
         "",
     ]
     for entry in plan.entries:
@@ -50,19 +46,31 @@ def write_summary(summary: CampaignSummary, path: Path) -> None:
         "failed: how many draws gave no result, + how many were announced as not to be trusted.",
         "time is the median, with one thread.",
         "",
-        *_remark_lines(summary.remarks),
+        *_remark_lines(summary.remarks, summary.remark_count),
     ]
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _remark_lines(found: list[Remark]) -> list[str]:
+def varied_words(plan: Plan) -> str:
+    """What each draw has of its own, in words: "attitude (uniform over all rotations), sensor.noise and noise"."""
+    known = {"attitude": "attitude (uniform over all rotations)", "anomaly": "place on the orbit"}
+    words = [known[item] for item in plan.vary if item in known]
+    words += [
+        f"{one.field} ({one.low:g} to {one.high:g}{', even in its logarithm' if one.log else ''})"
+        for one in plan.ranges
+    ]
+    return f"{', '.join(words)} and noise" if words else "noise"
+
+
+def _remark_lines(found: list[Remark], count: int) -> list[str]:
     if not found:
         return ["No single draw failed, was announced or is off by more than chance allows."]
-    more = [f"- and {len(found) - MOST_REMARKS} more"] if len(found) > MOST_REMARKS else []
+    shown = found[:MOST_REMARKS]
+    more = [f"- and {count - len(shown)} more"] if count > len(shown) else []
     return [
         "## Draws to look at",
         "",
-        *(f"- {one.scenario} {one.case}, {one.method}: {one.text}" for one in found[:MOST_REMARKS]),
+        *(f"- {one.scenario} {one.case}, {one.method}: {one.text}" for one in shown),
         *more,
     ]

@@ -1,81 +1,116 @@
-"""Carrying out a campaign: the runs that are missing, in several processes."""
+"""Carrying out a campaign: the runs that are missing, on an engine."""
 
+import os
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
-from baryscope.models.errors import DiskError
+from baryscope.models.errors import ComputationError, DiskError
 from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
-from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
 from baryscope.report import write_report
-from baryscope.study.campaign.case import Case, run_one
-from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, begin, read_plan, read_runs
+from baryscope.study.campaign.case import Case, drawn
+from baryscope.study.campaign.engines import Engine, LocalEngine
+from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, begin, read_plan
 from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan
-from baryscope.study.campaign.pool import results_of, usable_cores
+from baryscope.study.campaign.reading import Ended, blocks_of, sound_length
 from baryscope.study.campaign.report import write_summary
+from baryscope.study.campaign.shards import ALL, Shard
 from baryscope.study.campaign.summary import CampaignSummary
+from baryscope.study.campaign.table import read_runs, write_runs
 from baryscope.study.flight import build_unit
 from baryscope.study.progress import Progress, stage
 
-SUMMARY, PAGE = "summary.md", "report.html"
+TABLE, SUMMARY, PAGE = "runs.parquet", "summary.md", "report.html"
 
 
-def run(plan: Plan, folder: AnyPath, workers: int | None = None, progress: Progress | None = None) -> CampaignSummary:
+def campaign(
+    plan: Plan,
+    folder: AnyPath | None = None,
+    *,
+    workers: int | None = None,
+    shard: Shard = ALL,
+    progress: Progress | None = None,
+) -> CampaignSummary:
     """Carry out the runs of a campaign that are not in its folder yet, and write its summary.
 
-    What comes out does not depend on the number of workers. An interrupted campaign goes on when it is run again.
+    What comes out does not depend on where it runs, nor on how many workers there are. An interrupted campaign goes on
+    when it is run again, also elsewhere.
 
     Args:
         plan: what to run, see `plan_of`.
-        folder: where campaign.json, runs.jsonl, summary.md and report.html are written.
+        folder: where all files are written; out/ and the plan's name unless given.
         workers: how many processes; one for each usable core unless given.
+        shard: which of the draws to run; all unless given.
         progress: told how far the work is.
 
     Raises:
-        InputError: the folder holds runs of another plan, or cannot be written.
-        ComputationError: a unit cannot be built, or a worker was killed; what has ended is kept.
+        InputError: the folder holds runs of another plan, or cannot be written; a draw's values make a scenario that is
+            not valid.
+        ComputationError: a unit cannot be built, a case ends all its workers; what has ended
+            is kept.
         DiskError: the disk is full; the message says what is kept.
         KeyboardInterrupt: the user stops it; the message says what is kept.
     """
-    folder = Path(folder)
+    folder = Path("out") / plan.name if folder is None else Path(folder)
+    engine: Engine = LocalEngine(workers)
     plan = begin(folder, plan)
-    done = read_runs(folder, plan, mend=True)
-    ended = len(done)
+    before = mended(folder, plan)
+    left = {entry.name: shard.numbers(plan.draws, before.of(entry.name)) for entry in plan.entries}
+    count, ended = sum(map(len, left.values())), before.count
     try:
         with temporary_folder() as units:
-            cases = _missing(plan, set(done), units, progress)
-            crew = min(workers or usable_cores(), len(cases))
-            if cases:
+            if count:
+                _check(plan, left, progress)
+                cases = _cases(plan, left, _units(plan, left, units, progress))
                 with (
-                    stage(
-                        progress, f"{counted(len(cases), 'run')} in {counted(crew, 'process', 'processes')}"
-                    ) as share,
-                    closing(results_of(run_one, cases, crew)) as results,
+                    stage(progress, f"{counted(count, 'run')} {engine}") as share,
+                    closing(engine.carry_out(cases)) as results,
                     RunFile(folder) as file,
                 ):
-                    for count, line in enumerate(results, start=1):
+                    for done, line in enumerate(results, start=1):
                         file.append(line)
                         ended += 1
-                        share(count / len(cases))
+                        share(done / count)
     except KeyboardInterrupt:
         kept = f"interrupted after {ended} of {plan.total} runs, which are kept in {folder}"
         raise KeyboardInterrupt(f"{kept}; the same command goes on") from None
     except DiskError as error:
         kept = f"{ended} of {plan.total} runs are kept in {folder}"
         raise DiskError(f"{error}; {kept}, and the same command goes on when there is room") from error
+    except ComputationError as error:
+        if not ended:
+            raise
+        kept = f"{ended} of {plan.total} runs are kept in {folder}"
+        raise ComputationError(f"{error}; {kept}, and the same command goes on") from error
     return report(folder)
 
 
+def mended(folder: Path, plan: Plan) -> Ended:
+    """What has ended; a last line that was torn is cut off the file.
+
+    Raises:
+        InputError: a line that is no run of this plan.
+    """
+    ended = Ended(plan)
+    for _ in blocks_of(folder, plan, ended):
+        pass
+    path = folder / RUNS
+    if path.exists() and path.stat().st_size > (length := sound_length(folder)):
+        os.truncate(path, length)
+    return ended
+
+
 def campaign_paths(folder: AnyPath) -> tuple[Path, ...]:
-    """The files of a campaign: its plan, its runs, its summary and its report."""
-    return tuple(Path(folder) / name for name in (HEADER, RUNS, SUMMARY, PAGE))
+    """The files of a campaign: its plan, its runs, these as a table, its summary and its report."""
+    return tuple(Path(folder) / name for name in (HEADER, RUNS, TABLE, SUMMARY, PAGE))
 
 
 def report(folder: AnyPath) -> CampaignSummary:
     """The summary of the runs that have ended, also while others go on; if there are some, in files, too.
 
-    These are summary.md and report.html.
+    These are runs.parquet, summary.md and report.html.
 
     Raises:
         InputError: the folder holds no campaign.
@@ -83,24 +118,51 @@ def report(folder: AnyPath) -> CampaignSummary:
     folder = Path(folder)
     plan = read_plan(folder)
     summary = CampaignSummary(plan, read_runs(folder, plan))
-    if summary.runs:
-        refuse_overwriting([folder / SUMMARY, folder / PAGE], [folder / HEADER, folder / RUNS])
+    if summary.count:
+        refuse_overwriting([folder / name for name in (TABLE, SUMMARY, PAGE)], [folder / HEADER, folder / RUNS])
+        write_runs(summary.runs, folder / TABLE)
         write_summary(summary, folder / SUMMARY)
         write_report(report_of_campaign(summary), folder / PAGE)
     return summary
 
 
-def _missing(plan: Plan, done: set[tuple[str, int]], folder: Path, progress: Progress | None) -> list[Case]:
-    """The cases left, with a unit for each number of features; a draw of all scenarios comes before the next draw."""
-    left = [
-        (entry, number) for number in range(plan.draws) for entry in plan.entries if (entry.name, number) not in done
-    ]
-    units: dict[int, Path] = {}
-    for entry, _ in left:
-        if entry.features not in units:
-            scenario = Scenario.parse(entry.data, entry.name)
-            units[entry.features] = build_unit(scenario, folder / f"{entry.features}.fmu", progress)
-    return [
-        Case(entry.data, number, plan.seed, plan.methods, plan.vary, str(units[entry.features]))
-        for entry, number in left
-    ]
+Left = dict[str, list[int]]  # the draws to run of each scenario
+
+
+def _check(plan: Plan, left: Left, progress: Progress | None) -> None:
+    """That values over ranges make valid scenarios in all draws, not only in the corners of the ranges."""
+    if not plan.ranges:
+        return
+    count, done = sum(map(len, left.values())), 0
+    with stage(progress, f"checking {counted(count, 'draw')}") as share:
+        for name, numbers in left.items():
+            for number in numbers:
+                drawn(plan.case(name, number))
+                done += 1
+                if done % 100 == 0:
+                    share(done / count)
+
+
+def _units(plan: Plan, left: Left, folder: Path, progress: Progress | None) -> dict[str, str]:
+    """A unit for each scenario; those that differ in numbers alone share one."""
+    built: dict[object, Path] = {}
+    units = {}
+    for name, numbers in left.items():
+        if numbers:
+            scenario = drawn(plan.case(name, numbers[0]))
+            kind = (len(scenario.features.points), scenario.forces)
+            if kind not in built:
+                built[kind] = build_unit(scenario, folder / f"{len(built)}.fmu", progress)
+            units[name] = str(built[kind])
+    return units
+
+
+def _cases(plan: Plan, left: Left, units: dict[str, str]) -> Iterator[Case]:
+    """The cases left, made as they are asked for; a draw of all scenarios comes before the next draw."""
+    places = {name: iter(numbers) for name, numbers in left.items()}
+    following = {name: next(numbers, plan.draws) for name, numbers in places.items()}
+    for number in range(plan.draws):
+        for name, numbers in places.items():
+            if following[name] == number:
+                following[name] = next(numbers, plan.draws)
+                yield plan.case(name, number, units[name])

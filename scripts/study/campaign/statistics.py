@@ -1,16 +1,15 @@
 """What many draws say of a method: its error against the bound, and whether it knows how good it is."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from baryscope.study.campaign.folder import Run
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.suite import Entry
+from baryscope.study.campaign.table import NEES
 from baryscope.study.methods import LVLH
 
 FloatArray = NDArray[np.float64]
@@ -20,6 +19,7 @@ COVERAGE = 0.95
 # A normalised squared error that one draw in 10 000 would have, and a path's error in units of the bound.
 LARGE_NEES = float(chi2.isf(1e-4, DEGREES))
 LARGE_RATIO = 4.0
+MOST_REMARKS = 1000  # that are told one by one
 
 
 @dataclass(frozen=True)
@@ -61,17 +61,19 @@ class Remark:
     text: str
 
 
-def rows_of(entry: Entry, plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[Row]:
+def rows_of(entry: Entry, plan: Plan, runs: pl.DataFrame) -> list[Row]:
     """A row for each method of a scenario."""
-    of_scenario = _of_scenario(entry, runs)
-    return [_row(method, of_scenario, entry.targets.get(method.removesuffix(LVLH))) for method in plan.methods]
+    of_scenario = runs.filter(pl.col("scenario") == entry.name)
+    return [
+        _row(method, of_scenario.filter(pl.col("method") == method), entry.targets.get(method.removesuffix(LVLH)))
+        for method in plan.methods
+    ]
 
 
-def bound_of(entry: Entry, runs: Mapping[tuple[str, int], Run]) -> tuple[float | None, float | None]:
+def bound_of(entry: Entry, runs: pl.DataFrame) -> tuple[float | None, float | None]:
     """Root mean square over the draws, m, of the bound of the path without outliers, and with them."""
-    bounds = [run["bound"] for run in _of_scenario(entry, runs) if "path_rmse" in run["bound"]]
-    clean, found = ([one[name] for one in bounds] for name in ("path_rmse_clean", "path_rmse"))
-    return _root_mean_square(clean), _root_mean_square(found)
+    bounds = runs.filter((pl.col("scenario") == entry.name) & (pl.col("method").to_physical() == 0))
+    return _root_mean_square(bounds["bound"]), _root_mean_square(bounds["bound_inliers"])
 
 
 def nees_band(draws: int) -> tuple[float, float]:
@@ -81,78 +83,84 @@ def nees_band(draws: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def remarks(plan: Plan, runs: Mapping[tuple[str, int], Run]) -> list[Remark]:
-    """Draws that failed, were announced, or are off by more than chance allows; of methods that have covariances."""
-    found = []
-    for run in (runs[key] for key in sorted(runs)):
-        name, case = run["scenario"], run["case"]
-        if "failure" in run["bound"]:
-            found.append(Remark(name, case, "bound", run["bound"]["failure"]))
-        for text in run.get("warnings", []):
-            found.append(Remark(name, case, "all", f"warning: {text}"))
-        for method in plan.methods:
-            text = _about(run["methods"][method], run["bound"].get("path_rmse_clean"))
-            if text:
-                found.append(Remark(name, case, method, text))
-    return found
+def remarks(runs: pl.DataFrame, most: int = MOST_REMARKS) -> tuple[int, list[Remark]]:
+    """Draws that failed, were announced, or are off by more than chance allows; of methods that have covariances.
 
-
-def _about(outcome: dict[str, Any], bound: float | None) -> str:
-    if "failure" in outcome:
-        return f"failed: {outcome['failure']}"
-    if outcome["predicted_rmse"] is None:
-        return ""
-    notes = [] if outcome["trustworthy"] in (True, None) else ["was announced"]
-    if bound and outcome["rmse"] > LARGE_RATIO * bound:
-        notes.append(f"{outcome['rmse'] / bound:.1f} × CRB")
-    nees = [value for value in outcome["nees"] or () if value is not None]
-    if nees and max(nees) > LARGE_NEES:
-        notes.append(f"NEES {' '.join(f'{value:.0f}' for value in nees)}")
-    in_body = outcome.get("body_nees")
-    if in_body is not None and in_body > LARGE_NEES:
-        notes.append(f"NEES {in_body:.0f} in body axes")
-    return ", ".join(notes)
-
-
-def _of_scenario(entry: Entry, runs: Mapping[tuple[str, int], Run]) -> list[Run]:
-    return [runs[key] for key in sorted(runs) if key[0] == entry.name]
-
-
-def _row(method: str, runs: Sequence[Run], target: float | None) -> Row:
-    good = [run for run in runs if "failure" not in run["methods"][method]]
-    outcomes = [run["methods"][method] for run in good]
-    ratio, error = _ratio(
-        [
-            (run["methods"][method]["rmse"], run["bound"]["path_rmse_clean"])
-            for run in good
-            if "path_rmse" in run["bound"]
-        ]
+    Returns:
+        How many remarks there are, and the first of them.
+    """
+    own = pl.col("predicted_rmse").is_not_null()
+    nees = pl.max_horizontal(*NEES)
+    notes = pl.concat_str(
+        _note(pl.col("trustworthy").not_(), pl.lit("was announced")),
+        _note(
+            pl.col("rmse") > LARGE_RATIO * pl.col("bound"),
+            pl.format("{} × CRB", (pl.col("rmse") / pl.col("bound")).round(1)),
+        ),
+        _note(
+            nees > LARGE_NEES,
+            pl.format(
+                "NEES {}",
+                pl.concat_str(
+                    *(pl.col(name).round(0).cast(pl.Int64) for name in NEES), separator=" ", ignore_nulls=True
+                ),
+            ),
+        ),
+        _note(
+            pl.col("body_nees") > LARGE_NEES,
+            pl.format("NEES {} in body axes", pl.col("body_nees").round(0).cast(pl.Int64)),
+        ),
+        separator=", ",
+        ignore_nulls=True,
     )
-    normalised = [one["nees"] for one in outcomes if one["nees"] is not None]
-    times = [run["wall"][method] for run in good if method in run["wall"]]
+    failed = pl.format("failed: {}", "failure")
+    of_methods = runs.select(
+        "scenario",
+        "case",
+        pl.col("method").cast(pl.String),
+        pl.when(pl.col("failure").is_not_null()).then(failed).when(own).then(notes).otherwise(pl.lit("")).alias("text"),
+    )
+    once = runs.filter(pl.col("method").to_physical() == 0)
+    of_draws = [
+        once.select("scenario", "case", pl.lit("bound").alias("method"), pl.col("bound_failure").alias("text")),
+        once.select("scenario", "case", pl.lit("all").alias("method"), pl.col("warnings").alias("text"))
+        .explode("text")
+        .with_columns(pl.format("warning: {}", "text").alias("text")),
+    ]
+    found = pl.concat([*of_draws, of_methods]).filter(pl.col("text").fill_null("") != "")
+    first = found.sort("scenario", "case", maintain_order=True).head(most)
+    return len(found), [Remark(str(name), case, method, text) for name, case, method, text in first.iter_rows()]
+
+
+def _note(condition: pl.Expr, text: pl.Expr) -> pl.Expr:
+    """A text where something holds, else null."""
+    return pl.when(condition).then(text).otherwise(None)
+
+
+def _row(method: str, runs: pl.DataFrame, target: float | None) -> Row:
+    good = runs.filter(pl.col("failure").is_null())
+    ratio, error = _ratio(good.select("rmse", "bound").drop_nulls().to_numpy())
     return Row(
         method=method,
         draws=len(runs),
         failed=len(runs) - len(good),
-        announced=sum(one["trustworthy"] is False for one in outcomes),
-        rmse=_root_mean_square([one["rmse"] for one in outcomes]),
-        predicted_rmse=_root_mean_square(
-            [one["predicted_rmse"] for one in outcomes if one["predicted_rmse"] is not None]
-        ),
+        announced=int(good["trustworthy"].not_().sum()),
+        rmse=_root_mean_square(good["rmse"]),
+        predicted_rmse=_root_mean_square(good["predicted_rmse"]),
         ratio=ratio,
         ratio_error=error,
         target=target,
-        nees=tuple(_mean([one[k] for one in normalised if one[k] is not None]) for k in range(3)),
-        body_nees=_mean([one["body_nees"] for one in outcomes if one.get("body_nees") is not None]),
-        time=float(np.median(times)) if times else None,
+        nees=tuple(_mean(good[name]) for name in NEES),
+        body_nees=_mean(good["body_nees"]),
+        time=_float(good["time"].median()),
     )
 
 
-def _ratio(pairs: Sequence[tuple[float, float]]) -> tuple[float | None, float | None]:
+def _ratio(pairs: FloatArray) -> tuple[float | None, float | None]:
     """√(mean e² / mean b²) of pairs (e, b), and its standard error to first order (that of a ratio of two means)."""
-    if not pairs:
+    if not len(pairs):
         return None, None
-    e, b = np.array(pairs).T ** 2
+    e, b = pairs.T**2
     ratio = float(np.sqrt(e.mean() / b.mean()))
     if len(pairs) < 2 or ratio == 0:
         return ratio, None
@@ -160,9 +168,14 @@ def _ratio(pairs: Sequence[tuple[float, float]]) -> tuple[float | None, float | 
     return ratio, float(deviation / (2 * ratio))
 
 
-def _root_mean_square(values: Sequence[float]) -> float | None:
-    return float(np.sqrt(np.mean(np.square(values)))) if values else None
+def _root_mean_square(values: pl.Series) -> float | None:
+    squared = _float((values**2).mean())
+    return None if squared is None else float(np.sqrt(squared))
 
 
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None
+def _mean(values: pl.Series) -> float | None:
+    return _float(values.mean())
+
+
+def _float(value: object) -> float | None:
+    return value if isinstance(value, float) else None

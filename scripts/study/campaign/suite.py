@@ -2,17 +2,18 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
-from baryscope.models.scenario import FileModel, Scenario, read_toml
+from baryscope.models.scenario import FileModel, Scenario, read_toml, scenario_path
+from baryscope.study.campaign.vary import items_of_table
 from baryscope.study.flight import scenario_of
 
 USUAL_METHODS = ("screw-gpa", "pivot", "ml")
@@ -27,13 +28,27 @@ class SuiteScenario(FileModel):
     change: dict[str, Any] = Field(default_factory=dict)
 
 
-class Suite(FileModel):
-    """A file of scenarios that have most in common."""
+class SuiteFile(FileModel):
+    """A file of scenarios that have most in common, and of how they are drawn.
+
+    base: the tables of a scenario, or the name of a preset or a scenario file, seen from this file's folder; scenarios:
+    the base alone unless given; draws, seed, vary: as the options of `baryscope campaign`, which go before them.
+    """
 
     description: str = ""
     methods: tuple[str, ...] = USUAL_METHODS
-    base: dict[str, Any]
-    scenarios: tuple[SuiteScenario, ...] = Field(min_length=1)
+    draws: int | None = Field(default=None, ge=1)
+    seed: int | None = Field(default=None, ge=0)
+    vary: dict[str, Any] | None = None
+    base: Any
+    scenarios: tuple[SuiteScenario, ...] | None = Field(default=None, min_length=1)
+
+    @field_validator("base")
+    @classmethod
+    def _tables_or_name(cls, base: Any) -> Any:
+        if not isinstance(base, dict | str):
+            raise ValueError(f"found {base!r}, expected the tables of a scenario, a preset's name or a FILE.toml")
+        return base
 
 
 @dataclass(frozen=True)
@@ -61,6 +76,23 @@ class Entry:
         return len(self.data["features"]["points"])
 
 
+@dataclass(frozen=True)
+class Suite:
+    """Scenarios that are drawn together; None is what a file leaves open. files: what was read for it."""
+
+    methods: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    draws: int | None = None
+    seed: int | None = None
+    vary: tuple[str, ...] | None = None
+    files: tuple[Path, ...] = ()
+
+    def only(self, names: Sequence[str]) -> "Suite":
+        """With some of its scenarios, in the order of their names; all if there are none."""
+        known = {entry.name: entry for entry in self.entries}
+        return replace(self, entries=tuple(known[name] for name in names) or self.entries)
+
+
 def entry_of(scenario: Scenario | AnyPath, targets: Mapping[str, float] | None = None) -> Entry:
     """The entry of a scenario, of a preset's name or of a scenario file, FILE.toml.
 
@@ -72,19 +104,31 @@ def entry_of(scenario: Scenario | AnyPath, targets: Mapping[str, float] | None =
     return Entry(drawn.name, drawn.model_dump(mode="json", exclude_unset=True), dict(targets or {}))
 
 
-def read_suite(name_or_path: str) -> tuple[tuple[str, ...], tuple[Entry, ...]]:
-    """The methods and scenarios of a suite that comes along, or of a FILE.toml.
+def read_suite(name_or_path: str) -> Suite:
+    """A suite that comes along, or of a FILE.toml.
 
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
     path = suite_path(name_or_path)
-    suite = Suite.parse(read_toml(path, "a suite of scenarios in TOML"), str(path))
+    suite = SuiteFile.parse(read_toml(path, "a suite of scenarios in TOML"), str(path))
+    files, base = _base(suite, path)
     entries = []
-    for item in suite.scenarios:
-        data = _merged(suite.base, item.change) | {"name": item.name, "description": item.description}
+    for item in suite.scenarios or (SuiteScenario(name=base.get("name", path.stem), description=suite.description),):
+        named = {"name": item.name, "description": item.description or base.get("description", "")}
+        data = _merged(base, item.change) | named
         entries.append(entry_of(Scenario.parse(data, f"{path}: scenario {item.name}"), item.targets))
-    return suite.methods, tuple(entries)
+    vary = None if suite.vary is None else items_of_table(suite.vary, str(path))
+    return Suite(suite.methods, tuple(entries), suite.draws, suite.seed, vary, files)
+
+
+def _base(suite: SuiteFile, path: Path) -> tuple[tuple[Path, ...], dict[str, Any]]:
+    """The files of a suite, and the tables of its base."""
+    if isinstance(suite.base, dict):
+        return (path,), suite.base
+    named = Path(suite.base)
+    other = path.parent / named if named.suffix == ".toml" or len(named.parts) > 1 else scenario_path(suite.base)
+    return (path, other), {"name": other.stem} | read_toml(other, "a scenario in TOML")
 
 
 def suite_path(name_or_path: str) -> Path:

@@ -1,12 +1,13 @@
 """What a campaign gives: its runs, a table for each scenario, and the draws that deserve a look."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
+import polars as pl
+
 from baryscope.models.words import counted
-from baryscope.study.campaign.folder import Run
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.statistics import Remark, Row, bound_of, nees_band, remarks, rows_of
 from baryscope.study.campaign.suite import Entry
@@ -21,34 +22,52 @@ HEADINGS = (
 
 @dataclass(frozen=True, eq=False)
 class CampaignSummary:
-    """A campaign and the runs of it that have ended, by scenario and number of the draw."""
+    """A campaign and the runs of it that have ended: a table of them, see `read_runs`."""
 
     plan: Plan
-    runs: Mapping[tuple[str, int], Run]
+    runs: pl.DataFrame
+
+    @property
+    def count(self) -> int:
+        """How many runs have ended."""
+        return len(self.runs) // len(self.plan.methods)
 
     def draws(self, entry: Entry) -> int:
         """How many runs of a scenario have ended."""
-        return sum(name == entry.name for name, _ in self.runs)
+        return self._draws.get(entry.name, 0)
+
+    @cached_property
+    def _draws(self) -> dict[str, int]:
+        counts = self.runs.group_by("scenario").len()
+        return {str(name): count // len(self.plan.methods) for name, count in counts.iter_rows()}
 
     def rows(self, entry: Entry) -> list[Row]:
         """A row for each method of a scenario."""
         return rows_of(entry, self.plan, self.runs)
 
-    @cached_property
+    @property
     def remarks(self) -> list[Remark]:
-        """Draws that failed, were announced, or are off by more than chance allows."""
-        return remarks(self.plan, self.runs)
+        """Draws that failed, were announced, or are off by more than chance allows; the first thousand."""
+        return self._remarks[1]
 
     @property
-    def failures(self) -> list[str]:
+    def remark_count(self) -> int:
+        """How many remarks there are."""
+        return self._remarks[0]
+
+    @cached_property
+    def _remarks(self) -> tuple[int, list[Remark]]:
+        return remarks(self.runs)
+
+    @property
+    def failures(self) -> pl.Series:
         """Why methods gave no result; as many as there are results if none was given, and some runs at least."""
-        found = [outcome.get("failure") for run in self.runs.values() for outcome in run["methods"].values()]
-        return [failure for failure in found if failure]
+        return self.runs["failure"].drop_nulls()
 
     @property
     def failed(self) -> bool:
         """Whether no method gave a result in any run."""
-        return len(self.failures) == sum(len(run["methods"]) for run in self.runs.values())
+        return len(self.failures) == len(self.runs)
 
     def tables(self) -> Iterator[Table]:
         """For a terminal or a notebook: a table for each scenario that has runs, lengths in mm."""
@@ -91,9 +110,10 @@ class CampaignSummary:
             "version": self.plan.version,
             "program": self.plan.program,
             "command": self.plan.command,
-            "runs": len(self.runs),
-            "missing": self.plan.total - len(self.runs),
+            "runs": self.count,
+            "missing": self.plan.total - self.count,
             "scenarios": scenarios,
+            "remark_count": self.remark_count,
             "remarks": [asdict(remark) for remark in self.remarks],
         }
 

@@ -1,7 +1,6 @@
 """One draw of a campaign: pure, and its numbers are right."""
 
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +9,11 @@ import pytest
 from baryscope.fmu import build_fmu
 from baryscope.models.errors import ComputationError
 from baryscope.models.scenario import load_scenario
-from baryscope.study.campaign import Case, drawn, plan_of, run_one
-
-COMMAND = [sys.executable, "-m", "baryscope.scripts.cli.app"]
+from baryscope.study.campaign import drawn, plan_of, run_one
 
 
 def case_of(plan, unit, number):
-    return Case(plan.entries[0].data, number, plan.seed, plan.methods, plan.vary, str(unit))
+    return replace(plan.case(plan.entries[0].name, 0, str(unit)), number=number)
 
 
 def without_wall(run):

@@ -28,7 +28,7 @@ def plan(tmp_path):
     (["--methods", "magic"], "methods: found 'magic'"),
     (["--scenario", "mir"], "'mir': not a preset"),
     (["--scenario", "envisat", "envisat"], "'envisat': stands 2 times"),
-    (["--suite", "grasp"], "suite 'grasp': not known, expected one of reach or a FILE.toml"),
+    (["--suite", "grasp"], "suite 'grasp': not known, expected one of ranges, reach or a FILE.toml"),
     (["--suite", "reach", "--scenario", "envisat"], "'envisat', expected some of the suite's fast-vbar, fast-ellipse"),
     (["--suite", "reach", "--scenario", "fast-vbar", "fast-vbar"], "'fast-vbar': stands 2 times"),
     (["--report", "--restart"], "--report: found beside --restart"),
@@ -42,9 +42,10 @@ def test_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, words):
 
 
 def test_the_reach_suite_is_what_it_says():
-    methods, entries = read_suite("reach")
-    assert methods == ("screw-gpa", "pivot", "ml")
-    scenarios = {entry.name: Scenario.parse(entry.data, entry.name) for entry in entries}
+    suite = read_suite("reach")
+    assert suite.methods == ("screw-gpa", "pivot", "ml")
+    assert (suite.draws, suite.seed, suite.vary) == (None, None, None)
+    scenarios = {entry.name: Scenario.parse(entry.data, entry.name) for entry in suite.entries}
     assert len(scenarios) == 12
     for name, scenario in scenarios.items():
         rate = np.linalg.norm(scenario.target.angular_rate_deg)
@@ -54,7 +55,7 @@ def test_the_reach_suite_is_what_it_says():
         assert np.linalg.norm(scenario.chaser.position) == 20
     assert scenarios["fast-stereo"].sensor.stereo is not None
     assert scenarios["slow-outliers-30"].sensor.outliers.share == 0.3
-    assert all(entry.targets["ml"] in (1.05, 1.08, 1.2, 2.0) for entry in entries)
+    assert all(entry.targets["ml"] in (1.05, 1.08, 1.2, 2.0) for entry in suite.entries)
 
 
 @pytest.mark.parametrize("text, words", [

@@ -15,7 +15,8 @@ import pytest
 
 from baryscope.models.errors import InputError
 from baryscope.scripts.cli import app
-from baryscope.study.campaign import begin, read_plan, read_runs, runner
+from baryscope.study.campaign import begin, mended, read_plan, run_one
+from baryscope.study.campaign.engines import LocalEngine
 from baryscope.study.campaign.folder import HEADER, RUNS
 
 COMMAND = [sys.executable, "-m", "baryscope.scripts.cli.app"]
@@ -64,12 +65,12 @@ def no_workers(monkeypatch):
     """Runs are carried out here; which ones is told."""
     asked = []
 
-    def here(function, cases, workers):
+    def here(_, cases):
         for case in cases:
             asked.append(case.number)
-            yield function(case)
+            yield run_one(case)
 
-    monkeypatch.setattr(runner, "results_of", here)
+    monkeypatch.setattr(LocalEngine, "carry_out", here)
     return asked
 
 
@@ -185,17 +186,18 @@ def test_the_same_interrupt_as_a_terminals_keeps_what_is_there(scenario_file, tm
     assert f"kept in {folder}; the same command goes on" in error.splitlines()[-1]
     assert "Traceback" not in error
     plan = read_plan(folder)
-    assert len(read_runs(folder, plan)) == runs.read_bytes().count(b"\n") >= 3
+    assert mended(folder, plan).count == runs.read_bytes().count(b"\n") >= 3
 
 
 @pytest.mark.parametrize("spoilt, words", [
     ("not json\n", "line 1 is not the JSON of a run"),
     ('{"scenario": "small", "case": 0}\n', "line 1 is not the JSON of a run"),
-    ('{"scenario": "big", "case": 0, "bound": {}, "methods": {}, "wall": {}}\n', "line 1 is of big, draw 0"),
-    ('{"scenario": "small", "case": 9, "bound": {}, "methods": {}, "wall": {}}\n', "line 1 is of small, draw 9"),
+    ('{"plan": "IDENTITY", "scenario": "big", "case": 0}\n', "line 1 is of big, draw 0"),
+    ('{"plan": "IDENTITY", "scenario": "small", "case": 9}\n', "line 1 is of small, draw 9"),
+    ('{"plan": "other", "scenario": "small", "case": 0, "seed": 8}\n', "line 1 is of another plan (other, seed 8)"),
 ])  # fmt: skip
 def test_a_line_that_is_no_run_is_refused(finished, scenario_file, tmp_path, capsys, spoilt, words):
-    content = spoilt.encode() + (finished / RUNS).read_bytes()
+    content = spoilt.replace("IDENTITY", read_plan(finished).identity).encode() + (finished / RUNS).read_bytes()
     folder = copied(finished, tmp_path / "spoilt", content)
     assert app.main(options(scenario_file, folder)) == 2
     assert f"{folder / RUNS}: {words}" in capsys.readouterr().err
@@ -227,4 +229,4 @@ def test_a_full_disk_says_what_is_kept_and_what_to_do(
     assert f"{folder / RUNS}: cannot be written (No space left on device); 1 of 4 runs are kept in {folder}" in line
     assert "the same command goes on when there is room" in line
     assert app.main(options(scenario_file, folder)) == 0
-    assert len(read_runs(folder, read_plan(folder))) == 4
+    assert mended(folder, read_plan(folder)).count == 4

@@ -1,7 +1,7 @@
 """Worker processes: each takes one task after the other and sends back what came of it.
 
 The standard library's pools either wait forever for a worker that was killed or cannot be stopped at once; a campaign
-needs neither.
+needs neither: a task whose worker was killed goes to a new one.
 """
 
 import os
@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -18,6 +19,9 @@ from types import FrameType
 from typing import Any, TypeVar, cast
 
 from baryscope.models.errors import ComputationError
+from baryscope.models.words import counted
+from baryscope.study.campaign.case import Case, run_one
+from baryscope.study.campaign.engines.engine import ATTEMPTS
 from baryscope.threads import THREADS
 
 Task = TypeVar("Task")
@@ -33,47 +37,90 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
+class LocalEngine:
+    """Worker processes of this machine, one for each usable core unless told."""
+
+    def __init__(self, workers: int | None = None) -> None:
+        self._workers = workers or usable_cores()
+
+    def __str__(self) -> str:
+        return f"in {counted(self._workers, 'process', 'processes')}"
+
+    def carry_out(self, cases: Iterable[Case]) -> Generator[dict[str, Any], None, None]:
+        """As `Engine` says."""
+        return results_of(run_one, cases, self._workers)
+
+
+@dataclass
+class _Worker:
+    """A process, what it does, and how often others have ended at it."""
+
+    process: SpawnProcess
+    task: Any
+    lost: int = 0
+
+
 def results_of(
     function: Callable[[Task], Result], tasks: Iterable[Task], workers: int
 ) -> Generator[Result, None, None]:
     """What `function` makes of each task, in the order in which they end.
 
-    The function must be one that a new process can import. Closing the iterator ends the workers.
+    The function must be one that a new process can import. A task whose worker is ended from outside is done again by
+    a new one. Closing the iterator ends the workers.
 
     Raises:
-        ComputationError: the function has raised it, which must be its only exception, or a worker was ended from
-            outside.
+        ComputationError: the function has raised it, which must be its only exception, or ATTEMPTS workers have been
+            ended from outside at the same task.
     """
     waiting = iter(tasks)
-    crew: dict[Connection, SpawnProcess] = {}
+    crew: dict[Connection, _Worker] = {}
     try:
-        with _for_workers():
-            for task in islice(waiting, workers):
-                connection, process = _start(function)
-                crew[connection] = process
-                connection.send(task)
+        for task in islice(waiting, workers):
+            _start(crew, function, task)
         busy = set(crew)
         while busy:
             for ready in wait(list(busy)):
                 connection = cast(Connection, ready)
+                worker = crew[connection]
                 try:
                     result = connection.recv()
-                    task_left = next(waiting, None)
-                    connection.send(task_left)
-                except (EOFError, OSError) as error:
-                    process = crew[connection]
-                    process.join(PATIENCE)
-                    raise ComputationError(f"a worker process has ended with the code {process.exitcode}") from error
+                except (EOFError, OSError):
+                    busy.discard(connection)
+                    busy.add(_replaced(crew, connection, function))
+                    continue
                 if isinstance(result, ComputationError):
                     raise result
-                if task_left is None:
+                worker.task, worker.lost = next(waiting, None), 0
+                with suppress(OSError):  # it has ended since; we shall see
+                    connection.send(worker.task)
+                if worker.task is None:
                     busy.discard(connection)
                 yield cast(Result, result)
     finally:
         _end(crew)
 
 
-def _start(function: Callable[[Any], Any]) -> tuple[Connection, SpawnProcess]:
+def _replaced(crew: dict[Connection, _Worker], connection: Connection, function: Callable[[Any], Any]) -> Connection:
+    """A new worker for the task of one that has ended."""
+    gone = crew.pop(connection)
+    connection.close()
+    gone.process.join(PATIENCE)
+    if gone.lost + 1 >= ATTEMPTS:
+        code = gone.process.exitcode
+        raise ComputationError(f"a worker process has ended with the code {code}, {ATTEMPTS} times at the same task")
+    return _start(crew, function, gone.task, gone.lost + 1)
+
+
+def _start(crew: dict[Connection, _Worker], function: Callable[[Any], Any], task: Any, lost: int = 0) -> Connection:
+    with _for_workers():
+        connection, process = _process(function)
+    crew[connection] = _Worker(process, task, lost)
+    with suppress(OSError):
+        connection.send(task)
+    return connection
+
+
+def _process(function: Callable[[Any], Any]) -> tuple[Connection, SpawnProcess]:
     context = get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(function, theirs), daemon=True)
@@ -104,14 +151,14 @@ def _leave(number: int, frame: FrameType | None) -> None:
     sys.exit(128 + number)  # an exception, so that temporary files are removed on the way out
 
 
-def _end(crew: dict[Connection, SpawnProcess]) -> None:
-    for process in crew.values():
-        process.terminate()
-    for connection, process in crew.items():
-        process.join(PATIENCE)
-        if process.is_alive():
-            process.kill()
-            process.join()
+def _end(crew: dict[Connection, _Worker]) -> None:
+    for worker in crew.values():
+        worker.process.terminate()
+    for connection, worker in crew.items():
+        worker.process.join(PATIENCE)
+        if worker.process.is_alive():
+            worker.process.kill()
+            worker.process.join()
         connection.close()
 
 

@@ -3,25 +3,34 @@
 import atexit
 import multiprocessing
 import os
-import sys
+import signal
 import time
 
 import pytest
 
 from baryscope.models.errors import ComputationError, DiskError
-from baryscope.study.campaign.pool import THREADS, results_of
+from baryscope.study.campaign.engines import local
+from baryscope.study.campaign.engines.local import THREADS, results_of
 
-COMMAND = [sys.executable, "-m", "baryscope.scripts.cli.app"]
+
+def threads(path):
+    """What a worker's threads are; the process that is asked first ends at once."""
+    if not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return [os.getenv(name) for name in THREADS]
 
 
-def test_a_worker_has_one_thread_and_the_parent_keeps_its_own(monkeypatch):
+def test_a_task_whose_worker_is_killed_is_done_by_another_of_one_thread(tmp_path, monkeypatch):
+    """And the parent keeps the threads that it has."""
     monkeypatch.setenv(THREADS[0], "7")
-    assert set(results_of(os.getenv, THREADS, 1)) == {"1"}
+    assert list(results_of(threads, [tmp_path / "once"], 1)) == [["1"] * len(THREADS)]
     assert os.environ[THREADS[0]] == "7"
 
 
-def test_a_worker_that_is_killed_does_not_keep_us_waiting():
-    with pytest.raises(ComputationError, match="a worker process has ended with the code 9"):
+def test_a_task_that_ends_all_its_workers_does_not_keep_us_waiting(monkeypatch):
+    monkeypatch.setattr(local, "ATTEMPTS", 1)
+    with pytest.raises(ComputationError, match="a worker process has ended with the code 9, 1 times at the same task"):
         list(results_of(os._exit, [9, 9], 1))
     assert not multiprocessing.active_children()
 
