@@ -76,7 +76,7 @@ def fly(
         options = {"of": str(system or name), "duration": duration, "step": step, "approach": approach}
         options |= {} if controller is None else {"controller": str(controller)}
         with stage(progress, "writing"):
-            files = write_loop(loop, folder, options, flown.orbit if flown else None)
+            files = write_loop(loop, folder, options)
     found = summary_of(loop)
     words = [*_words(found), f"report, for a browser: {folder / REPORT}", f"files in {folder}"]
     show.result(found | {"files": [str(path) for path in files]}, *words)

@@ -16,6 +16,8 @@ from baryscope.fmu.system import Master, open_system
 from baryscope.fmu.system.master import Unit
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
+from baryscope.models.keplerian import PARAMETERS
+from baryscope.models.orbit import Orbit
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.models.variables import Kind, variable_table
 from baryscope.report.charts import nees_of
@@ -57,6 +59,7 @@ class Loop:
         miss: (n,), how far it is from where it shall be, m: from there while synchronised, else from `hold.position`,
             or from where it starts if the controller has none.
         synchronised: (n,), whether the goal turns with the body; never with a controller that does not tell.
+        orbit: of the target, from the parameters of its unit.
     """
 
     truth: Recording
@@ -70,6 +73,7 @@ class Loop:
     to_grapple: FloatArray
     miss: FloatArray
     synchronised: BoolArray
+    orbit: Orbit
 
     @property
     def time(self) -> FloatArray:
@@ -199,6 +203,7 @@ class _Recorder:
         self._to_grapple, self._miss = np.empty(count), np.empty(count)
         self._samples: list[Sample] = []
         self._rig, controller = RigReader(units["rig"]), units["controller"]
+        self._orbit = Orbit(*(float(units["target"].vector(name)[0]) for name in PARAMETERS))
         held, standoff = controller.vector("hold.position"), controller.vector("grapple.standoff")
         self._hold = held if held.size else units["target"].vector("chaser.position0")
         self._standoff = float(standoff.sum())  # 0 where the controller has none
@@ -246,4 +251,5 @@ class _Recorder:
             to_grapple=self._to_grapple,
             miss=self._miss,
             synchronised=np.asarray((rows["controller goal.synchronised"] > 0).any(axis=1)),
+            orbit=self._orbit,
         )

@@ -11,7 +11,6 @@ from baryscope import __version__
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
 from baryscope.models.files import AnyPath, write_together
-from baryscope.models.orbit import Orbit
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.report import html_of
 from baryscope.study.flight import write_truth
@@ -67,14 +66,13 @@ def summary_of(loop: Loop) -> dict[str, Any]:
     }
 
 
-def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any], orbit: Orbit | None = None) -> tuple[Path, ...]:
+def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any]) -> tuple[Path, ...]:
     """Write tracks.csv, truth.csv, estimate.csv, flight.json, report.html and, with matplotlib, flight.png.
 
     Args:
         loop: the flight.
         folder: where to.
         options: of the flight, which stand in flight.json.
-        orbit: of the target, if it is known; the report then has LVLH axes.
 
     Returns:
         The files.
@@ -84,7 +82,7 @@ def write_loop(loop: Loop, folder: AnyPath, options: dict[str, Any], orbit: Orbi
     """
     tracks, truth, estimate, summary, report, picture = loop_paths(folder)
     found = summary_of(loop)
-    page = html_of(report_of_loop(loop, found, options, orbit))
+    page = html_of(report_of_loop(loop, found, options))
     text = json.dumps(found | {"options": options}, indent=2, allow_nan=False)
     write_together(
         {

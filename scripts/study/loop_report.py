@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.lvlh import lvlh_attitude
-from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
 from baryscope.report import Report
 from baryscope.report.charts import axis_errors, blackouts, curve, expected_error, nees_chart
@@ -26,21 +25,20 @@ VERDICTS = {
 }
 
 
-def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any], orbit: Orbit | None = None) -> Report:
+def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -> Report:
     """The report of a flight.
 
     Args:
         loop: the flight.
         found: its summary, as in flight.json.
         options: of the flight; `of` names the scenario or system.
-        orbit: of the target, if it is known; scene and errors are then in LVLH axes, too.
     """
     marks = marks_of(loop)
     shades = blackouts(loop.tracks.time, loop.tracks.seen)
     how: dict[str, Any] = {"shades": shades, "shade": "nothing seen", "marks": marks}
-    parts: list[Part] = [scene_of_loop(loop, orbit), convergence_chart(loop, **how)]
+    parts: list[Part] = [scene_of_loop(loop), convergence_chart(loop, **how)]
     if loop.tracking.any():
-        parts += [_axes(loop, orbit, **how), _nees(loop, found, **how)]
+        parts += [_axes(loop, **how), _nees(loop, found, **how)]
     parts += [
         _places(loop, marks),
         _commands(loop, marks),
@@ -64,7 +62,7 @@ def marks_of(loop: Loop) -> tuple[tuple[float, str], ...]:
     return tuple((float(loop.time[np.argmax(one)]), word) for word, one in flags.items() if one.any())
 
 
-def scene_of_loop(loop: Loop, orbit: Orbit | None) -> Scene:
+def scene_of_loop(loop: Loop) -> Scene:
     """The true motion and the online estimate; features are where the samples, turned into body axes, have them."""
     place = np.clip(np.searchsorted(loop.tracks.time, loop.time + 1e-9) - 1, 0, None)
     fresh = np.abs(loop.tracks.time[place] - loop.time) < 1e-6
@@ -84,7 +82,9 @@ def scene_of_loop(loop: Loop, orbit: Orbit | None) -> Scene:
         np.where(waits[..., None], np.nan, loop.covariance),
     )
     whole = Body(loop.time, path, "true centre of mass", R, tracks.labels, features, seen, nothing)
-    return scene_of(whole, (online,), orbit, "True motion; features are the mean of what the rig has seen of them.")
+    return scene_of(
+        whole, (online,), loop.orbit, "True motion; features are the mean of what the rig has seen of them."
+    )
 
 
 def convergence_chart(loop: Loop, **how: Any) -> Chart:
@@ -100,14 +100,12 @@ def convergence_chart(loop: Loop, **how: Any) -> Chart:
     return Chart("Convergence of the online estimate", about, "mm", series, log=True, **how)
 
 
-def _axes(loop: Loop, orbit: Orbit | None, **how: Any) -> Chart:
+def _axes(loop: Loop, **how: Any) -> Chart:
     """From when the tumble is known, if it ever is: before, errors are of another size."""
     shown = loop.tracking & (np.cumsum(loop.tumble) > 0) if loop.tumble.any() else loop.tracking
     error = np.where(shown[:, None], loop.position - loop.truth["target.position"], np.nan)
     covariance = np.where(shown[:, None, None], loop.covariance, np.nan)
-    if orbit is None:
-        return axis_errors(loop.time, error, covariance, "C", **how)
-    R = lvlh_attitude(orbit, loop.time)
+    R = lvlh_attitude(loop.orbit, loop.time)
     turned = np.swapaxes(R, 1, 2) @ covariance @ R
     return axis_errors(loop.time, np.einsum("kji,kj->ki", R, error), turned, "LVLH", **how)
 

@@ -85,9 +85,8 @@ def test_files_hold_the_flight(held, tmp_path):
 
 def test_the_report_shows_the_flight(held, envisat):
     """Features, found from samples with noise, are as far from the centre of mass as in the scenario."""
-    parts = {
-        part["title"]: part for part in data_of(report_of_loop(held, summary_of(held), {}, envisat.orbit))["parts"]
-    }
+    assert held.orbit == envisat.orbit
+    parts = {part["title"]: part for part in data_of(report_of_loop(held, summary_of(held), {}))["parts"]}
     scene, found = parts["Scene"], summary_of(held)
     keep = np.searchsorted(held.time, scene["time"])
     (online,) = scene["ghosts"]
@@ -102,6 +101,7 @@ def test_the_report_shows_the_flight(held, envisat):
         [found["tracking_since"], "tracking"],
         [found["tumble_known_since"], "tumble known"],
     ]
+    assert "LVLH axes" in parts["Error along each axis"]["about"]
     assert ["status", "tracking"] in parts["What came of it, in SI units"]["items"]
 
 
