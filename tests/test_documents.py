@@ -23,6 +23,7 @@ from documents import (
     text_of,
 )
 
+LONG_FLIGHT = 300.0  # s
 ROOMS = ["models", "fmu", "estimator", "scripts", "tests"]
 
 
@@ -91,8 +92,8 @@ def check_the_table(summary):
 
 
 def smaller(command):
-    """The command with one draw of one scenario, where a campaign would take its hours; short flights."""
-    if "fly" in command:
+    """The command with one draw of one scenario, where a campaign would take its hours; long flights are cut short."""
+    if "fly" in command and float(command[command.index("--duration") + 1]) > LONG_FLIGHT:
         return ["60" if before == "--duration" else word for before, word in zip(["", *command], command, strict=False)]
     if "campaign" not in command:
         return command
