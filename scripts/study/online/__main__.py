@@ -1,4 +1,4 @@
-"""`python -m baryscope.study.online run | report`: see docs/online.md."""
+"""`python -m baryscope.study.online run | report | endure`: see docs/online.md."""
 
 from baryscope.threads import prefer_one_thread
 
@@ -8,6 +8,8 @@ import argparse  # noqa: E402
 import sys  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+from baryscope.models.errors import InputError  # noqa: E402
+from baryscope.study.online.endurance import endured, hours_table  # noqa: E402
 from baryscope.study.online.flights import SUITES  # noqa: E402
 from baryscope.study.online.judging import judged  # noqa: E402
 from baryscope.study.online.report import ends, table  # noqa: E402
@@ -26,6 +28,11 @@ def main(arguments: list[str] | None = None) -> int:
     runner.add_argument("--limit", type=float, default=120.0, help="s for a draw, then its process is killed")
     runner.add_argument("-o", "--output", type=Path, required=True)
     runner.set_defaults(run=_run)
+    endurer = commands.add_parser("endure", help="a day of frames: time, memory, error and claim, hour by hour")
+    endurer.add_argument("--hours", type=float, default=24.0)
+    endurer.add_argument("--rate", type=float, default=100.0, help="frames a second")
+    endurer.add_argument("--seed", type=command.natural, default=1)
+    endurer.set_defaults(run=_endure)
     command.add_report(commands, "the tables").set_defaults(run=_report)
     return command.executed(parser, arguments)
 
@@ -33,6 +40,17 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     groups = [[(suite, options.seed, draw)] for suite in options.suites for draw in range(options.draws)]
     command.fill(options, judged, ("suite", "seed", "draw"), groups)
+
+
+def _endure(options: argparse.Namespace) -> None:
+    if not (options.hours > 0 and options.rate > 0 and 3600 * options.hours * options.rate >= 1):
+        raise InputError(f"endure: found {options.hours:g} hours at {options.rate:g} Hz, expected one frame at least")
+    hours = []
+    for hour in endured(options.hours, options.rate, options.seed):
+        hours.append(hour)
+        print(f"\rhour {hour.number}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
+    print(hours_table(hours, options.rate).markdown())
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -66,3 +66,15 @@ def test_a_case_that_was_confidently_wrong_is_right_or_says_so(seed, draw):
     *_, state = made.states()
     if state.status is OnlineStatus.TRACKING:
         assert nees(state.position - made.path[-1], state.covariance[:3, :3]) < WRONG
+
+
+def test_an_hour_of_frames_has_a_row(capsys):
+    """Six minutes, three and a half rotations."""
+    assert main(["endure", "--hours", "0.1", "--rate", "2"]) == 0
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| 1 |")]
+    _, status, error, claimed, nees, *_ = (cell.strip() for cell in row.strip("|").split("|"))
+    assert status == "tracking"
+    assert float(error) < 5 * float(claimed) < 50  # mm
+    assert float(nees) < 16.3
+    with pytest.raises(SystemExit):
+        main(["endure", "--hours", "0"])
