@@ -203,7 +203,10 @@ class _Recorder:
         self._to_grapple, self._miss = np.empty(count), np.empty(count)
         self._samples: list[Sample] = []
         self._rig, controller = RigReader(units["rig"]), units["controller"]
-        self._orbit = Orbit(*(float(units["target"].vector(name)[0]) for name in PARAMETERS))
+        a, e, inclination, raan, periapsis, anomaly, mu = (
+            float(units["target"].vector(name)[0]) for name in PARAMETERS
+        )
+        self._orbit = Orbit(a, e, inclination, raan, periapsis, anomaly, mu)
         held, standoff = controller.vector("hold.position"), controller.vector("grapple.standoff")
         self._hold = held if held.size else units["target"].vector("chaser.position0")
         self._standoff = float(standoff.sum())  # 0 where the controller has none
