@@ -3,6 +3,7 @@
 The campaigns' package is imported where it is used: it brings polars, which takes as long as other commands' start.
 """
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,6 +33,7 @@ def run_campaign(
     seed: int | None = None,
     vary: Names = None,
     workers: int | None = None,
+    scheduler: str | None = None,
     shard: str | None = None,
     restart: Annotated[bool, Parameter(negative="")] = False,
     report: Annotated[bool, Parameter(negative="")] = False,
@@ -66,6 +68,8 @@ def run_campaign(
         listed varies. Default: that of the suite, or attitude,anomaly.
     workers
         Worker processes on this machine. Default: one for each core.
+    scheduler
+        Run on the workers of a dask cluster: tcp://HOST:PORT of its scheduler, or the scheduler's FILE.json.
     shard
         Run only a part of the draws, such as 3/8; `baryscope campaign merge` puts the parts' folders together.
     restart
@@ -81,7 +85,10 @@ def run_campaign(
     show = show or Show()
     if workers is not None and workers < 1:
         raise InputError(f"--workers: found {workers}, expected at least 1")
-    for one, other, there in (("report", "restart", report and restart),):
+    for one, other, there in (
+        ("report", "restart", report and restart),
+        ("workers", "scheduler", workers is not None and scheduler is not None),
+    ):
         if there:
             raise InputError(f"--{one}: found beside --{other}, expected one of them")
     part = shard_of("1/1" if shard is None else shard)
@@ -100,7 +107,7 @@ def run_campaign(
         ended = mended(folder, plan)
         missing = sum(len(part.numbers(plan.draws, ended.of(entry.name))) for entry in plan.entries)
         _remark_on_what_is_there(ended.count, missing, show)
-        summary = _carried_out(plan, folder, workers, part, show)
+        summary = _carried_out(plan, folder, workers, scheduler if missing else None, part, show)
     _show(summary, folder, show)
 
 
@@ -130,12 +137,17 @@ def merge_folders(
     _show(report_of(output), output, show or Show())
 
 
-def _carried_out(plan: "Plan", folder: Path, workers: int | None, part: "Shard", show: Show) -> "CampaignSummary":
-    """The campaign, on this machine."""
+def _carried_out(
+    plan: "Plan", folder: Path, workers: int | None, scheduler: str | None, part: "Shard", show: Show
+) -> "CampaignSummary":
+    """The campaign, on this machine or on a cluster."""
     from baryscope.study.campaign import campaign as carry_out
+    from baryscope.study.campaign import connected
 
-    with show.progress() as progress:
-        return carry_out(plan, folder, workers=workers, shard=part, progress=progress)
+    with ExitStack() as stack:
+        client = None if scheduler is None else stack.enter_context(connected(scheduler))
+        progress = stack.enter_context(show.progress())
+        return carry_out(plan, folder, client=client, workers=workers, shard=part, progress=progress)
 
 
 def _sources(scenario: list[str] | None, suite: str | None) -> list[Path]:

@@ -1,11 +1,11 @@
 """Campaigns: scenarios drawn many times, and how near each method comes to the Cramér–Rao bound.
 
-`plan_of` says what to run, `campaign` carries out what is missing in a folder, `merge` puts
+`plan_of` says what to run, `campaign` carries out what is missing in a folder, here or on a dask cluster, `merge` puts
 shards together, `report` reads what has ended, `read_runs` gives it as a table.
 """
 
 from baryscope.study.campaign.case import Case, drawn, run_one
-from baryscope.study.campaign.engines import usable_cores
+from baryscope.study.campaign.engines import connected, usable_cores
 from baryscope.study.campaign.folder import begin, read_plan
 from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan, plan_of
@@ -24,6 +24,7 @@ __all__ = [
     "begin",
     "campaign",
     "campaign_paths",
+    "connected",
     "drawn",
     "mended",
     "merge",

@@ -5,6 +5,8 @@ from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
+from baryscope.fmu.layout.platforms import host_platform
+
 STATIONS = ("baryscope.models", "baryscope.fmu", "baryscope.estimator")
 SUFFIXES = (".py", ".c", ".h")
 ITSELF = (
@@ -24,6 +26,11 @@ def program_hash() -> str:
     for source in sources:
         digest.update(source.name.encode() + b"\0" + source.read_bytes() + b"\0")
     return digest.hexdigest()[:12]
+
+
+def program_here() -> str:
+    """The program and the platform that this process runs on: a unit that is built for the same can be sent to it."""
+    return f"{program_hash()} on {host_platform().name}"
 
 
 def _sources(folder: Traversable) -> list[Traversable]:

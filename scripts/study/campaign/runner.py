@@ -4,13 +4,14 @@ import os
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from baryscope.models.errors import ComputationError, DiskError
 from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
 from baryscope.models.words import counted
 from baryscope.report import write_report
 from baryscope.study.campaign.case import Case, drawn
-from baryscope.study.campaign.engines import Engine, LocalEngine
+from baryscope.study.campaign.engines import ClusterEngine, Engine, LocalEngine
 from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, begin, read_plan
 from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan
@@ -22,6 +23,9 @@ from baryscope.study.campaign.table import read_runs, write_runs
 from baryscope.study.flight import build_unit
 from baryscope.study.progress import Progress, stage
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 TABLE, SUMMARY, PAGE = "runs.parquet", "summary.md", "report.html"
 
 
@@ -29,6 +33,7 @@ def campaign(
     plan: Plan,
     folder: AnyPath | None = None,
     *,
+    client: "Client | None" = None,
     workers: int | None = None,
     shard: Shard = ALL,
     progress: Progress | None = None,
@@ -41,20 +46,21 @@ def campaign(
     Args:
         plan: what to run, see `plan_of`.
         folder: where all files are written; out/ and the plan's name unless given.
+        client: of dask.distributed, to run on its workers; in processes of this machine unless given.
         workers: how many processes; one for each usable core unless given.
         shard: which of the draws to run; all unless given.
         progress: told how far the work is.
 
     Raises:
         InputError: the folder holds runs of another plan, or cannot be written; a draw's values make a scenario that is
-            not valid.
-        ComputationError: a unit cannot be built, a case ends all its workers; what has ended
+            not valid; a worker of the cluster runs another program.
+        ComputationError: a unit cannot be built, a case ends all its workers, or the scheduler is lost; what has ended
             is kept.
         DiskError: the disk is full; the message says what is kept.
         KeyboardInterrupt: the user stops it; the message says what is kept.
     """
     folder = Path("out") / plan.name if folder is None else Path(folder)
-    engine: Engine = LocalEngine(workers)
+    engine: Engine = LocalEngine(workers) if client is None else ClusterEngine(client)
     plan = begin(folder, plan)
     before = mended(folder, plan)
     left = {entry.name: shard.numbers(plan.draws, before.of(entry.name)) for entry in plan.entries}

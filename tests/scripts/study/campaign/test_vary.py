@@ -1,6 +1,7 @@
 """Numbers of a scenario over ranges: how they are named, refused, drawn and set."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
@@ -8,9 +9,19 @@ from scipy.stats import kstest
 
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario
+from baryscope.models.scenario.schema import lists_to_tuples
 from baryscope.scripts.cli import app
 from baryscope.study.campaign import drawn, plan_of
-from baryscope.study.campaign.vary import hypercube, items_of, prepared, ranges_of, values_at, with_values
+from baryscope.study.campaign.vary import (
+    hypercube,
+    items_of,
+    items_of_table,
+    prepared,
+    ranges_of,
+    values_at,
+    with_values,
+)
+from documents import fences, text_of
 from malformed import GOOD_SCENARIO
 
 STUDY = """\
@@ -152,6 +163,15 @@ def test_a_study_is_one_file(tmp_path):
     other = plan_of((), str(study), draws=9, seed=6, vary=[])
     assert (other.draws, other.seed, other.vary) == (9, 6, ())
     assert plan.name == "campaign-study"
+
+
+def test_the_study_that_comes_along_is_the_documents():
+    plan = plan_of((), "ranges")
+    assert (plan.draws, plan.methods, len(plan.ranges)) == (1000, ("pivot", "ml"), 4)
+    page = text_of("docs/campaign.md")
+    shown = tomllib.loads(next(block for language, block in fences("docs/campaign.md")[0] if language == "toml"))
+    assert items_of_table(lists_to_tuples(shown["vary"]), "docs") == plan.vary
+    assert "--suite ranges" in page
 
 
 @pytest.mark.parametrize("text, words", [
