@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from baryscope.models.errors import ComputationError, DiskError
 from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
+from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
 from baryscope.report import write_report
 from baryscope.study.campaign.case import Case, drawn
@@ -153,13 +154,13 @@ def _units(plan: Plan, left: Left, folder: Path, progress: Progress | None) -> d
     """A unit for each scenario; those that differ in numbers alone share one."""
     built: dict[object, Path] = {}
     units = {}
-    for name, numbers in left.items():
-        if numbers:
-            scenario = drawn(plan.case(name, numbers[0]))
+    for entry in plan.entries:
+        if left[entry.name]:
+            scenario = Scenario.parse(entry.data, entry.name)  # not a draw: its numbers are compiled into the unit
             kind = (len(scenario.features.points), scenario.forces)
             if kind not in built:
                 built[kind] = build_unit(scenario, folder / f"{len(built)}.fmu", progress)
-            units[name] = str(built[kind])
+            units[entry.name] = str(built[kind])
     return units
 
 

@@ -127,7 +127,10 @@ def _base(suite: SuiteFile, path: Path) -> tuple[tuple[Path, ...], dict[str, Any
     if isinstance(suite.base, dict):
         return (path,), suite.base
     named = Path(suite.base)
-    other = path.parent / named if named.suffix == ".toml" or len(named.parts) > 1 else scenario_path(suite.base)
+    try:
+        other = path.parent / named if named.suffix == ".toml" or len(named.parts) > 1 else scenario_path(suite.base)
+    except InputError as error:
+        raise InputError(f"{path}: base: {error}") from error
     return (path, other), {"name": other.stem} | read_toml(other, "a scenario in TOML")
 
 

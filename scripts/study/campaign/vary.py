@@ -73,8 +73,8 @@ def _short(value: float) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def range_of(field: str, low: Any, high: Any, log: bool, text: str) -> Range:
-    """The range between two numbers, or texts of numbers; `text` is what was given.
+def range_of(field: str, low: Any, high: Any, log: bool, text: str, where: str = "vary ") -> Range:
+    """The range between two numbers, or texts of numbers; `text` is what was given, and `where` before the field.
 
     Raises:
         InputError: the limits are no numbers in their order.
@@ -85,9 +85,9 @@ def range_of(field: str, low: Any, high: Any, log: bool, text: str) -> Range:
     except (TypeError, ValueError, OverflowError):
         limits = float("nan"), float("nan")
     if not all(map(isfinite, limits)) or limits[0] >= limits[1]:
-        raise InputError(f"vary {name}: found {text}, expected two numbers, the smaller first")
+        raise InputError(f"{where}{name}: found {text}, expected two numbers, the smaller first")
     if log and limits[0] <= 0:
-        raise InputError(f"vary {name}: found {text}, expected numbers above 0 for log")
+        raise InputError(f"{where}{name}: found {text}, expected numbers above 0 for log")
     return Range(name, *limits, log)
 
 
@@ -129,7 +129,7 @@ def items_of_table(table: Data, source: str) -> tuple[str, ...]:
         elif isinstance(value, tuple) and len(value) in (2, 3) and value[2:] in ((), ("log",)):
             text = f"[{', '.join(map(str, value))}]"
             low, high = (None if isinstance(limit, bool | str) else limit for limit in value[:2])
-            items.append(range_of(name, low, high, len(value) == 3, text).text)
+            items.append(range_of(name, low, high, len(value) == 3, text, f"{source}: vary.").text)
         else:
             kind = "true or false" if name in VARIED else '[LOW, HIGH] or [LOW, HIGH, "log"]'
             raise InputError(f"{source}: vary.{name}: found {value!r}, expected {kind}")

@@ -63,7 +63,12 @@ def test_the_reach_suite_is_what_it_says():
     ("base = {}\n[[scenarios]]\nname = 'a b'", "scenarios[0].name"),
     ("base = {}\n[[scenarios]]\nname = 'a'", "scenario a: target: missing"),
     ("[[scenarios]]\nname = 'a'", "base: missing"),
-    ("base = 1", "base"),
+    ("base = 1", "base: found 1, expected the tables of a scenario, a preset's name or a FILE.toml"),
+    ("base = 'mir'", "base: scenario 'mir': not a preset"),
+    ("base = 'envisat'\ndraws = 0", "draws: found 0, expected a value of at least 1"),
+    ("base = 'envisat'\nvary = { sensor = { noise = 0.1 } }", "vary.sensor.noise: found 0.1, expected [LOW, HIGH] or"),
+    ("base = 'envisat'\nvary = { sensor.noise = [0.1, 'far'] }", "vary.sensor.noise: found [0.1, far], expected two"),
+    ("base = 'envisat'\nvary = { attitude = 1 }", "vary.attitude: found 1, expected true or false"),
     ("x = [", "expected a suite of scenarios in TOML"),
 ])  # fmt: skip
 def test_a_suite_that_is_wrong(tmp_path, text, words):

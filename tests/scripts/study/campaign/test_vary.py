@@ -172,20 +172,3 @@ def test_the_study_that_comes_along_is_the_documents():
     shown = tomllib.loads(next(block for language, block in fences("docs/campaign.md")[0] if language == "toml"))
     assert items_of_table(lists_to_tuples(shown["vary"]), "docs") == plan.vary
     assert "--suite ranges" in page
-
-
-@pytest.mark.parametrize("text, words", [
-    ("base = 'envisat'\nvary = { sensor = { noise = 0.1 } }", "vary.sensor.noise: found 0.1, expected [LOW, HIGH] or"),
-    ("base = 'envisat'\nvary = { sensor.noise = [0.1, 'far'] }", "vary sensor.noise: found [0.1, far], expected two"),
-    ("base = 'envisat'\nvary = { attitude = 1 }", "vary.attitude: found 1, expected true or false"),
-    ("base = 'envisat'\ndraws = 0", "draws: found 0, expected a value of at least 1"),
-    ("base = 3", "base: found 3, expected the tables of a scenario, a preset's name or a FILE.toml"),
-    ("base = 'mir'", "'mir': not a preset"),
-    ("base = 'mir.toml'", "mir.toml: No such file"),
-])  # fmt: skip
-def test_a_study_that_is_wrong(tmp_path, text, words):
-    path = tmp_path / "study.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as refusal:
-        plan_of((), str(path))
-    assert words in str(refusal.value)

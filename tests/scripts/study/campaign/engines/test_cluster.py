@@ -15,7 +15,6 @@ from baryscope.scripts.cli import app
 from baryscope.study.campaign import connected, mended, plan_of, read_plan, run_one
 from baryscope.study.campaign.engines import ClusterEngine, LocalEngine
 from baryscope.study.campaign.folder import RUNS
-from malformed import GOOD_SCENARIO
 
 pytest.importorskip("distributed", reason="needs dask.distributed (baryscope[cluster])")
 
@@ -46,12 +45,10 @@ def cluster(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def options(tmp_path_factory):
+def options(scenario_file):
     """Of a campaign of some 50 ms a draw, over a range, too: the method is a quick one."""
-    scenario = tmp_path_factory.mktemp("scenario") / "small.toml"
-    scenario.write_text(GOOD_SCENARIO.replace("duration = 100.0", "duration = 70.0"), encoding="utf-8")
     varied = ["attitude", "sensor.noise=0.01:0.03"]
-    return ["--scenario", str(scenario), "--methods", "score", "--draws", str(DRAWS), "--vary", *varied]
+    return ["--scenario", str(scenario_file), "--methods", "score", "--draws", str(DRAWS), "--vary", *varied]
 
 
 @pytest.fixture(scope="module")
