@@ -54,6 +54,7 @@ WRITES = {
     "bound, picture": (["bound", *TO_FOLDER], "bound-of-a-rig.png", GOOD_SCENARIO),
     "campaign, header": (["campaign", *TO_FOLDER], "campaign.json", GOOD_SCENARIO),
     "campaign, runs": (["campaign", *TO_FOLDER], "runs.jsonl", GOOD_SCENARIO),
+    "campaign, table": (["campaign", *TO_FOLDER], "runs.parquet", GOOD_SCENARIO),
     "campaign, summary": (["campaign", *TO_FOLDER], "summary.md", GOOD_SCENARIO),
     "campaign, report": (["campaign", *TO_FOLDER], "report.html", GOOD_SCENARIO),
     "campaign, over the suite": (["campaign", "--suite", "{in}", "-o", "{folder}"], "summary.md", SUITE),

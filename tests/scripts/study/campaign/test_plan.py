@@ -32,6 +32,7 @@ def plan(tmp_path):
     (["--suite", "reach", "--scenario", "envisat"], "'envisat', expected some of the suite's fast-vbar, fast-ellipse"),
     (["--suite", "reach", "--scenario", "fast-vbar", "fast-vbar"], "'fast-vbar': stands 2 times"),
     (["--report", "--restart"], "--report: found beside --restart"),
+    (["--workers", "2", "--scheduler", "tcp://a:1"], "--workers: found beside --scheduler, expected one of them"),
     (["--report", "-o", "nowhere"], "expected the header of a campaign"),
 ])  # fmt: skip
 def test_wrong_arguments(tmp_path, monkeypatch, capsys, arguments, words):

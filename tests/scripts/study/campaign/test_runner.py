@@ -93,6 +93,18 @@ def test_what_is_complete_runs_nothing(finished, scenario_file, tmp_path, no_wor
     assert "small: a small body, 4 draws" in capsys.readouterr().out
 
 
+def test_a_shard_runs_its_own_draws_alone(scenario_file, tmp_path, no_workers, capsys, monkeypatch):
+    """And then, in the same folder, those of the other."""
+    monkeypatch.chdir(tmp_path)
+    words = options(scenario_file, "")[:-1]
+    assert app.main([*words, "--shard", "2/2"]) == 0
+    assert no_workers == [1, 3]
+    assert "2 of 4 runs still missing" in capsys.readouterr().out
+    assert app.main([*words, "--shard", "1/2", "-o", "out/campaign-small-2-of-2"]) == 0
+    assert no_workers == [1, 3, 0, 2]
+    assert "2 runs are there; going on with 2" in capsys.readouterr().err
+
+
 def test_more_draws_go_on(finished, scenario_file, tmp_path, no_workers):
     folder = copied(finished, tmp_path / "more", (finished / RUNS).read_bytes())
     assert app.main([*options(scenario_file, folder, draws=6)]) == 0
