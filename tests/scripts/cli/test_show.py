@@ -37,6 +37,7 @@ ARGUMENTS = {
     "check": ["mine.fmu"],
     "compare": ["--scenario", "mine.toml", "--methods", "pivot,screw-gpa", "-o", "compared"],
     "estimate": ["mine.csv", "--orbit", "mine.orbit.toml"],
+    "figures": ["--scenario", "mine.toml", "-o", "figures"],
     "fly": ["--scenario", "mine.toml", "--duration", "20", "-o", "flown"],
     "scenarios": [],
     "simulate": ["--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "other.csv"],
