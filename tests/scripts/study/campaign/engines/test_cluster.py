@@ -85,7 +85,7 @@ def test_a_killed_workers_cases_are_run_again(cluster, options, expected, tmp_pa
     """The lines are those of this process, to the last bit, though one worker of two ends in the middle."""
     address, _, workers = cluster
     with connected(str(address)) as client:
-        client.wait_for_workers(2)
+        client.wait_for_workers(2, timeout=120)
     watch = killed_after(workers[0], tmp_path / RUNS, 2)
     assert app.main(["campaign", *options, "--scheduler", str(address), "-o", str(tmp_path)]) == 0
     watch.join()
