@@ -18,6 +18,7 @@ from baryscope.scripts.cli.compare import compare
 from baryscope.scripts.cli.estimate import estimate_file
 from baryscope.scripts.cli.figures import figures
 from baryscope.scripts.cli.fly import fly
+from baryscope.scripts.cli.joint import find_joint
 from baryscope.scripts.cli.scenarios import scenarios
 from baryscope.scripts.cli.simulate import simulate_scenario
 from baryscope.scripts.cli.system import system
@@ -43,6 +44,7 @@ app.command(system)
 app.command(fly)
 app.command(simulate_scenario, name="simulate")
 app.command(estimate_file, name="estimate")
+app.command(find_joint, name="joint")
 app.command(campaign)
 app.command(bound)
 app.command(figures)

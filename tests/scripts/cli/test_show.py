@@ -12,6 +12,7 @@ import pytest
 from baryscope import __version__
 from baryscope.models.scenario import preset_names
 from baryscope.scripts.cli import app, console
+from joints import both_bodies
 from malformed import GOOD_SCENARIO
 
 COMMANDS = sorted(name for name in app.app if not name.startswith("-"))
@@ -27,6 +28,7 @@ def folder(tmp_path_factory):
         Path("mine.toml").write_text(PRECISE, encoding="utf-8")
         assert app.main(["build", "--scenario", "mine.toml", "-o", "mine.fmu"]) == 0
         assert app.main(["simulate", "--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "mine.csv"]) == 0
+        both_bodies(1).write_csv("recorded.csv")
     return folder
 
 
@@ -39,6 +41,7 @@ ARGUMENTS = {
     "estimate": ["mine.csv", "--orbit", "mine.orbit.toml"],
     "figures": ["--scenario", "mine.toml", "-o", "figures"],
     "fly": ["--scenario", "mine.toml", "--duration", "20", "-o", "flown"],
+    "joint": ["recorded.csv", "--parent", "pa,pb,pc,pd", "--child", "ca,cb,cc,cd"],
     "scenarios": [],
     "simulate": ["--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "other.csv"],
     "system": ["--scenario", "mine.toml", "-o", "mine.ssp"],

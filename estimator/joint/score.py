@@ -5,6 +5,8 @@ parent and child; (u, v) by least squares. Without a parent the room is the pare
 Skin moves slowly and markers of a segment move together, so the residuals of neighbouring frames are not independent:
 the covariance is that of Newey and West (Econometrica 55, 1987), prewhitened (Andrews and Monahan, Econometrica 60,
 1992) by a first-order process.
+Noise of the attitudes seems to tell where on a hinge's axis the centre is. That information is taken back (see
+`adjustment.spurious`), as if markers moved each by itself by as much as the joint's residuals are.
 Not covered: a shift of skin that depends on the joint's angle moves the centre itself.
 """
 
@@ -12,7 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
+from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
 from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
 
@@ -25,12 +30,21 @@ UNDETERMINED = 1e-10  # of the normal equations' greatest eigenvalue, below whic
 class Joint:
     """A centre of rotation.
 
-    in_parent, in_child (3,), m: from the centroid of the markers, in the axes of the body in the first common frame;
-    without a parent in_parent is in the tracks' axes. covariance (6, 6), m², of both. time (n,), s, and position
-    (n, 3), m, in the tracks' axes: the mean of the two sides. residual (n, 3), m: their difference. correlation_time
-    in s; effective_frames: how many independent frames weigh as much. ratio: of the least to the greatest singular
-    value of the motion, near 0 for a hinge, whose centre is free along its axis. axis (3,), in the child's axes: that
-    direction. child_markers (m, 3), m: their mean shape, in the child's axes.
+    Attributes:
+        time: (n,), s, of the frames that show both bodies.
+        in_parent, in_child: (3,), m, from the markers' centroid, in the axes that the body has in the first common
+            frame which shows all of its markers; without a parent in_parent is in the tracks' axes.
+        covariance: (6, 6), m², of both.
+        position: (n, 3), m, in the tracks' axes: the mean of the two sides.
+        residual: (n, 3), m: the difference of the two sides.
+        correlation_time: of the residuals, s.
+        effective_frames: how many independent frames weigh as much.
+        ratio: of the least to the greatest singular value of the motion.
+        hinge: whether the bodies turn about one axis as far as the noise lets tell. The centre is then free along it,
+            and the covariance there that of three radii of the markers.
+        axis: (3,), in the child's axes: the direction in which the centre is least certain, that of a hinge.
+        parent_rms, child_rms: (m,), m, of each marker from the rigid body, per coordinate.
+        child_markers: (m, 3), m: their mean shape, in the child's axes.
     """
 
     time: FloatArray
@@ -42,7 +56,10 @@ class Joint:
     correlation_time: float
     effective_frames: float
     ratio: float
+    hinge: bool
     axis: FloatArray
+    parent_rms: FloatArray
+    child_rms: FloatArray
     child_markers: FloatArray
 
 
@@ -63,10 +80,12 @@ def joint(parent: FeatureTracks | None, child: FeatureTracks) -> Joint:
     n = int(both.sum())
     if n < 4:
         raise InputError(f"{n} frames show three markers of each body, expected at least 4")
-    R_T_C, e, markers = _poses(child, both)
+    moving = _body(child, both)
+    ground = None if parent is None else _body(parent, both)
+    R_T_C, e = moving.rotation, moving.place
     R_T_P, c = np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3))
-    if parent is not None:
-        R_T_P, c, _ = _poses(parent, both)
+    if ground is not None:
+        R_T_P, c = ground.rotation, ground.place
     design = np.concatenate([R_T_P, -R_T_C], axis=2)
     normal = np.einsum("kij,kil->jl", design, design)
     values, vectors = np.linalg.eigh(normal)
@@ -76,6 +95,11 @@ def joint(parent: FeatureTracks | None, child: FeatureTracks) -> Joint:
     found = inverse @ np.einsum("kij,ki->j", design, e - c)
     residual = design @ found - (e - c)
     frames = _frames_per_independent_one(residual)
+    independent = n / frames
+    spurious = three_sigma_factor(max(int(independent), 1)) * _spurious(ground, moving, residual)
+    variance = float(np.mean(residual**2)) * frames
+    reach = farthest(moving.markers)
+    free, _ = spurious_information_columns(inverse, np.zeros((6, 0)), spurious, variance / reach**2)
     scores = np.einsum("kij,ki->kj", design, residual)
     memory = (frames - 1) / (frames + 1)  # of a first-order process with that integrated autocorrelation
     innovation = (scores[1:] - memory * scores[:-1]) / (1 - memory)
@@ -83,27 +107,41 @@ def joint(parent: FeatureTracks | None, child: FeatureTracks) -> Joint:
     for lag in range(1, LAGS):
         product = innovation[lag:].T @ innovation[:-lag]
         meat += (1 - lag / LAGS) * (product + product.T)
-    independent = n / frames
     freedom = 3 * independent / max(3 * independent - 6, 1.0)
     u, v = found[:3], found[3:]
-    time = child.time[both]
+    time, weakest = child.time[both], vectors[:, 0]
     return Joint(
         time=time,
         in_parent=u,
         in_child=v,
-        covariance=freedom * inverse @ meat @ inverse,
+        covariance=freedom * (inverse @ meat @ inverse + variance * free @ free.T),
         position=(R_T_P @ u + c + R_T_C @ v + e) / 2,
         residual=residual,
         correlation_time=frames * float(np.median(np.diff(time))),
         effective_frames=independent,
         ratio=float(np.sqrt(values[0] / values[-1])),
-        axis=vectors[3:, 0] / np.linalg.norm(vectors[3:, 0]),
-        child_markers=markers,
+        hinge=bool(values[0] <= weakest @ spurious @ weakest),
+        axis=weakest[3:] / np.linalg.norm(weakest[3:]),
+        parent_rms=np.zeros(0) if ground is None else ground.rms,
+        child_rms=moving.rms,
+        child_markers=moving.markers,
     )
 
 
-def _poses(tracks: FeatureTracks, chosen: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """R_T_B (k, 3, 3), the centroid of the markers' mean shape (k, 3), m, and that shape (m, 3), in B."""
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """rotation R_T_B (k, 3, 3); place (k, 3), m, of the centroid of the mean shape; markers (m, 3), m, that shape in B;
+    rms (m,), m, of their residuals per coordinate; weights (k, m), 1 where a marker is seen."""
+
+    rotation: FloatArray
+    place: FloatArray
+    markers: FloatArray
+    rms: FloatArray
+    weights: FloatArray
+
+
+def _body(tracks: FeatureTracks, chosen: BoolArray) -> _Body:
+    """The rigid body of the markers in the chosen frames."""
     position, weights = tracks.position[chosen], tracks.seen[chosen].astype(np.float64)
     complete = np.nonzero(weights.all(axis=1))[0]
     if not complete.size:
@@ -118,7 +156,22 @@ def _poses(tracks: FeatureTracks, chosen: BoolArray) -> tuple[FloatArray, FloatA
         shape = np.einsum("km,kmi->mi", weights, local) / weights.sum(axis=0)[:, None]
     shape = shape - shape.mean(axis=0)
     pose = align(position, shape, weights)
-    return pose.rotation, pose.translation, shape
+    left = position - shape @ np.swapaxes(pose.rotation, 1, 2) - pose.translation[:, None]
+    rms = np.sqrt(np.nanmean(left**2, axis=(0, 2)))
+    return _Body(pose.rotation, pose.translation, shape, rms, weights)
+
+
+def _spurious(parent: _Body | None, child: _Body, residual: FloatArray) -> FloatArray:
+    """The information on (u, v), (6, 6), that the noise φ of attitudes seems to give: E [φ]×ᵀ [φ]× = tr C − C."""
+    found = np.zeros((6, 6))
+    bodies = [(slice(3, 6), child)] if parent is None else [(slice(0, 3), parent), (slice(3, 6), child)]
+    for own, body in bodies:
+        # The joint's residual is of the centroids of all bodies; as one of a marker by itself it is larger.
+        of_markers = np.mean(residual**2) * body.weights.sum(axis=1).mean() / len(bodies)
+        information = turn_information(body.weights, cross_matrices(body.markers))
+        of_turn = attitude_covariances(information, float(max(of_markers, np.mean(body.rms**2)))).sum(axis=0)
+        found[own, own] = np.trace(of_turn) * np.eye(3) - of_turn
+    return found
 
 
 def _frames_per_independent_one(residual: FloatArray) -> float:

@@ -2,37 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
-from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.geometry.alignment import align
-from baryscope.estimator.registration.joint import joint
+from baryscope.estimator.joint import joint
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
-
-TIME = np.arange(600) / 50.0
-TRUTH = np.array([0.02, -0.03, -0.2])  # of the joint, in the child's axes, from its origin
-SHAPE = np.array([[0.1, 0.0, 0.0], [-0.08, 0.09, 0.0], [-0.07, -0.08, 0.03], [0.0, 0.02, 0.11]])
-
-
-def recording(rng, sigma, memory, hinge=False):
-    """Tracks of parent and child, and the true joint in the tracks' axes. memory: of an AR(1) noise of each segment."""
-    t = TIME[:, None]
-    turn = 0.7 * np.sin(2 * np.pi * np.array([0.31, 0.47, 0.23]) * t + [0, 1, 2])
-    bend = 0.8 * np.sin(2 * np.pi * np.array([0.53, 0.37, 0.71]) * t + [2, 0, 1]) * ([1, 0, 0] if hinge else [1, 1, 1])
-    R_T_P = Rotation.from_rotvec(turn).as_matrix()
-    R_T_C = R_T_P @ Rotation.from_rotvec(bend).as_matrix()
-    origin = np.array([0.5, 0.1, 1.0]) + 0.1 * np.sin(t + np.arange(3))
-    centre = origin + R_T_P @ [0.1, 0.2, 0.3]
-    tracks = []
-    for R, place in ((R_T_P, origin), (R_T_C, centre - R_T_C @ TRUTH)):
-        points = place[:, None] + SHAPE @ np.swapaxes(R, 1, 2)
-        white = rng.normal(size=(len(TIME) + 500, 1, 3)) * sigma * np.sqrt(1 - memory**2)
-        skin = lfilter([1], [1, -memory], white, axis=0)[500:]
-        points = points + (R @ skin[:, 0, :, None])[..., 0][:, None]
-        points = points + rng.normal(size=points.shape) * sigma / 4
-        tracks.append(FeatureTracks(TIME, points, tuple("abcd")))
-    return *tracks, centre
+from joints import SHAPE, TIME, TRUTH, recording
 
 
 def test_without_noise_the_centre_is_exact():
@@ -56,6 +31,34 @@ def test_the_covariance_is_honest(memory):
         error = R @ found.in_child + to_truth.translation[0] - TRUTH
         nees.append(error @ np.linalg.solve(R @ found.covariance[3:, 3:] @ R.T, error))
     assert 2.2 < np.mean(nees) < 4.2, np.mean(nees)
+
+
+@pytest.mark.parametrize("sigma", [0.0005, 0.003])
+def test_a_noisy_hinge_is_named_and_its_centre_free_along_the_axis(sigma):
+    """The axis is x of the child: what is found is near it, and claimed within three radii of the markers along it."""
+    for seed in range(10):
+        parent, child, _ = recording(np.random.default_rng(seed), sigma, 0.5, hinge=True)
+        found = joint(parent, child)
+        to_truth = align(SHAPE[None], found.child_markers, np.ones((1, 4)))
+        R = to_truth.rotation[0]
+        assert found.hinge
+        axis = R @ found.axis
+        assert abs(axis[0]) > 0.99
+        covariance = R @ found.covariance[3:, 3:] @ R.T
+        assert np.sqrt(covariance[0, 0]) > 0.2
+        error = R @ found.in_child + to_truth.translation[0] - TRUTH
+        assert error @ np.linalg.solve(covariance, error) < 27.9  # of χ² with three degrees of freedom, 1e-5 (20 draws)
+    ball, other, _ = recording(np.random.default_rng(1), sigma, 0.5)
+    assert not joint(ball, other).hinge
+
+
+def test_the_residual_of_a_marker_shows_which_one_is_loose():
+    parent, child, _ = recording(np.random.default_rng(2), 0.001, 0.0)
+    loose = child.position.copy()
+    loose[:, 2] += 0.01 * np.random.default_rng(3).normal(size=loose[:, 2].shape)
+    found = joint(parent, FeatureTracks(TIME, loose, child.labels))
+    assert int(np.argmax(found.child_rms)) == 2
+    assert found.child_rms[2] > 2 * np.max(found.parent_rms)
 
 
 def test_a_probe_turns_about_a_point_of_the_room():

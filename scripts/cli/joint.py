@@ -1,0 +1,139 @@
+"""`baryscope joint`: the centre of rotation between two moving bodies, or of a probe in the room."""
+
+import csv
+from pathlib import Path
+from typing import Annotated, TextIO
+
+import numpy as np
+from cyclopts import Parameter
+
+from baryscope import __version__
+from baryscope.estimator.formats import Unit, read_tracks
+from baryscope.estimator.joint import Joint, joint
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import InputError
+from baryscope.models.files import refuse_overwriting, write_together
+from baryscope.models.words import length
+from baryscope.scripts.cli.console import Show
+from baryscope.study.progress import stage
+from baryscope.study.table import Table
+
+
+def find_joint(
+    tracks: Path,
+    *,
+    child: str,
+    parent: str | None = None,
+    units: Unit | None = None,
+    output: Annotated[Path | None, Parameter(alias="-o")] = None,
+    show: Show | None = None,
+) -> None:
+    """Find the centre of rotation between two bodies that both move, as shoulder or hip, or a probe's tip.
+
+    Two-sided (SCoRE): the centre is at rest in parent and child. Without a parent the room is it: the calibration of a
+    probe that turns about its tip. Its covariance allows for skin that moves for longer than a frame. A hinge, as knee
+    or elbow, is named: its centre is free along the axis.
+
+    Parameters
+    ----------
+    tracks
+        The markers, a .csv, .parquet, .nc, .trc or .c3d file, as for `baryscope estimate`.
+    child
+        Labels of at least three markers of one body, separated by commas.
+    parent
+        Those of the other. Default: the room.
+    units
+        Of the file's lengths. Default: metres, or what the file says.
+    output
+        The centre at every time that shows both bodies, OUT.csv.
+    """
+    show = show or Show()
+    if output is not None:
+        if output.suffix != ".csv":
+            raise InputError(f"{output}: expected a name that ends in .csv")
+        refuse_overwriting([output], [tracks])
+    with show.progress() as progress:
+        with stage(progress, f"reading {tracks}"):
+            data = read_tracks(tracks, units)
+        moving = chosen(data, child, "child")
+        ground = None if parent is None else chosen(data, parent, "parent")
+        if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
+            raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
+        with stage(progress, "finding the joint"):
+            found = joint(ground, moving)
+    if output is not None:
+        write_together({output: lambda stream: _write_path(found, stream)})
+    show.result(_values(found, ground, moving), *_words(found), _markers(found, ground, moving))
+    if output is not None:
+        show.remark(f"the centre at every time: {output}")
+
+
+def chosen(data: FeatureTracks, text: str, option: str) -> FeatureTracks:
+    """The tracks of the markers that an option names.
+
+    Raises:
+        InputError: there is no such marker, one is named twice, or they are fewer than three.
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in data.labels:
+            raise InputError(f"{option}: found {name!r}, expected some of {', '.join(data.labels)}")
+        if names.count(name) > 1:
+            raise InputError(f"{option}: found {name!r} twice, expected each marker once")
+    if len(names) < 3:
+        raise InputError(f"{option}: found {len(names)} markers, expected three at least")
+    columns = [data.labels.index(name) for name in names]
+    return FeatureTracks(data.time, data.position[:, columns], tuple(names))
+
+
+def _write_path(found: Joint, stream: TextIO) -> None:
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["time", "x", "y", "z"])
+    writer.writerows(np.column_stack([found.time, found.position]).tolist())
+
+
+def _words(found: Joint) -> list[str]:
+    """The result in a few lines."""
+    claim = np.sqrt(np.linalg.eigvalsh(found.covariance[3:, 3:]))
+    kind = "a hinge: its centre is free along the axis" if found.hinge else "a centre of rotation"
+    place, axis = (", ".join(f"{value:.4f}" for value in values) for values in (found.in_child, found.axis))
+    return [
+        kind,
+        f"  in the child, from its markers' centroid: ({place}) m, ±{length(claim[-1])} along ({axis}), "
+        f"±{length(claim[1])} across",
+        f"  the two sides differ by {length(float(np.sqrt(np.mean(found.residual**2))))} rms per coordinate, for "
+        f"{found.correlation_time:.2g} s at a time: {len(found.time)} frames weigh as {found.effective_frames:.0f}",
+    ]
+
+
+def _markers(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> Table:
+    bodies = ((parent, "parent", found.parent_rms), (child, "child", found.child_rms))
+    rows = [
+        (name, label, f"{1000 * rms:.2f}")
+        for tracks, name, each in bodies
+        if tracks is not None
+        for label, rms in zip(tracks.labels, each.tolist(), strict=True)
+    ]
+    return Table(("body", "marker", "off the rigid body, mm rms"), tuple(rows), left=2)
+
+
+def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> dict[str, object]:
+    """The numbers in SI units."""
+    return {
+        "version": __version__,
+        "method": "score",
+        "parent": None if parent is None else list(parent.labels),
+        "child": list(child.labels),
+        "frames": len(found.time),
+        "hinge": found.hinge,
+        "ratio": found.ratio,
+        "axis": found.axis.tolist(),
+        "in_parent": found.in_parent.tolist(),
+        "in_child": found.in_child.tolist(),
+        "covariance": found.covariance.tolist(),
+        "residual_rms": float(np.sqrt(np.mean(found.residual**2))),
+        "correlation_time": found.correlation_time,
+        "effective_frames": found.effective_frames,
+        "parent_rms": found.parent_rms.tolist(),
+        "child_rms": found.child_rms.tolist(),
+    }

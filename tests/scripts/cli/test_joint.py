@@ -1,0 +1,54 @@
+"""`baryscope joint`: what it prints and writes, and what it refuses."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from baryscope.scripts.cli import app
+from joints import TIME, both_bodies, recording
+
+PARENT, CHILD = "pa,pb,pc,pd", "ca,cb,cc,cd"
+
+
+@pytest.fixture
+def recorded(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    both_bodies(1).write_csv("ball.csv")
+    both_bodies(1, hinge=True).write_csv("hinge.csv")
+    return tmp_path
+
+
+def test_the_centre_is_written_at_every_time(recorded, capsys):
+    assert (
+        app.main(["joint", "ball.csv", "--parent", PARENT, "--child", CHILD, "-o", "centre.csv", "--json", "-q"]) == 0
+    )
+    found = json.loads(capsys.readouterr().out)
+    assert [found["frames"], found["hinge"], found["method"]] == [600, False, "score"]
+    with (recorded / "centre.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    _, _, centre = recording(np.random.default_rng(1), 0.001, 0.5)
+    path = np.array([[float(row[axis]) for axis in "xyz"] for row in rows])
+    np.testing.assert_allclose([float(row["time"]) for row in rows], TIME)
+    assert np.sqrt(np.mean((path - centre) ** 2)) < 0.002  # that of a pose by four markers at 0.2 m, and of skin
+
+
+def test_a_hinge_is_named(recorded, capsys):
+    assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD]) == 0
+    assert "a hinge: its centre is free along the axis" in capsys.readouterr().out
+    assert app.main(["joint", "ball.csv", "--parent", PARENT, "--child", CHILD]) == 0
+    assert "hinge" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (["--child", "ca,cb,xx"], "child: found 'xx', expected some of pa, pb"),
+    (["--child", "ca,cb"], "child: found 2 markers, expected three at least"),
+    (["--child", "ca,cb,cb"], "child: found 'cb' twice"),
+    (["--child", CHILD, "--parent", "ca,pb,pc"], "parent and child: found ca in both"),
+    (["--child", CHILD, "-o", "out.txt"], "out.txt: expected a name that ends in .csv"),
+])  # fmt: skip
+def test_wrong_markers_are_one_line(recorded, capsys, arguments, words):
+    assert app.main(["joint", "ball.csv", *arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()[-1:]
+    assert words in line
