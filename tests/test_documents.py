@@ -125,5 +125,5 @@ def test_source_files_that_are_cited_exist(document):
 
 
 def test_the_site_has_all_pages():
-    listed = re.findall(r"[\w/]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    listed = re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
     assert sorted(f"docs/{name}" for name in listed) == PAGES
