@@ -1,6 +1,7 @@
 """`baryscope joint`: the centre of rotation between two moving bodies, or of a probe in the room."""
 
 import csv
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, TextIO
 
@@ -9,8 +10,8 @@ from cyclopts import Parameter
 
 from baryscope import __version__
 from baryscope.estimator.formats import Unit, read_tracks
-from baryscope.estimator.joint import Joint, joint
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.joint import Joint, Method, joint
+from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting, write_together
 from baryscope.models.words import length
@@ -24,15 +25,16 @@ def find_joint(
     *,
     child: str,
     parent: str | None = None,
+    method: Method = "ml",
     units: Unit | None = None,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
     """Find the centre of rotation between two bodies that both move, as shoulder or hip, or a probe's tip.
 
-    Two-sided (SCoRE): the centre is at rest in parent and child. Without a parent the room is it: the calibration of a
-    probe that turns about its tip. Its covariance allows for skin that moves for longer than a frame. A hinge, as knee
-    or elbow, is named: its centre is free along the axis.
+    The centre is at rest in parent and child, but for the joint's slack and skin that slides. Without a parent the room
+    is it: the calibration of a probe that turns about its tip. A hinge, as knee or elbow, is named, and its axis found
+    (SARA): along it the centre is hardly known.
 
     Parameters
     ----------
@@ -42,6 +44,9 @@ def find_joint(
         Labels of at least three markers of one body, separated by commas.
     parent
         Those of the other. Default: the room.
+    method
+        ml: maximum likelihood, with slack and skin as noise that lasts, has any rhythm, or keeps time with the motion.
+        score: least squares as published (SCoRE), with a covariance for noise that lasts.
     units
         Of the file's lengths. Default: metres, or what the file says.
     output
@@ -60,7 +65,7 @@ def find_joint(
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
             raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
         with stage(progress, "finding the joint"):
-            found = joint(ground, moving)
+            found = joint(ground, moving, method=method)
     if output is not None:
         write_together({output: lambda stream: _write_path(found, stream)})
     show.result(_values(found, ground, moving), *_words(found), _markers(found, ground, moving))
@@ -94,16 +99,36 @@ def _write_path(found: Joint, stream: TextIO) -> None:
 
 def _words(found: Joint) -> list[str]:
     """The result in a few lines."""
-    claim = np.sqrt(np.linalg.eigvalsh(found.covariance[3:, 3:]))
-    kind = "a hinge: its centre is free along the axis" if found.hinge else "a centre of rotation"
-    place, axis = (", ".join(f"{value:.4f}" for value in values) for values in (found.in_child, found.axis))
-    return [
+    values, axes = np.linalg.eigh(found.covariance[3:, 3:])
+    claim = np.sqrt(values)
+    kind = "a hinge: along its axis its centre is hardly known" if found.hinge else "a centre of rotation"
+    lines = [
         kind,
-        f"  in the child, from its markers' centroid: ({place}) m, ±{length(claim[-1])} along ({axis}), "
-        f"±{length(claim[1])} across",
-        f"  the two sides differ by {length(float(np.sqrt(np.mean(found.residual**2))))} rms per coordinate, for "
-        f"{found.correlation_time:.2g} s at a time: {len(found.time)} frames weigh as {found.effective_frames:.0f}",
+        f"  in the child, from its markers' centroid: ({_vector(found.in_child)}) m, ±{length(claim[2])} along "
+        f"({_vector(axes[:, 2])}), ±{length(claim[1])} across",
     ]
+    if found.hinge_axis is not None:
+        axis = found.hinge_axis
+        deviation = np.rad2deg(np.sqrt(np.linalg.eigvalsh(axis.covariance_in_child)[2]))
+        lines.append(
+            f"  the axis in the child: ({_vector(axis.in_child)}), ±{deviation:.2g}°; the bodies turn across it by "
+            f"{np.rad2deg(axis.residual):.2g}° rms"
+        )
+    lines.append(
+        f"  the two sides differ by {length(float(np.sqrt(np.mean(found.residual**2))))} rms per coordinate, for "
+        f"{found.correlation_time:.2g} s at a time: {len(found.time)} frames weigh as {found.effective_frames:.0f}"
+    )
+    if found.slide is not None:
+        one = found.slide
+        lines.append(
+            f"  {length(one.white)} of that is white, {length(one.correlated)} lasts, {length(one.locked)} keeps time "
+            f"with the motion; the markers' own noise explains {length(one.of_markers)}"
+        )
+    return lines
+
+
+def _vector(values: FloatArray) -> str:
+    return ", ".join(f"{value:.4f}" for value in values)
 
 
 def _markers(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> Table:
@@ -119,9 +144,10 @@ def _markers(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -
 
 def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> dict[str, object]:
     """The numbers in SI units."""
+    axis = found.hinge_axis
     return {
         "version": __version__,
-        "method": "score",
+        "method": found.method,
         "parent": None if parent is None else list(parent.labels),
         "child": list(child.labels),
         "frames": len(found.time),
@@ -136,4 +162,6 @@ def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) ->
         "effective_frames": found.effective_frames,
         "parent_rms": found.parent_rms.tolist(),
         "child_rms": found.child_rms.tolist(),
+        "slide": None if found.slide is None else asdict(found.slide),
+        "hinge_axis": None if axis is None else {name: np.asarray(one).tolist() for name, one in asdict(axis).items()},
     }

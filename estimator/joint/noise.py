@@ -1,0 +1,133 @@
+"""Linear equations whose noise has any spectrum, and a part that is a function of the motion: restricted likelihood.
+
+Along time, the equations are taken to the cosine transform (DCT-II), in which a stationary process is nearly diagonal,
+so that its spectrum is a variance for each band of frequencies. What keeps time with the motion is not stationary
+against it: it is a random combination of given functions of time. All variances are those of the greatest restricted
+likelihood (Patterson and Thompson, Biometrika 58, 1971), by MacKay's fixed point (Neural Computation 4, 1992): the
+squares of what is left, or of a coefficient, over how many of them are free. A band counts as one coefficient more, of
+the variance of itself and its neighbours, so that none is taken for silent that the unknowns explain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.signal.windows import tukey
+
+from baryscope.estimator.tracks import FloatArray
+
+ROUNDS = 100
+TAPER = 0.2  # share of the time in which the window rises or falls
+CONVERGED = 1e-2  # in the logarithm of a variance
+LEAST_BAND, WIDER = 3, 1.2  # coefficients in a band at least, and the ratio of its ends
+ROUNDING = 1e-24  # of the squares of what is given: a variance below is rounding
+QUIETEST = 0.5  # variance of a band over the mean of those that are not used
+NEGLIGIBLE = 1e-6  # of the residuals' variance: a smaller one of a function counts as none
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Unknowns (p,), their covariance (p, p), and the noise that goes with them.
+
+    spectrum (k,): the variance of a coefficient of the cosine transform in a coordinate; locked (n, c): what keeps time
+    with the motion; likelihood: the restricted one's logarithm, up to a constant of n and k.
+    """
+
+    found: FloatArray
+    covariance: FloatArray
+    spectrum: FloatArray
+    locked: FloatArray
+    likelihood: float
+
+
+def transformed(values: FloatArray) -> FloatArray:
+    """The orthonormal cosine transform along the first axis, tapered at the ends: white noise keeps its variance.
+
+    Without the taper the ends of a narrow line are seen at all frequencies.
+    """
+    window = _window(len(values)).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(dct(window * values, axis=0, norm="ortho"))
+
+
+def _window(count: int) -> FloatArray:
+    """Tukey's window, of the mean square 1."""
+    window = tukey(count + 2, TAPER)[1:-1]
+    return np.asarray(window / np.sqrt(np.mean(window**2)))
+
+
+def bands(count: int) -> NDArray[np.intp]:
+    """Ends of the bands among so many coefficients: 0 and the ends of bands that grow with the frequency."""
+    ends = [0]
+    while ends[-1] < count:
+        ends.append(min(count, max(ends[-1] + LEAST_BAND, int(np.ceil(ends[-1] * WIDER)))))
+    if len(ends) > 2 and ends[-1] - ends[-2] < LEAST_BAND:
+        ends.pop(-2)
+    return np.array(ends, dtype=np.intp)
+
+
+def restricted_likelihood(design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: int) -> Fit:
+    """Solve design @ x + noise = wanted from the first coefficients along time.
+
+    Args:
+        design: (n, c, p), of c coordinates in n frames.
+        wanted: (n, c).
+        functions: groups (n, q) of functions of time with the mean 0. Each may be in each coordinate with any
+            coefficient; those of a group have one variance.
+        kept: how many coefficients of the transform are used.
+    """
+    c, p = design.shape[1:]
+    b, F = transformed(wanted), transformed(design)
+    first = np.linalg.lstsq(F.reshape(-1, p), b.ravel(), rcond=None)[0]
+    left = F @ first - b
+    least = ROUNDING * float(np.mean(wanted**2)) + 1e-300
+    if kept < len(b):  # what is white is in all bands
+        least = max(least, QUIETEST * float(np.mean(left[kept:] ** 2)))
+    start = max(float(np.mean(left[:kept] ** 2)), least)
+    b = b[:kept]
+    one = np.eye(c)
+    slides = [np.einsum("fk,ci->fcki", transformed(group)[:kept], one).reshape(kept, c, -1) for group in functions]
+    X = np.concatenate([F[:kept], *slides], axis=2)
+    group = np.repeat(np.arange(-1, len(slides)), [p, *(slide.shape[2] for slide in slides)])
+    ends = bands(kept)
+    width = np.diff(ends)
+    spectrum = np.full(kept, start)
+    size = np.full(len(slides), 0.3 * start * len(wanted) / max(1, sum(one.shape[1] for one in functions)))
+    for _ in range(ROUNDS):
+        penalty = np.where(group >= 0, 1 / size[group], 0.0) if len(slides) else np.zeros(p)
+        weighted = X / spectrum[:, None, None]
+        flat, flat_weighted = X.reshape(-1, X.shape[2]), weighted.reshape(-1, X.shape[2])
+        normal = flat_weighted.T @ flat + np.diag(penalty)
+        covariance = np.linalg.inv(normal)
+        found = covariance @ (flat_weighted.T @ b.ravel())
+        left = ((flat @ found).reshape(b.shape) - b) ** 2
+        leverage = np.sum((flat @ covariance) * flat_weighted, axis=1).reshape(b.shape)
+        free = np.add.reduceat(np.maximum(1 - leverage, 0).sum(axis=1), ends[:-1])
+        squares = np.add.reduceat(left.sum(axis=1), ends[:-1])
+        around = _pooled(squares) / np.maximum(_pooled(free), 0.1 * c)
+        new = np.repeat(np.maximum((squares + c * around) / (free + c), least), width)
+        change = float(np.abs(np.log(new / spectrum)).max())
+        spectrum = new
+        for k in range(len(slides)):
+            own = group == k
+            told = own.sum() - np.trace(covariance[np.ix_(own, own)]) / size[k]
+            value = max(float(np.sum(found[own] ** 2)) / max(told, 1e-3), NEGLIGIBLE * start, least)
+            if value > 10 * NEGLIGIBLE * start:
+                change = max(change, abs(float(np.log(value / size[k]))))
+            size[k] = value
+        if change < CONVERGED:
+            break
+    _, determinant = np.linalg.slogdet(normal)
+    likelihood = -0.5 * (c * float(np.log(spectrum).sum()) + determinant - float(np.log(penalty[penalty > 0]).sum()))
+    locked = np.zeros_like(wanted)
+    for k, functions_k in enumerate(functions):
+        locked = locked + functions_k @ found[group == k].reshape(-1, c)
+    wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
+    return Fit(found[:p], wider * covariance[:p, :p], spectrum, locked, likelihood)
+
+
+def _pooled(values: FloatArray) -> FloatArray:
+    """The sum of each band and its neighbours."""
+    padded = np.concatenate([[0.0], values, [0.0]])
+    return np.asarray(padded[:-2] + padded[1:-1] + padded[2:])

@@ -1,0 +1,135 @@
+"""The joint by maximum likelihood: exact without noise, honest where skin keeps time with the motion; hinges."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.joint import joint
+from baryscope.estimator.joint.bodies import Pair
+from baryscope.estimator.joint.ml import motion_functions
+from baryscope.estimator.joint.noise import bands, restricted_likelihood
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.scripts.examples.walking import walk
+from joints import SHAPE, TIME, recording
+
+
+def of_the_average_markers(parent, child, centre):
+    """The true centre in the child, as the child's markers had it on average."""
+    body = Pair.of(parent, child).child
+    return np.mean(np.einsum("kji,kj->ki", body.rotation, centre - body.place), axis=0)
+
+
+def test_without_noise_the_centre_is_exact():
+    parent, child, centre = recording(np.random.default_rng(1), 0.0, 0.0)
+    found = joint(parent, child)
+    np.testing.assert_allclose(found.position, centre, atol=1e-9)
+    probe = FeatureTracks(TIME, child.position - centre[:, None] + [1.0, 2.0, 3.0], child.labels)
+    np.testing.assert_allclose(joint(None, probe).in_parent, [1.0, 2.0, 3.0], atol=1e-9)
+
+
+def test_the_covariance_is_honest_where_skin_lasts():
+    """The mean NEES of 20 draws is near 3, with a standard deviation of sqrt(6 / 20) = 0.55, of which 3 are allowed."""
+    nees = []
+    for seed in range(20):
+        parent, child, centre = recording(np.random.default_rng(seed), 0.003, 0.9)
+        found = joint(parent, child)
+        error = found.in_child - of_the_average_markers(parent, child, centre)
+        nees.append(error @ np.linalg.solve(found.covariance[3:, 3:], error))
+    assert 1.3 < np.mean(nees) < 4.7, np.mean(nees)
+
+
+def test_skin_and_noise_are_told_apart():
+    """3 mm of lasting slide of each segment, of which both sides have theirs; 0.75 mm of white noise of each marker.
+
+    Per coordinate, the markers' noise is that of two centroids of four, 0.53 mm, and of the attitudes on levers of
+    0.37 m and 0.2 m: about 0.75 mm / 0.11 m / 2 of each component, two of which move a point, so 1.6 mm.
+    """
+    parent, child, _ = recording(np.random.default_rng(3), 0.003, 0.98)
+    slide = joint(parent, child).slide
+    assert 0.5 < slide.correlated / (0.003 * np.sqrt(2)) < 1.5
+    assert slide.of_markers == pytest.approx(0.0017, rel=0.2)
+    assert slide.white == pytest.approx(slide.of_markers, rel=0.4)
+    assert slide.locked < slide.correlated
+
+
+def test_a_slide_that_depends_on_the_angle_is_claimed():
+    """Skin that moves by a random linear map of the joint's angles shifts the centre itself; the covariance knows.
+
+    By SCoRE's the mean of NEES over 20 draws is four times as great, at least; here it is 3 within 4 σ, 2.2.
+    """
+    nees = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        parent, child, centre = recording(rng, 0.0005, 0.0)
+        body = Pair.of(parent, child)
+        angles = motion_functions(body.relative)[0][:, :3] * np.sqrt(len(TIME))
+        slide = angles @ (0.002 * rng.normal(size=(3, 3)))
+        moved = child.position + np.einsum("kij,kj->ki", body.child.rotation, slide)[:, None]
+        child = FeatureTracks(TIME, moved, child.labels)
+        row = []
+        for method in ("ml", "score"):
+            found = joint(parent, child, method=method)
+            error = found.in_child - of_the_average_markers(parent, child, centre)
+            row.append(error @ np.linalg.solve(found.covariance[3:, 3:], error))
+        nees.append(row)
+    ml, score = np.mean(nees, axis=0)
+    assert ml < 5.2
+    assert score > 4 * ml
+
+
+def test_the_axis_of_a_hinge_is_found():
+    """The axis is x of the child, and turns with it: off by less than χ² of two degrees of freedom is in 1e-4, 18.4."""
+    for seed in range(6):
+        parent, child, _ = recording(np.random.default_rng(seed), 0.002, 0.5, hinge=True)
+        found = joint(parent, child)
+        assert found.hinge
+        to_truth = align(SHAPE[None], found.child_markers, np.ones((1, 4))).rotation[0]
+        axis = to_truth @ found.hinge_axis.in_child
+        covariance = to_truth @ found.hinge_axis.covariance_in_child @ to_truth.T
+        error = axis[1:] * np.sign(axis[0])
+        assert error @ np.linalg.solve(covariance[1:, 1:], error) < 18.4
+        assert np.sqrt(np.linalg.eigvalsh(covariance)[-1]) < np.deg2rad(1)
+    ball, other, _ = recording(np.random.default_rng(1), 0.002, 0.5)
+    assert joint(ball, other).hinge_axis is None
+
+
+def test_a_knee_is_a_hinge_and_a_hip_is_none():
+    """Of the example's trial, whose knee turns by 1° about the shank besides."""
+    trial = walk()
+    pelvis, thigh, shank = (
+        FeatureTracks(trial.time, trial.markers[:, k : k + 4], trial.labels[k : k + 4]) for k in (0, 4, 8)
+    )
+    assert not joint(pelvis, thigh).hinge
+    knee = joint(thigh, shank)
+    assert knee.hinge
+    assert np.rad2deg(knee.hinge_axis.residual) < 1.5
+
+
+def test_oscillating_noise_widens_what_it_masks():
+    """Two unknowns in noise of second order: normalised squares of 80 draws have the mean 2 within 4 σ, which is 0.9.
+
+    The second is at the frequency at which the noise rings, where its spectrum is 20 times that at the first one's.
+    That is smoothed over a band, so that some more is allowed above.
+    """
+    t = np.arange(900) / 50.0
+    waves = [np.sin(2 * np.pi * rate * t + np.arange(3)[:, None]).T for rate in (0.5, 1.5)]
+    damping, turn = np.exp(-2 * np.pi * 1.5 * 0.1 / 50), 2 * np.pi * 1.5 / 50
+    squares, widths = [], []
+    for seed in range(80):
+        white = np.random.default_rng(seed).normal(size=(1800, 3))
+        noise = lfilter([1], [1, -2 * damping * np.cos(turn), damping**2], white, axis=0)[-900:]
+        fit = restricted_likelihood(np.stack(waves, axis=2), noise, [], 900)
+        squares.append(fit.found @ np.linalg.solve(fit.covariance, fit.found))
+        widths.append(np.sqrt(np.diag(fit.covariance)))
+    assert 1.1 < np.mean(squares) < 3.5, np.mean(squares)
+    slow, ringing = np.median(widths, axis=0)
+    assert 2 < ringing / slow < 6
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 7, 100, 5001])
+def test_bands_cover_all_coefficients(count):
+    ends = bands(count)
+    assert ends[0] == 0
+    assert ends[-1] == count
+    assert (np.diff(ends) >= min(3, count)).all()
