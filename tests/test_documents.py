@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -39,6 +40,8 @@ def test_every_block_says_what_it_is(document):
 def test_examples_run_one_after_the_other(document, tmp_path, monkeypatch, capsys):
     """In one folder, as a reader would: what an example needs, one above it has left."""
     monkeypatch.chdir(tmp_path)
+    for name in re.findall(r"\]\(([\w.-]+\.trc)\)", text_of(document)):  # recordings that the page offers
+        shutil.copy((ROOT / document).parent / name, tmp_path)
     for command in commands(document):
         if command[0] == "pythonfmu":
             packed(command)

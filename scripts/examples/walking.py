@@ -4,7 +4,8 @@ python scripts/examples/walking.py FILE.trc
 
 Eight seconds at 50 Hz: four strides on a treadmill, then two circles of the straight leg in the air. Pelvis, right
 thigh and right shank have four markers each. The hip is a ball, the knee almost a hinge. Skin slides with all markers
-of a segment, in step with the gait and slowly besides, and under each marker by itself; the cameras add 0.3 mm.
+of a segment, in step with the gait and slowly besides, and under each marker by itself; THIGH.4 is on a loose strap.
+The cameras add 0.3 mm.
 """
 
 import sys
@@ -25,6 +26,7 @@ FloatArray = NDArray[np.float64]
 RATE, SECONDS, STRIDE = 50.0, 8.0, 1.1  # Hz, s, s
 STOP, CIRCLE = 4.4, 1.8  # s: when the circles begin, and how long one takes
 CAMERAS, OWN, SHARED, IN_STEP = 0.0003, 0.001, 0.0015, 0.0025  # m: of cameras, of each marker's skin, of a segment's
+LOOSE = {"THIGH.4": 4.0}  # factor on a marker's own skin
 OWN_TIME, SHARED_TIME = 0.1, 0.3  # s, for which skin stays to one side
 LABELS = (
     ("ASIS.R", "ASIS.L", "PSIS.R", "PSIS.L"),
@@ -92,27 +94,25 @@ def walk(seed: int = 1) -> Walk:
     shank = thigh * Rotation.from_rotvec(bend[:, None] * KNEE_AXIS) * screw
     hip = np.transpose([wave(0, (0.01, 1), (0.02, 0)), wave(-0.08, (0.03, 2)), wave(0.92, (0.002, 0), (0.02, 1))])
     knee = hip + thigh.apply(KNEE)
-    bodies = [
-        _recorded(rng, phase, *segment)
-        for segment in ((pelvis, hip, PELVIS), (thigh, hip, THIGH), (shank, knee, SHANK))
-    ]
+    segments = (pelvis, hip, PELVIS), (thigh, hip, THIGH), (shank, knee, SHANK)
     labels = tuple(label for names in LABELS for label in names)
+    own = OWN * np.array([LOOSE.get(label, 1.0) for label in labels]).reshape(3, 4, 1)
+    bodies = [_recorded(rng, phase, segment, size) for segment, size in zip(segments, own, strict=True)]
     return Walk(time, np.concatenate(bodies, axis=1), labels, hip, knee, thigh.apply(KNEE_AXIS))
 
 
 def _recorded(
-    rng: np.random.Generator, phase: FloatArray, turn: Rotation, place: FloatArray, points: FloatArray
+    rng: np.random.Generator, phase: FloatArray, segment: tuple[Rotation, FloatArray, FloatArray], own: FloatArray
 ) -> FloatArray:
-    """The markers (n, 4, 3) of a segment, on skin that moves."""
+    """The markers (n, 4, 3) of a segment, attitude, origin and points, on skin that moves; own (4, 1), m, by itself."""
+    turn, place, points = segment
     n = len(phase)
     way = rng.normal(size=(2, 3)) * IN_STEP / 2
-    skin = (
-        np.cos(phase)[:, None] * way[0] + np.sin(2 * phase)[:, None] * way[1] + SHARED * _slow(rng, (n, 3), SHARED_TIME)
-    )
-    places = points + skin[:, None] + OWN * _slow(rng, (n, 4, 3), OWN_TIME)
-    return np.asarray(
-        place[:, None] + places @ np.swapaxes(turn.as_matrix(), 1, 2) + CAMERAS * rng.normal(size=places.shape)
-    )
+    in_step = np.cos(phase)[:, None] * way[0] + np.sin(2 * phase)[:, None] * way[1]
+    skin = in_step + SHARED * _slow(rng, (n, 3), SHARED_TIME)
+    places = points + skin[:, None] + own * _slow(rng, (n, 4, 3), OWN_TIME)
+    seen = place[:, None] + places @ np.swapaxes(turn.as_matrix(), 1, 2)
+    return np.asarray(seen + CAMERAS * rng.normal(size=seen.shape))
 
 
 def _slow(rng: np.random.Generator, shape: tuple[int, ...], seconds: float) -> FloatArray:

@@ -7,16 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from baryscope.estimator import read_tracks
 from baryscope.fmu.system import build_system
+from baryscope.scripts.examples import walking
 from baryscope.study import fly_loop
 
-EXAMPLES = Path(__file__).parents[3] / "scripts" / "examples"
+ROOT = Path(__file__).parents[3]
+EXAMPLES = ROOT / "scripts" / "examples"
 
 
 def test_every_example_is_run_by_a_test():
     """step_unit.mjs is run by the tests of the WebAssembly module."""
     programs = {path.name for path in EXAMPLES.iterdir() if path.is_file() and path.name != "__init__.py"}
-    assert programs == {"step_unit.py", "step_unit.mjs", "close_loop.py", "own_controller.py"}
+    assert programs == {"step_unit.py", "step_unit.mjs", "close_loop.py", "own_controller.py", "walking.py"}
 
 
 def test_the_loop_to_copy_runs_and_holds_its_station(capsys):
@@ -47,3 +50,15 @@ def test_the_controller_to_copy_arrives_as_a_unit(envisat, tmp_path):
     assert loop.miss[-100:].max() < 0.05
     assert np.linalg.norm(loop.chaser, axis=1).min() > 8.0
     assert np.nanmax(loop.error[-100:]) < 0.01
+
+
+def test_the_walking_trial_of_the_tutorial_is_what_the_example_writes(tmp_path):
+    """Byte for byte, in less than 100 kB, and as exact as it is written: to 0.05 mm."""
+    walking.main(tmp_path / "walking.trc")
+    written = (tmp_path / "walking.trc").read_bytes()
+    assert written == (ROOT / "docs" / "walking.trc").read_bytes()
+    assert len(written) < 100_000
+    found, truth = read_tracks(tmp_path / "walking.trc"), walking.walk()
+    assert found.labels == truth.labels
+    np.testing.assert_allclose(found.position, truth.markers, atol=0.5001e-4)
+    np.testing.assert_allclose(found.time, truth.time, atol=1e-9)
