@@ -28,12 +28,16 @@ def pytest_report_header():
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory, testrun_uid):
-    """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone."""
+    """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone.
+
+    They are made in half the time without the most of optimisations; what users get is tested where units are built.
+    """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent / testrun_uid
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BARYSCOPE_CACHE", str(folder / "cache"))
+        patch.setenv("CFLAGS", "-O1")
         yield
 
 

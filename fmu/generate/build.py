@@ -10,7 +10,7 @@ from baryscope.fmu.generate.description import model_description
 from baryscope.fmu.generate.documentation import documents
 from baryscope.fmu.generate.sources import MAIN, build_description, interface_headers, licences, unit_sources
 from baryscope.fmu.layout.archive import pack
-from baryscope.fmu.layout.platforms import X86_64_WINDOWS, FmiVersion, Selection, binary_members, selected
+from baryscope.fmu.layout.platforms import FmiVersion, Selection, binary_members, selected
 from baryscope.fmu.units import Blueprint, blueprint_of
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
@@ -73,8 +73,7 @@ def pack_unit(
             for platform in selected(platforms)
         ]
         libraries = compile_all(jobs, progress)
-        windows_by_zig = any(job.by_zig and job.platform == X86_64_WINDOWS for job in jobs)
-        members = licences(headers, windows_by_zig=windows_by_zig) | {"modelDescription.xml": description}
+        members = licences(headers) | {"modelDescription.xml": description}
         members |= documents(unit, fmi, scalar=scalar)
         if fmi == 3:
             members["sources/buildDescription.xml"] = build_description(unit.name)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
 from platform import libc_ver
@@ -26,6 +27,7 @@ FLAGS = ("-std=c11", "-O3", "-ffp-contract=off", "-fvisibility=hidden")
 # In a shared library FMI's functions have no prefix.
 DEFINITIONS = ("-DFMI2_OVERRIDE_FUNCTION_PREFIX=1", "-DFMI3_OVERRIDE_FUNCTION_PREFIX=1")
 WARNINGS = ("-Wall", "-Wextra", "-Wno-unused-function", "-Wno-unused-parameter")
+_OBJECT = "unit.o"
 # Variables that change a compiler's headers, libraries or target.
 _ENVIRONMENT = (
     "CPATH",
@@ -42,7 +44,7 @@ Progress = Callable[[tuple[str, ...], float], None]
 
 
 def find_compiler() -> list[str]:
-    """The command of a C compiler: $CC, else the system's, else zig's.
+    """The command of a C compiler: $CC, else the system's, else zig's. All but zig's take $CFLAGS, too.
 
     Raises:
         ComputationError: there is none, or $CC names none.
@@ -106,16 +108,33 @@ class Job:
         return list(self.compiler) == _zig()
 
     @property
-    def arguments(self) -> list[str]:
-        """The compiler's arguments. All paths are relative, so that equal inputs give equal bytes."""
+    def steps(self) -> list[list[str]]:
+        """The compiler's arguments, step by step. All paths are relative, so that equal inputs give equal bytes."""
+        target: tuple[str, ...]
         if not self.by_zig:
-            target: tuple[str, ...] = ()
+            target = ()
         elif self.platform.target:  # -s: debugging data would hold paths
             target = ("-target", self.platform.target, "-s")
         else:
             target = ("-mcpu=baseline", "-s")
-        flags = (flag.format(library=self.output) for flag in self.platform.flags)
-        return [*target, *FLAGS, *DEFINITIONS, *WARNINGS, "-I.", self.main, "-o", self.output, *flags]
+        flags = [flag.format(library=self.output) for flag in self.platform.flags]
+        compiling = [*target, *FLAGS, *DEFINITIONS, *WARNINGS, "-I.", self.main]
+        if not self._runtime:
+            own = () if self.by_zig else shlex.split(os.environ.get("CFLAGS", ""))
+            return [[*compiling, *own, "-o", self.output, *flags]]
+        # In two steps, as zig has its C library's headers only where it links that library, too.
+        linked = [_OBJECT, *self._runtime, *flags, *self.platform.runtime_flags]
+        return [[*compiling, "-c", "-o", _OBJECT], [*target, *FLAGS, *WARNINGS, *linked, "-o", self.output]]
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """The sources, and what replaces zig's C library."""
+        return {**self.sources, **self._runtime}
+
+    @property
+    def _runtime(self) -> dict[str, bytes]:
+        name = self.platform.runtime if self.by_zig else ""
+        return {name: (files("baryscope.fmu") / "csrc" / name).read_bytes()} if name else {}
 
     def key(self) -> str | None:
         """The hash of everything the library is made from; None if the compiler's version is unknown."""
@@ -123,8 +142,8 @@ class Job:
         if identity is None:
             return None
         settings = [f"{name}={os.environ.get(name, '')}" for name in _ENVIRONMENT]
-        digest = hashlib.sha256(repr((identity, self.arguments, settings)).encode())
-        for name, content in sorted(self.sources.items()):
+        digest = hashlib.sha256(repr((identity, self.steps, settings)).encode())
+        for name, content in sorted(self.files.items()):
             digest.update(f"\0{name}\0{len(content)}\0".encode() + content)
         return digest.hexdigest()
 
@@ -188,19 +207,25 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
 
 def _compile(job: Job) -> tuple[bytes, str]:
     """The library and the compiler's warnings; there should be none."""
-    command = [*job.compiler, *job.arguments]
+    messages = ""
     with temporary_folder() as folder:
-        for member, content in job.sources.items():
+        for member, content in job.files.items():
             (folder / member).write_bytes(content)
-        try:
-            result = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
-        except OSError as error:
-            raise ComputationError(f"the C compiler ({command[0]}) cannot be run: {error.strerror}") from error
-        library = folder / job.output
-        if result.returncode != 0 or not library.is_file():
-            lines = result.stderr.splitlines()
-            first = next((line for line in lines if "error" in line), lines[-1] if lines else "no message")
-            raise ComputationError(
-                f"the C compiler ({shlex.join(job.compiler)} …) failed for {job.platform.name}: {first}"
-            )
-        return library.read_bytes(), result.stderr
+        for arguments in job.steps:
+            messages += _run(job, arguments, folder)
+        return (folder / job.output).read_bytes(), messages
+
+
+def _run(job: Job, arguments: list[str], folder: Path) -> str:
+    """Run the compiler in a folder, where its output must be then; its messages."""
+    command = [*job.compiler, *arguments]
+    try:
+        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+    except OSError as error:
+        raise ComputationError(f"the C compiler ({command[0]}) cannot be run: {error.strerror}") from error
+    made = folder / arguments[arguments.index("-o") + 1]
+    if result.returncode != 0 or not made.is_file():
+        lines = result.stderr.splitlines()
+        first = next((line for line in lines if "error" in line), lines[-1] if lines else "no message")
+        raise ComputationError(f"the C compiler ({shlex.join(job.compiler)} …) failed for {job.platform.name}: {first}")
+    return result.stderr

@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from importlib.metadata import distributions
 from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 
 import fmpy
@@ -78,13 +77,8 @@ def build_description(model_identifier: str, main: str = MAIN) -> bytes:
     return text
 
 
-def licences(headers: Mapping[str, bytes], *, windows_by_zig: bool) -> dict[str, bytes]:
-    """The members of documentation/licenses/: our licence, FMI's, and that of the runtime in zig's DLLs.
-
-    Args:
-        headers: FMI's, of which a notice stands in one.
-        windows_by_zig: there is such a DLL.
-    """
+def licences(headers: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The members of documentation/licenses/: our licence, and FMI's, of whose headers a notice stands in one."""
     members: dict[str, bytes] = {}
     for ours in distributions(name="baryscope"):
         text = ours.read_text("licenses/LICENSE")
@@ -95,9 +89,4 @@ def licences(headers: Mapping[str, bytes], *, windows_by_zig: bool) -> dict[str,
         notice = re.search(rb"Copyright.*?(?=\*/)", content, re.DOTALL)
         if notice and re.fullmatch(r"fmi\dFunctions\.h", name):
             members[f"{name}.txt"] = notice.group().rstrip() + b"\n"
-    zig = find_spec("ziglang")
-    if windows_by_zig and zig is not None and zig.origin is not None:
-        runtime = Path(zig.origin).parent / "lib" / "libc" / "mingw" / "COPYING"
-        if runtime.is_file():
-            members["mingw-w64.txt"] = runtime.read_bytes()
     return {f"documentation/licenses/{name}": content for name, content in sorted(members.items())}

@@ -30,6 +30,7 @@ class Platform:
         suffix: of shared libraries.
         target: zig's name; empty if only a native compiler builds for the platform.
         flags: what the compiler needs to make a shared library; `{library}` stands for the file's name.
+        runtime: a file of csrc/ that zig compiles and links with runtime_flags in place of its own C library.
     """
 
     name: str
@@ -38,6 +39,8 @@ class Platform:
     suffix: str
     target: str
     flags: tuple[str, ...]
+    runtime: str = ""
+    runtime_flags: tuple[str, ...] = ()
 
     def folders(self, fmi: FmiVersion) -> tuple[str, ...]:
         """The folders in which an importer may look, the standard's first."""
@@ -50,7 +53,16 @@ _MACH_O = ("-shared", "-Wl,-install_name,@rpath/{library}")
 
 X86_64_LINUX = Platform("x86_64-linux", "linux64", "linux64", ".so", "x86_64-linux-gnu.2.17", _ELF)
 AARCH64_LINUX = Platform("aarch64-linux", "aarch64-linux", "linux64", ".so", "aarch64-linux-gnu.2.17", _ELF)
-X86_64_WINDOWS = Platform("x86_64-windows", "win64", "win64", ".dll", "x86_64-windows-gnu", ("-shared",))
+X86_64_WINDOWS = Platform(
+    "x86_64-windows",
+    "win64",
+    "win64",
+    ".dll",
+    "x86_64-windows-gnu",
+    ("-shared",),
+    "windows.c",
+    ("-nostdlib", "-lucrtbase", "-Wl,-e,windows_entry"),
+)
 X86_64_DARWIN = Platform("x86_64-darwin", "darwin64", "darwin64", ".dylib", "x86_64-macos.11.0", _MACH_O)
 AARCH64_DARWIN = Platform("aarch64-darwin", "aarch64-darwin", "darwin64", ".dylib", "aarch64-macos.11.0", _MACH_O)
 

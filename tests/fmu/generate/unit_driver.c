@@ -10,22 +10,47 @@
 #include "fmi2FunctionTypes.h"
 #endif
 
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #ifdef _WIN32
+/* Linked as the units are, with nothing of MinGW (see csrc/windows.c). */
+#include <io.h>
 #include <windows.h>
 static void *load(const char *path) { return (void *)LoadLibraryA(path); }
 static void *find(void *library, const char *name) { return (void *)GetProcAddress(library, name); }
+
+int main(int argc, char **argv);
+int _configure_narrow_argv(int mode);
+void __main(void) {} /* called by main */
+void windows_start(void)
+{
+    _configure_narrow_argv(1);
+    exit(main(*__p___argc(), *__p___argv()));
+}
 #else
 #include <dlfcn.h>
+#include <unistd.h>
 static void *load(const char *path) { return dlopen(path, RTLD_NOW); }
 static void *find(void *library, const char *name) { return dlsym(library, name); }
 #endif
 
+enum { OUTPUT = 1, ERRORS = 2 };
+
+static void say(int stream, const char *format, ...)
+{
+    char text[1000];
+    va_list values;
+    va_start(values, format);
+    const int length = vsnprintf(text, sizeof text, format, values);
+    va_end(values);
+    if (write(stream, text, (unsigned)length) != length) exit(2);
+}
+
 static int fail(const char *what)
 {
-    fprintf(stderr, "failed: %s\n", what);
+    say(ERRORS, "failed: %s\n", what);
     return 1;
 }
 
@@ -38,7 +63,7 @@ static int fail(const char *what)
 static void logger(fmi3InstanceEnvironment e, fmi3Status status, fmi3String category, fmi3String text)
 {
     (void)e, (void)status, (void)category;
-    fprintf(stderr, "%s\n", text);
+    say(ERRORS, "%s\n", text);
 }
 
 static int run(void *library, const char *token, long steps, double size, const unsigned *references, size_t count,
@@ -67,7 +92,7 @@ static int run(void *library, const char *token, long steps, double size, const 
 static void logger(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String category, fmi2String text, ...)
 {
     (void)e, (void)name, (void)status, (void)category;
-    fprintf(stderr, "%s\n", text);
+    say(ERRORS, "%s\n", text);
 }
 
 static int run(void *library, const char *token, long steps, double size, const unsigned *references, size_t count,
@@ -106,6 +131,6 @@ int main(int argc, char **argv)
     if (!references || !values) return fail("memory");
     for (size_t i = 0; i < count; i++) references[i] = first + (unsigned)i;
     if (run(library, argv[2], atol(argv[3]), atof(argv[4]), references, count, values, n_values)) return 1;
-    for (size_t i = 0; i < n_values; i++) printf("%.17g\n", values[i]);
+    for (size_t i = 0; i < n_values; i++) say(OUTPUT, "%.17g\n", values[i]);
     return 0;
 }
