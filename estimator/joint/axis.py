@@ -12,6 +12,7 @@ from baryscope.estimator.joint.noise import restricted_likelihood
 from baryscope.estimator.joint.result import HingeAxis
 from baryscope.estimator.tracks import FloatArray
 
+CLEAR = 10.0  # least power of the turn over that of the attitudes' noise, which harms an axis less than a centre
 STEPS = 3  # of Gauss and Newton
 
 
@@ -21,12 +22,13 @@ def hinge_axis(pair: Pair) -> HingeAxis:
     mean = R.mean(axis=0)
     both = np.linalg.eigh(np.block([[np.eye(3), -mean], [-mean.T, np.eye(3)]]))[1][:, 0]
     in_parent, in_child = both[:3] / np.linalg.norm(both[:3]), both[3:] / np.linalg.norm(both[3:])
-    functions, kept = motion_functions(R), clear_coefficients(pair)
+    kept = clear_coefficients(pair, CLEAR)
     for _ in range(STEPS):
         P, C = _across(in_parent), _across(in_child)
         # a_P + P x = R (a_C + C y), across the axis
         design = np.concatenate([np.broadcast_to(np.eye(2), (len(R), 2, 2)), -P.T @ R @ C], axis=2)
         wanted = (R @ in_child - in_parent) @ P
+        functions = motion_functions(R, [np.broadcast_to(np.eye(2), (len(R), 2, 2))])
         fit = restricted_likelihood(design, wanted, functions, kept)
         in_parent, in_child = in_parent + P @ fit.found[:2], in_child + C @ fit.found[2:]
         in_parent, in_child = in_parent / np.linalg.norm(in_parent), in_child / np.linalg.norm(in_child)

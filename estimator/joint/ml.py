@@ -2,12 +2,15 @@
 
 R_T_P u + c = R_T_C v + e + slide. The slide is stationary in the parent's or the child's axes, whichever is likelier,
 with a spectrum that the residuals tell (`noise`); and a part of it may depend on the joint's angles and rates, as that
-of skin which keeps time with the gait. The random coefficients of such a part show in directions that the centre cannot
-explain, and so tell how much it may have shifted the centre.
+of skin which keeps time with the gait: linearly on the angles in the axes of either body, and in the parent's as any
+combination of angles, rates and their products, which are then of one size, as in a gait. The random coefficients of
+such a part show in directions that the centre cannot explain, and so tell how much it may have shifted the centre.
 
-Only frequencies are used at which the bodies turn by much more than their attitudes are noisy: others tell nothing,
+Only those frequencies are used at which the bodies turn by far more than their attitudes are noisy: others tell little,
 but look as if they did, as noise of the attitudes is correlated with that of the centroids.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,11 +22,12 @@ from baryscope.estimator.adjustment.spurious import (
 )
 from baryscope.estimator.geometry.so3 import log_rotation
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.noise import Fit, bands, restricted_likelihood, transformed
+from baryscope.estimator.joint.noise import Fit, restricted_likelihood, transformed
 from baryscope.estimator.joint.result import Centre, Slide, residual_of
-from baryscope.estimator.tracks import FloatArray
+from baryscope.estimator.tracks import FloatArray, IntArray
 
-CLEAR = 100.0  # power of the turn over that of the attitudes' noise, in a band that is used
+CLEAR = 1000.0  # power of the turn over that of the attitudes' noise, in a coefficient that is used
+LEAST_COEFFICIENTS = 4
 SMALLEST = 0.03  # singular value of a function of the motion over that of the greatest
 LOOSE = 1 / 3  # of the markers' radius: a centre that is less certain in a direction is one of a hinge
 MOST_SQUARES = 8  # functions that are products of angles and rates
@@ -32,15 +36,16 @@ MOST_SQUARES = 8  # functions that are products of angles and rates
 def maximum_likelihood(pair: Pair) -> Centre:
     """The centre, of bodies that turn about more than one axis, if by their noise alone."""
     design, wanted = pair.equations
-    functions, kept = motion_functions(pair.relative), clear_coefficients(pair)
+    kept = clear_coefficients(pair)
     fits: list[Fit] = []
     for axes in (pair.parent_pose[0], pair.child.rotation):
         back = np.swapaxes(axes, 1, 2)
+        functions = motion_functions(pair.relative, [back @ pair.parent_pose[0], back @ pair.child.rotation])
         moved = np.einsum("kij,kj->ki", back, wanted)
         fits.append(restricted_likelihood(back @ design, moved, functions, kept))
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
     fit = fits[in_child]
-    spurious = three_sigma_factor(kept) * float(np.sum(1 / fit.spectrum)) * _spurious(pair, in_child)
+    spurious = three_sigma_factor(len(kept)) * float(np.sum(1 / fit.spectrum)) * _spurious(pair, in_child)
     reach = farthest(pair.child.markers)
     free, _ = spurious_information_columns(fit.covariance, np.zeros((6, 0)), spurious, 1 / reach**2)
     covariance = fit.covariance + free @ free.T
@@ -54,10 +59,11 @@ def maximum_likelihood(pair: Pair) -> Centre:
     )
 
 
-def motion_functions(R_P_C: FloatArray) -> list[FloatArray]:
-    """Two groups of functions of time (n, q): combinations of the joint's angles and rates, and of their products.
+def motion_functions(R_P_C: FloatArray, coordinates: Sequence[FloatArray]) -> list[FloatArray]:
+    """Groups of what skin may do with the motion, (n, c, q): functions of time along the axes of some coordinates.
 
-    Each has the mean 0 and the square sum 1; they are orthogonal.
+    Along the axes of each of the coordinates (n, c, k): the joint's angles; along those of the first: combinations of
+    angles and rates of one size, and of their products. As functions of time they have the mean 0.
     """
     left, _, right = np.linalg.svd(R_P_C.mean(axis=0))
     mean = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
@@ -69,7 +75,10 @@ def motion_functions(R_P_C: FloatArray) -> list[FloatArray]:
     i, j = np.triu_indices(linear.shape[1])
     products = linear[:, i] * linear[:, j]
     products = products - products.mean(axis=0)
-    return [linear, _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]]
+    squares = _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
+    groups = [(angle, axes) for axes in coordinates] + [(linear, coordinates[0]), (squares, coordinates[0])]
+    n, c, _ = coordinates[0].shape
+    return [np.einsum("ni,nck->ncki", one, axes).reshape(n, c, -1) for one, axes in groups if one.size]
 
 
 def _orthogonal(values: FloatArray) -> FloatArray:
@@ -80,14 +89,16 @@ def _orthogonal(values: FloatArray) -> FloatArray:
     return np.asarray(basis[:, size > max(SMALLEST * size[0], 1e-300)])
 
 
-def clear_coefficients(pair: Pair) -> int:
-    """How many coefficients along time show the bodies' turning against each other clearly."""
+def clear_coefficients(pair: Pair, clear: float = CLEAR) -> IntArray:
+    """Which coefficients along time (k,) show the bodies' turning against each other clearly; at least the first.
+
+    clear: the least ratio of its power to that of the attitudes' noise.
+    """
     power = np.sum(transformed(pair.relative) ** 2, axis=(1, 2))
     noise = sum(2 * np.trace(turn.mean(axis=0)) for turn in _turns(pair))
-    ends = bands(len(power))
-    mean = np.add.reduceat(power, ends[:-1]) / np.diff(ends)
-    clear = np.nonzero(mean > CLEAR * noise)[0]
-    return int(ends[max(clear[-1] if clear.size else 0, min(2, len(ends) - 2)) + 1])
+    shown = power > clear * noise
+    shown[:LEAST_COEFFICIENTS] = True
+    return np.nonzero(shown)[0]
 
 
 def _turns(pair: Pair) -> list[FloatArray]:
@@ -111,8 +122,9 @@ def _spurious(pair: Pair, in_child: bool) -> FloatArray:
 def _slide(pair: Pair, fit: Fit) -> Slide:
     """What the residuals consist of."""
     power = transformed(residual_of(pair, fit.found)) ** 2
-    n, kept = len(power), len(fit.spectrum)
-    white = float(np.mean(power[kept:])) if kept < n else float(fit.spectrum.min())
+    n = len(power)
+    above = power[fit.kept[-1] + 1 :]
+    white = float(np.mean(above)) if len(above) else float(fit.spectrum.min())
     ends = [(pair.child, fit.found[3:])] + ([] if pair.parent is None else [(pair.parent, fit.found[:3])])
     own = 0.0
     for body, lever in ends:

@@ -12,31 +12,32 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.signal.windows import tukey
 
-from baryscope.estimator.tracks import FloatArray
+from baryscope.estimator.tracks import FloatArray, IntArray
 
 ROUNDS = 100
 TAPER = 0.2  # share of the time in which the window rises or falls
 CONVERGED = 1e-2  # in the logarithm of a variance
 LEAST_BAND, WIDER = 3, 1.2  # coefficients in a band at least, and the ratio of its ends
 ROUNDING = 1e-24  # of the squares of what is given: a variance below is rounding
-QUIETEST = 0.5  # variance of a band over the mean of those that are not used
-NEGLIGIBLE = 1e-6  # of the residuals' variance: a smaller one of a function counts as none
+AT_FIRST = 0.3  # share of the residuals' variance that a group of functions has at first
+QUIETEST = 0.5  # variance of a band over the mean beyond the last one that is used
+NEGLIGIBLE = 1e-6  # of the variance at first: a smaller one of a function counts as none
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Unknowns (p,), their covariance (p, p), and the noise that goes with them.
+    """Unknowns (p,), their covariance (p, p), and the noise beside them.
 
-    spectrum (k,): the variance of a coefficient of the cosine transform in a coordinate; locked (n, c): what keeps time
-    with the motion; likelihood: the restricted one's logarithm, up to a constant of n and k.
+    kept (k,): which coefficients of the cosine transform are used; spectrum (k,): their variances in a coordinate;
+    locked (n, c): what keeps time with the motion; likelihood: the restricted one's logarithm, up to a constant.
     """
 
     found: FloatArray
     covariance: FloatArray
+    kept: IntArray
     spectrum: FloatArray
     locked: FloatArray
     likelihood: float
@@ -57,43 +58,46 @@ def _window(count: int) -> FloatArray:
     return np.asarray(window / np.sqrt(np.mean(window**2)))
 
 
-def bands(count: int) -> NDArray[np.intp]:
+def bands(count: int) -> IntArray:
     """Ends of the bands among so many coefficients: 0 and the ends of bands that grow with the frequency."""
     ends = [0]
     while ends[-1] < count:
         ends.append(min(count, max(ends[-1] + LEAST_BAND, int(np.ceil(ends[-1] * WIDER)))))
     if len(ends) > 2 and ends[-1] - ends[-2] < LEAST_BAND:
         ends.pop(-2)
-    return np.array(ends, dtype=np.intp)
+    return np.array(ends)
 
 
-def restricted_likelihood(design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: int) -> Fit:
-    """Solve design @ x + noise = wanted from the first coefficients along time.
+def restricted_likelihood(
+    design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray
+) -> Fit:
+    """Solve design @ x + noise = wanted from some coefficients along time.
 
     Args:
         design: (n, c, p), of c coordinates in n frames.
         wanted: (n, c).
-        functions: groups (n, q) of functions of time with the mean 0. Each may be in each coordinate with any
-            coefficient; those of a group have one variance.
-        kept: how many coefficients of the transform are used.
+        functions: groups (n, c, q) of functions of time, each of which may be in the noise with any coefficient; those
+            of a group have one variance.
+        kept: (k,), ascending, which coefficients of the transform are used.
     """
     c, p = design.shape[1:]
     b, F = transformed(wanted), transformed(design)
     first = np.linalg.lstsq(F.reshape(-1, p), b.ravel(), rcond=None)[0]
     left = F @ first - b
     least = ROUNDING * float(np.mean(wanted**2)) + 1e-300
-    if kept < len(b):  # what is white is in all bands
-        least = max(least, QUIETEST * float(np.mean(left[kept:] ** 2)))
-    start = max(float(np.mean(left[:kept] ** 2)), least)
-    b = b[:kept]
-    one = np.eye(c)
-    slides = [np.einsum("fk,ci->fcki", transformed(group)[:kept], one).reshape(kept, c, -1) for group in functions]
-    X = np.concatenate([F[:kept], *slides], axis=2)
+    above = left[kept[-1] + 1 :]
+    if len(above):  # what is white is in all bands
+        least = max(least, QUIETEST * float(np.mean(above**2)))
+    start = max(float(np.mean(left[kept] ** 2)), least)
+    b = b[kept]
+    slides = [transformed(group)[kept] for group in functions]
+    X = np.concatenate([F[kept], *slides], axis=2)
     group = np.repeat(np.arange(-1, len(slides)), [p, *(slide.shape[2] for slide in slides)])
-    ends = bands(kept)
+    ends = bands(len(kept))
     width = np.diff(ends)
-    spectrum = np.full(kept, start)
-    size = np.full(len(slides), 0.3 * start * len(wanted) / max(1, sum(one.shape[1] for one in functions)))
+    spectrum = np.full(len(kept), start)
+    size = np.array([AT_FIRST * start * wanted.size / max(float(np.sum(one**2)), 1e-300) for one in functions])
+    begun = size.copy()
     for _ in range(ROUNDS):
         penalty = np.where(group >= 0, 1 / size[group], 0.0) if len(slides) else np.zeros(p)
         weighted = X / spectrum[:, None, None]
@@ -112,8 +116,8 @@ def restricted_likelihood(design: FloatArray, wanted: FloatArray, functions: Seq
         for k in range(len(slides)):
             own = group == k
             told = own.sum() - np.trace(covariance[np.ix_(own, own)]) / size[k]
-            value = max(float(np.sum(found[own] ** 2)) / max(told, 1e-3), NEGLIGIBLE * start, least)
-            if value > 10 * NEGLIGIBLE * start:
+            value = max(float(np.sum(found[own] ** 2)) / max(told, 1e-3), NEGLIGIBLE * begun[k])
+            if value > 10 * NEGLIGIBLE * begun[k]:
                 change = max(change, abs(float(np.log(value / size[k]))))
             size[k] = value
         if change < CONVERGED:
@@ -122,9 +126,9 @@ def restricted_likelihood(design: FloatArray, wanted: FloatArray, functions: Seq
     likelihood = -0.5 * (c * float(np.log(spectrum).sum()) + determinant - float(np.log(penalty[penalty > 0]).sum()))
     locked = np.zeros_like(wanted)
     for k, functions_k in enumerate(functions):
-        locked = locked + functions_k @ found[group == k].reshape(-1, c)
+        locked = locked + functions_k @ found[group == k]
     wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
-    return Fit(found[:p], wider * covariance[:p, :p], spectrum, locked, likelihood)
+    return Fit(found[:p], wider * covariance[:p, :p], kept, spectrum, locked, likelihood)
 
 
 def _pooled(values: FloatArray) -> FloatArray:

@@ -18,7 +18,7 @@ class Slide:
     Residuals don't tell the joint's slack from skin that moves with all markers of a segment.
 
     Attributes:
-        white: from frame to frame, of the markers' noise, too.
+        white: at all frequencies alike, as beyond those of the motion; of the markers' noise, too.
         correlated: for longer than a frame, in any rhythm.
         locked: as a function of the joint's angles and rates.
         of_markers: what the markers' own noise explains of all that.

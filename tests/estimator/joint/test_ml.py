@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.joint import joint
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.ml import motion_functions
 from baryscope.estimator.joint.noise import bands, restricted_likelihood
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.scripts.examples.walking import walk
@@ -63,8 +63,8 @@ def test_a_slide_that_depends_on_the_angle_is_claimed():
         rng = np.random.default_rng(seed)
         parent, child, centre = recording(rng, 0.0005, 0.0)
         body = Pair.of(parent, child)
-        angles = motion_functions(body.relative)[0][:, :3] * np.sqrt(len(TIME))
-        slide = angles @ (0.002 * rng.normal(size=(3, 3)))
+        angles = Rotation.from_matrix(body.relative).as_rotvec()
+        slide = (angles - angles.mean(axis=0)) @ (0.004 * rng.normal(size=(3, 3)))
         moved = child.position + np.einsum("kij,kj->ki", body.child.rotation, slide)[:, None]
         child = FeatureTracks(TIME, moved, child.labels)
         row = []
@@ -119,7 +119,7 @@ def test_oscillating_noise_widens_what_it_masks():
     for seed in range(80):
         white = np.random.default_rng(seed).normal(size=(1800, 3))
         noise = lfilter([1], [1, -2 * damping * np.cos(turn), damping**2], white, axis=0)[-900:]
-        fit = restricted_likelihood(np.stack(waves, axis=2), noise, [], 900)
+        fit = restricted_likelihood(np.stack(waves, axis=2), noise, [], np.arange(900))
         squares.append(fit.found @ np.linalg.solve(fit.covariance, fit.found))
         widths.append(np.sqrt(np.diag(fit.covariance)))
     assert 1.1 < np.mean(squares) < 3.5, np.mean(squares)
