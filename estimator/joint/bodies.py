@@ -18,12 +18,14 @@ class Body:
     """A rigid body in k frames.
 
     rotation R_T_B (k, 3, 3); place (k, 3), m, of the centroid of the mean shape; markers (m, 3), m, that shape in B;
-    rms (m,), m, of their residuals per coordinate; weights (k, m), 1 where a marker is seen.
+    residual (k, m, 3), m, in T, of each marker from it, NaN where not seen; rms (m,), m, of them per coordinate;
+    weights (k, m), 1 where a marker is seen.
     """
 
     rotation: FloatArray
     place: FloatArray
     markers: FloatArray
+    residual: FloatArray
     rms: FloatArray
     weights: FloatArray
 
@@ -51,7 +53,7 @@ class Body:
         pose = align(position, shape, weights)
         left = position - shape @ np.swapaxes(pose.rotation, 1, 2) - pose.translation[:, None]
         rms = np.sqrt(np.nanmean(left**2, axis=(0, 2)))
-        return cls(pose.rotation, pose.translation, shape, rms, weights)
+        return cls(pose.rotation, pose.translation, shape, left, rms, weights)
 
     def attitude_noise(self, variance: float) -> FloatArray:
         """The covariances (k, 3, 3), rad², of the attitudes in B, for markers with so much noise per coordinate, m²."""

@@ -13,8 +13,9 @@ from baryscope.estimator.formats import Unit, read_tracks
 from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
-from baryscope.models.files import refuse_overwriting, write_together
+from baryscope.models.files import Writer, refuse_overwriting, write_together
 from baryscope.models.words import length
+from baryscope.report import html_of, report_of_joint
 from baryscope.scripts.cli.console import Show
 from baryscope.study.progress import stage
 from baryscope.study.table import Table
@@ -27,6 +28,7 @@ def find_joint(
     parent: str | None = None,
     method: Method = "ml",
     units: Unit | None = None,
+    report: bool = True,
     output: Annotated[Path | None, Parameter(alias="-o")] = None,
     show: Show | None = None,
 ) -> None:
@@ -49,14 +51,18 @@ def find_joint(
         score: least squares as published (SCoRE), with a covariance for noise that lasts.
     units
         Of the file's lengths. Default: metres, or what the file says.
+    report
+        With --output, write a .report.html file, too: the centre in both bodies over time and the markers' residuals.
     output
-        The centre at every time that shows both bodies, OUT.csv.
+        The centre at every time that shows both bodies, OUT.csv; the report goes beside it, OUT.report.html.
     """
     show = show or Show()
+    written = []
     if output is not None:
         if output.suffix != ".csv":
             raise InputError(f"{output}: expected a name that ends in .csv")
-        refuse_overwriting([output], [tracks])
+        written = [output, output.with_suffix(".report.html")] if report else [output]
+        refuse_overwriting(written, [tracks])
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)
@@ -66,11 +72,18 @@ def find_joint(
             raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
         with stage(progress, "finding the joint"):
             found = joint(ground, moving, method=method)
-    if output is not None:
-        write_together({output: lambda stream: _write_path(found, stream)})
-    show.result(_values(found, ground, moving), *_words(found), _markers(found, ground, moving))
+    words = _words(found)
+    if written:
+        writers: list[Writer] = [lambda stream: _write_path(found, stream)]
+        if report:
+            page = html_of(report_of_joint(found, ground, moving, tuple(words), tracks.name))
+            writers.append(lambda stream: stream.write(page))
+        write_together(dict(zip(written, writers, strict=True)))
+    show.result(_values(found, ground, moving), *words, _markers(found, ground, moving))
     if output is not None:
         show.remark(f"the centre at every time: {output}")
+        if report:
+            show.remark(f"report, for a browser: {written[1]}")
 
 
 def chosen(data: FeatureTracks, text: str, option: str) -> FeatureTracks:

@@ -56,7 +56,7 @@ document.getElementById("page").append(
   ...report.notes.map((text) => el("p", { text })),
   contents,
   el("main", { id: "main" }, ...sections),
-  el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${report.version}. Frame C: origin at the chaser, axes that do not turn. All in this file; nothing is loaded from elsewhere.` })),
+  el("footer", {}, el("p", { class: "soft", text: `Made by baryscope ${report.version}. ${report.parts.some((part) => part.kind === "scene") ? "Frame C: origin at the chaser, axes that do not turn. " : ""}All in this file; nothing is loaded from elsewhere.` })),
 );
 document.documentElement.dataset.ready = "true";
 window.dispatchEvent(new Event("theme"));
