@@ -16,7 +16,7 @@ def separator_of(line: str, form: Form) -> str | None:
     """The separator of a header line, if it is not a comma: "tabs", "semicolons", "bars" or "blanks"."""
     for separator, name in SEPARATORS.items():
         names = {part.strip().strip('"') for part in line.split(separator)}
-        if names >= set(form.required):
+        if separator in line and names >= set(form.required):
             return name
     return None
 
