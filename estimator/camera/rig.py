@@ -6,14 +6,13 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from baryscope.models.checks import UNIT_TOLERANCE
+from baryscope.estimator.camera.lens import NOT_TURNED, Lens, RightLens, UnitQuaternion
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario.schema import FileModel, Unit, read_toml
 
 LONGEST_ARM = 1e4  # m
 WIDEST_ANGLE = 0.2  # rad: to first order, an angle's error is its sine
 WIDEST_SCALE = 0.2
-NOT_TURNED = (1.0, 0.0, 0.0, 0.0)
 
 Triple = tuple[float, float, float]
 Arm = Annotated[float, Field(ge=-LONGEST_ARM, le=LONGEST_ARM)]
@@ -22,15 +21,20 @@ Length = Annotated[float, Field(ge=0, le=LONGEST_ARM)]
 
 
 class RigTable(FileModel):
-    """[rig]: where the camera is on the chaser, and standard deviations, for which one number means all three axes."""
+    """[rig]: where the camera is on the chaser, and standard deviations, for which one number means all three axes.
+
+    left and right are the lenses of a stereo pair, which `load_pair` reads: the camera is the left one.
+    """
 
     lever_arm: Annotated[tuple[Arm, Arm, Arm], Unit("m")] = (0.0, 0.0, 0.0)
     lever_arm_axes: Literal["camera", "chaser"] = "camera"
-    mounting: tuple[float, float, float, float] = NOT_TURNED
+    mounting: UnitQuaternion = NOT_TURNED
     lever_arm_deviation: Annotated[tuple[Length, Length, Length], Unit("m")] = (0.0, 0.0, 0.0)
     boresight_deviation: Annotated[tuple[Angle, Angle, Angle], Unit("rad")] = (0.0, 0.0, 0.0)
     scale_deviation: Annotated[float, Field(ge=0, le=WIDEST_SCALE)] = 0.0
     attitude_noise: Annotated[tuple[Angle, Angle, Angle], Unit("rad")] = (0.0, 0.0, 0.0)
+    left: Lens | None = None
+    right: RightLens | None = None
 
     @field_validator("lever_arm_deviation", "boresight_deviation", "attitude_noise", mode="before")
     @classmethod
@@ -38,15 +42,6 @@ class RigTable(FileModel):
         """One number as that of three axes."""
         number = isinstance(value, int | float) and not isinstance(value, bool)
         return (float(value),) * 3 if number else value  # type: ignore[arg-type]
-
-    @field_validator("mounting")
-    @classmethod
-    def _unit(cls, value: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-        length = float(np.linalg.norm(value))
-        if abs(length - 1) > UNIT_TOLERANCE:
-            raise ValueError(f"found a quaternion (w, x, y, z) of length {length:.6g}, expected 1")
-        w, x, y, z = (number / length for number in value)
-        return (w, x, y, z)
 
 
 class RigFile(FileModel):
@@ -89,18 +84,18 @@ class Rig:
 
     def __post_init__(self) -> None:
         table = RigFile.parse({"rig": {name: _plain(value) for name, value in vars(self).items()}}, "rig").rig
-        for name in RigTable.model_fields:
+        for name in vars(self):
             object.__setattr__(self, name, getattr(table, name))
 
 
 def load_rig(path: AnyPath) -> Rig:
-    """Read a rig file: TOML with one table, [rig], whose fields are those of `Rig`.
+    """Read a rig file: TOML with one table, [rig], whose fields are those of `Rig`; lenses in it are checked.
 
     Raises:
         InputError: one line that says where, what was found, what was expected.
     """
     table = RigFile.parse(read_toml(path, "a camera's rig in TOML"), str(path)).rig
-    return Rig(**table.model_dump())
+    return Rig(**table.model_dump(exclude={"left", "right"}))
 
 
 def _plain(value: object) -> object:
