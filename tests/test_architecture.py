@@ -21,7 +21,7 @@ LAYERS = [
     ["fmu.generate", "fmu.runtime", "estimator.options", "estimator.observability", "estimator.tables"],
     ["fmu.check", "fmu.system", "estimator.camera"],
     ["estimator.tracks", "estimator.online"],
-    ["estimator.registration", "estimator.plausibility", "estimator.formats"],
+    ["estimator.registration", "estimator.plausibility", "estimator.formats", "estimator.images"],
     ["estimator.details", "estimator.dynamics"],
     ["estimator.prediction"],
     ["estimator.findings"],
@@ -38,7 +38,7 @@ LAYERS = [
     ["study", "live"],
     ["study.population"],
     ["study.world"],
-    ["study.online", "study.approach"],
+    ["study.online", "study.approach", "study.images"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
 ]

@@ -43,6 +43,15 @@ def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[
     return position_V @ np.swapaxes(R_C_V, 1, 2), spread_C @ np.swapaxes(spread_C, -1, -2)
 
 
+def sensitivity(rig: StereoRig, pixels: FloatArray) -> FloatArray:
+    """Derivatives J (n, m, 3, 3) of triangulated points in V by their pixels (n, m, 3), m/px, times the pixel noise.
+
+    NaN unless the disparity is above 0.
+    """
+    usable = np.where((pixels[..., 0] > pixels[..., 2])[..., None], pixels, np.nan)
+    return _of_each(_spread(), usable, rig)
+
+
 def in_images(rig: StereoRig, pixels: FloatArray) -> BoolArray:
     """Whether pixels (n, m, 3) lie in both images, (n, m); everything that is a number does if they have no edges."""
     if rig.resolution is None:

@@ -22,6 +22,7 @@ from baryscope.scripts.cli.joint import find_joint
 from baryscope.scripts.cli.scenarios import scenarios
 from baryscope.scripts.cli.simulate import simulate_scenario
 from baryscope.scripts.cli.system import system
+from baryscope.scripts.cli.track import track_images
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
@@ -43,6 +44,7 @@ app.command(check)
 app.command(system)
 app.command(fly)
 app.command(simulate_scenario, name="simulate")
+app.command(track_images, name="track")
 app.command(estimate_file, name="estimate")
 app.command(find_joint, name="joint")
 app.command(campaign)

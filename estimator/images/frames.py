@@ -1,0 +1,117 @@
+"""Grey images from a folder or a video, one at a time."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.images.opencv import opencv
+from baryscope.models.errors import InputError
+from baryscope.models.files import AnyPath, read_bytes
+
+Image = NDArray[np.uint8]
+
+ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
+WHAT = "an image"
+
+
+@dataclass(frozen=True)
+class Folder:
+    """The images of a folder by name, in the order of the numbers in their names: 9.png before 10.png."""
+
+    path: Path
+    files: tuple[Path, ...]
+    rate: float | None = None  # Hz; a folder tells none
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    def __iter__(self) -> Iterator[tuple[str, Image]]:
+        cv2 = opencv()
+        for file in self.files:
+            content = np.frombuffer(read_bytes(file, WHAT), np.uint8)
+            image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE) if content.size else None
+            if image is None:
+                raise InputError(f"{file}: cannot be decoded, expected {WHAT} ({', '.join(ENDINGS)})")
+            yield str(file), image
+
+
+@dataclass(frozen=True)
+class Video:
+    """The frames of a video; its length is what its header says, which need not be what it has."""
+
+    path: Path
+    length: int
+    rate: float | None
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __iter__(self) -> Iterator[tuple[str, Image]]:
+        cv2 = opencv()
+        video = cv2.VideoCapture(str(self.path))
+        try:
+            number = 0
+            while (found := video.read())[0]:
+                image = found[1] if found[1].ndim == 2 else cv2.cvtColor(found[1], cv2.COLOR_BGR2GRAY)
+                yield f"{self.path}, frame {number}", image
+                number += 1
+        finally:
+            video.release()
+
+
+def frames_of(path: AnyPath) -> Folder | Video:
+    """The images of a folder, or the frames of a video.
+
+    Raises:
+        InputError: there is no such folder or file, the folder has no images, the file is no video, or OpenCV is not
+            installed.
+    """
+    cv2, place = opencv(), Path(path)
+    if place.is_dir():
+        files = [file for file in place.iterdir() if file.suffix.lower() in ENDINGS and not file.name.startswith(".")]
+        if not files:
+            raise InputError(f"{place}: no images, expected some that end in {', '.join(ENDINGS)}")
+        return Folder(place, tuple(sorted(files, key=_by_numbers)))
+    if not place.is_file():
+        raise InputError(f"{place}: not found, expected a folder of images or a video")
+    video = cv2.VideoCapture(str(place))
+    try:
+        if not video.isOpened() or not video.read()[0]:
+            raise InputError(f"{place}: cannot be read, expected a video that OpenCV knows, or a folder of images")
+        length, rate = (float(video.get(what)) for what in (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FPS))
+    finally:
+        video.release()
+    known = np.isfinite([length, rate]) & (np.array([length, rate]) > 0)
+    return Video(place, int(length) if known[0] else 0, rate if known[1] else None)
+
+
+def pairs_of(left: Folder | Video, right: Folder | Video, resolution: tuple[int, int]) -> Iterator[tuple[Image, Image]]:
+    """The pairs of images, one after the other; resolution: width and height that each must have.
+
+    Raises:
+        InputError: one cannot be read, has another size, or one side has more than the other.
+    """
+    sides, count = (iter(left), iter(right)), 0
+    while True:
+        pair = [next(side, None) for side in sides]
+        if pair[0] is None and pair[1] is None:
+            return
+        if pair[0] is None or pair[1] is None:
+            short, other = (left.path, right.path) if pair[0] is None else (right.path, left.path)
+            raise InputError(f"{short}: {count} images, but {other} has more; expected one of each for a pair")
+        for name, image in (pair[0], pair[1]):
+            if image.shape[::-1] != resolution:
+                found, wanted = ("×".join(map(str, size)) for size in (image.shape[::-1], resolution))
+                raise InputError(f"{name}: {found} px, expected {wanted}, the rig's resolution")
+        yield pair[0][1], pair[1][1]
+        count += 1
+
+
+def _by_numbers(file: Path) -> list[tuple[bool, int, str]]:
+    """The parts of a name, the numbers as numbers."""
+    parts = re.split(r"(\d+)", file.name)
+    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part) for part in parts]

@@ -1,0 +1,129 @@
+"""Tracks of features from the images of a stereo pair, with covariances that the images themselves tell."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from baryscope.estimator.camera.pair import CameraPair
+from baryscope.estimator.images.frames import Folder, Video, frames_of, pairs_of
+from baryscope.estimator.images.rectify import Rectified
+from baryscope.estimator.images.tracker import MOST, Sightings, Tracker
+from baryscope.estimator.progress import Progress
+from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.errors import ComputationError, InputError, Reason
+from baryscope.models.files import AnyPath
+from baryscope.models.words import counted
+
+FloatArray = NDArray[np.float64]
+
+LEAST = 8  # sightings of a feature that is kept: what is lost at once is often no point of the body
+FEWEST, MANY = 8, 1000  # features at a time that may be asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Tracks from images, and what they are worth.
+
+    Attributes:
+        tracks: in the left camera's axes, from its place; with covariances.
+        pixel_noise: rms error of a coordinate of a feature in an image, px: that of the rows of left and right, which
+            should be the same, over √2.
+        row_offset: their mean difference, px: what the calibration leaves.
+        noise_ratio: that error over the one which the pixels' own noise would make; the covariances have it.
+        found: number of features that were found, of which those with fewer than LEAST sightings are not in the tracks.
+    """
+
+    tracks: FeatureTracks
+    pixel_noise: float
+    row_offset: float
+    noise_ratio: float
+    found: int
+
+
+def track(
+    left: AnyPath,
+    right: AnyPath,
+    pair: CameraPair,
+    *,
+    times: float | ArrayLike | None = None,
+    epoch: str | None = None,
+    most: int = MOST,
+    progress: Progress | None = None,
+) -> Tracked:
+    """Track features through the images of two folders or videos.
+
+    Args:
+        left: folder of images, or video, of the left camera.
+        right: that of the right one; images of one place in the order are of one time.
+        pair: the cameras.
+        times: (n,), s, of each pair; or how many there are a second, from time 0 on: by default as the left video says.
+        epoch: UTC of time 0 in ISO 8601, if it is known.
+        most: features at a time.
+        progress: told the share that is done.
+
+    Raises:
+        InputError: one line that says where, what was found, what was expected.
+        ComputationError: no feature is seen for long enough.
+    """
+    if not FEWEST <= most <= MANY:
+        raise InputError(f"features: found {most}, expected {FEWEST} to {MANY} at a time")
+    sides = frames_of(left), frames_of(right)
+    given = _times(sides[0], times)
+    tracker = Tracker(Rectified.of(pair), most)
+    seen: list[Sightings] = []
+    for images in _expected(sides, pair.left.resolution, len(given) if given.ndim else None):
+        seen.append(tracker.sightings(*images))
+        if progress is not None and len(sides[0]):
+            progress(len(seen) / len(sides[0]))
+    return _tracked(given if given.ndim else np.arange(len(seen)) / given, seen, epoch)
+
+
+def _times(left: Folder | Video, times: float | ArrayLike | None) -> FloatArray:
+    """The times (n,) that are given, or the rate ()."""
+    if times is None:
+        if left.rate is None:
+            raise InputError(f"{left.path}: does not tell the images' times, expected a rate or times")
+        times = left.rate
+    given = np.asarray(times, dtype=np.float64)
+    if given.ndim == 0 and not (np.isfinite(given) and given > 0):
+        raise InputError(f"rate: found {float(given):g} Hz, expected a number above 0")
+    return given
+
+
+def _expected(
+    sides: tuple[Folder | Video, Folder | Video], resolution: tuple[int, int], count: int | None
+) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.uint8]]]:
+    """The pairs of images, as many as there are times, if these are given."""
+    number = 0
+    for images in pairs_of(*sides, resolution):
+        number += 1
+        if count is not None and number > count:
+            raise InputError(f"{sides[0].path}: more than {counted(count, 'image')}, expected one for each time")
+        yield images
+    if count is not None and number < count:
+        raise InputError(f"{sides[0].path}: {counted(number, 'image')}, expected {count}, one for each time")
+
+
+def _tracked(time: FloatArray, seen: Sequence[Sightings], epoch: str | None) -> Tracked:
+    """The sightings of all frames as tracks, with covariances as large as the rows' differences tell."""
+    numbers, sightings = np.unique(np.concatenate([frame.numbers for frame in seen]), return_counts=True)
+    kept = numbers[sightings >= LEAST]
+    if not len(kept):
+        raise ComputationError(
+            f"{len(numbers)} features found in {counted(len(seen), 'pair')} of images, none of them {LEAST} times",
+            Reason.TOO_FEW_FEATURES,
+        )
+    rows = np.concatenate([frame.parallax for frame in seen])
+    deviations = np.concatenate([frame.deviation for frame in seen])
+    ratio = float(np.sqrt(np.mean((rows / deviations) ** 2)))
+    position = np.full((len(seen), len(kept), 3), np.nan)
+    covariance = np.full((len(seen), len(kept), 3, 3), np.nan)
+    for k, frame in enumerate(seen):
+        own = np.isin(frame.numbers, kept)
+        column = np.searchsorted(kept, frame.numbers[own])
+        position[k, column], covariance[k, column] = frame.position[own], ratio**2 * frame.covariance[own]
+    tracks = FeatureTracks(time, position, [f"F{number + 1}" for number in kept.tolist()], covariance, epoch)
+    noise = float(np.sqrt(np.mean(rows**2) / 2))
+    return Tracked(tracks, noise, float(rows.mean()), ratio, len(numbers))

@@ -1,0 +1,71 @@
+"""Patches are found where they are, in an image that is known between its pixels, too."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from baryscope.estimator.images.patches import HALF, Patches, Places, Surface
+
+SIZE = 200
+RNG = np.random.default_rng(3)
+WAVES = RNG.normal(0, 0.45, (60, 2))  # rad/px
+PHASES = RNG.uniform(0, 2 * np.pi, 60)
+MAP = np.stack(np.mgrid[:SIZE, :SIZE]).astype(np.float32)
+A = np.array([[0.92, -0.21], [0.17, 1.06]])
+SHIFT = np.array([3.37, -2.81])
+MIDDLE = np.array([SIZE, SIZE]) / 2
+CENTRES = np.stack(np.meshgrid(np.arange(40.0, 170, 30), np.arange(40.0, 170, 30)), axis=-1).reshape(-1, 2)
+
+
+def texture(where):
+    """Its values at places (…, 2), between about 40 and 160."""
+    return 100 + 4 * np.cos(where @ WAVES.T + PHASES).sum(axis=-1)
+
+
+def photo(noise, rng, warp=False, gain=1.0, offset=0.0):
+    """An image of 8 bits of the texture; with the warp, what is at x is seen at A (x − middle) + middle + SHIFT."""
+    pixels = MAP[::-1].transpose(1, 2, 0).astype(float)
+    if warp:
+        pixels = (pixels - SHIFT - MIDDLE) @ np.linalg.inv(A).T + MIDDLE
+    image = gain * texture(pixels) + offset + noise * rng.normal(size=(SIZE, SIZE))
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def places():
+    return Places((CENTRES - MIDDLE) @ A.T + MIDDLE + SHIFT, np.tile(A, (len(CENTRES), 1, 1)))
+
+
+def found_in(noise, rng, start):
+    patches = Patches.at(Surface.of(photo(noise, rng), MAP), CENTRES)
+    return patches.found(Surface.of(photo(noise, rng, warp=True, gain=0.7, offset=20), MAP), start, 0.1)
+
+
+def test_turned_stretched_and_in_other_light():
+    """To what rounding to 8 bits, of 0.29 steps in 400 pixels of a slope of some 10 steps, lets be known: 0.003 px."""
+    true, rng = places(), np.random.default_rng(1)
+    start = Places(true.centre + rng.uniform(-1, 1, true.centre.shape), true.A + rng.uniform(-0.05, 0.05, true.A.shape))
+    found = found_in(0.0, rng, start)
+    assert found.there.all()
+    np.testing.assert_allclose(found.places.centre, true.centre, atol=0.02)
+    np.testing.assert_allclose(found.places.A, true.A, atol=0.01)
+
+
+def test_covariances_hold_what_noise_does():
+    """Both images have the noise, the first one's the same for all time: the residuals have both, and so do errors."""
+    errors = []
+    for seed in range(12):
+        found = found_in(3.0, np.random.default_rng(seed), places())
+        error = found.places.centre - places().centre
+        errors.append(np.einsum("ki,kij,kj->k", error, np.linalg.inv(found.covariance), error)[found.there])
+    squares = np.concatenate(errors)
+    assert squares.size > 250
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], 2 * squares.size) / squares.size
+    assert 0.9 * low < squares.mean() < 1.1 * high  # the covariance is of first order, and the image's scale is not 1
+
+
+def test_what_is_not_there_is_not_found():
+    true, rng = places(), np.random.default_rng(1)
+    other = Places(np.roll(true.centre, 1, axis=0), true.A)
+    assert not found_in(0.0, rng, other).there.any()
+    edge = Patches.at(Surface.of(photo(0, rng), MAP), CENTRES[:1])
+    outside = edge.found(Surface.of(photo(0, rng), MAP), Places.upright(np.array([[HALF - 3.0, 50.0]])), 0.1)
+    assert not outside.there.any()

@@ -1,0 +1,80 @@
+"""Tracks from images beside the motion that these were rendered from."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.images import track
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.study.images.scene import write_images
+from pictures import scene
+
+pytest.importorskip("cv2", reason="OpenCV, the extra images, is not installed")
+
+FRAMES = 12
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    return write_images(scene(FRAMES), tmp_path_factory.mktemp("images"))
+
+
+@pytest.fixture(scope="module")
+def tracked(written):
+    return track(*written, scene(FRAMES).pair, times=1.0)
+
+
+def on_the_body(tracks):
+    """Where the features are on the body, (n, m, 3) in B, by the true attitudes and path; and R_B_V (n, 3, 3)."""
+    truth = scene(FRAMES)
+    position = truth.camera.inertial(tracks).position - truth.path[:, None]
+    turned = np.swapaxes(truth.attitude, 1, 2) @ truth.camera.attitude.at(truth.time)
+    return position @ truth.attitude, turned
+
+
+def test_features_stay_where_they_are_on_the_body(tracked):
+    """Their scatter about their means is what the covariances say, to a third: of few features, on few facets."""
+    tracks = tracked.tracks
+    assert tracks.covariance is not None
+    place, R_B_V = on_the_body(tracks)
+    squares, count = 0.0, 0
+    for k in range(len(tracks.labels)):
+        own = tracks.seen[:, k]
+        precision = np.linalg.inv(R_B_V[own] @ tracks.covariance[own, k] @ np.swapaxes(R_B_V[own], 1, 2))
+        weighted = (precision @ place[own, k, :, None]).sum(axis=0)
+        off = place[own, k] - np.linalg.solve(precision.sum(axis=0), weighted)[:, 0]
+        squares += float(np.einsum("ki,kij,kj->", off, precision, off))
+        count += 3 * (own.sum() - 1)
+    assert count > 400
+    assert 0.4 < squares / count < 1.5
+    assert 0.005 < tracked.pixel_noise < 0.06
+    assert abs(tracked.row_offset) < tracked.pixel_noise  # the calibration is the true one
+
+
+def test_features_lie_on_the_surface(tracked):
+    """On the box, the wing or what stands on them, whose size is known: within four standard deviations of depth."""
+    place, _ = on_the_body(tracked.tracks)
+    depth = np.sqrt(np.nanmax(np.linalg.eigvalsh(tracked.tracks.covariance[tracked.tracks.seen])))
+    found = place[tracked.tracks.seen]
+    low, high = np.array([-0.42, -0.345, -0.17]), np.array([0.80, 0.525, 0.175])
+    assert (found > low - 4 * depth).all()
+    assert (found < high + 4 * depth).all()
+
+
+def test_times_are_those_that_are_given(written):
+    given = np.linspace(3.0, 5.0, FRAMES)
+    found = track(*written, scene(FRAMES).pair, times=given, epoch="2030-01-01T00:00:00Z")
+    np.testing.assert_array_equal(found.tracks.time, given)
+    assert found.tracks.epoch is not None
+    for times, words in (
+        (None, "does not tell the images' times"),
+        (0.0, "rate: found 0 Hz"),
+        (given[:-1], "more than 11 images, expected one for each time"),
+        (np.append(given, 6.0), "12 images, expected 13, one for each time"),
+    ):
+        with pytest.raises(InputError, match=words):
+            track(*written, scene(FRAMES).pair, times=times)
+
+
+def test_too_few_images_are_refused(tmp_path):
+    with pytest.raises(ComputationError, match=r"features found in 3 pairs of images, none of them 8 times"):
+        track(*write_images(scene(3), tmp_path), scene(3).pair, times=1.0)
