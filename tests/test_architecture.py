@@ -37,7 +37,7 @@ LAYERS = [
     ["report"],
     ["study", "live"],
     ["study.population"],
-    ["study.world"],
+    ["study.world", "study.joints"],
     ["study.online", "study.approach", "study.images"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
