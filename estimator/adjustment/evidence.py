@@ -87,12 +87,15 @@ class Posterior:
 
 
 def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
-    """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges."""
+    """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
+
+    From a start only the maximum near it is found, in a tenth of the time.
+    """
     bounds = ranges(linear, prior)
     if not len(bounds):
         return np.zeros(0)
     if len(bounds) == 1 and np.all(prior.slopes[prior.slopes != 0] == 1):
-        return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds)
+        return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds, scan=True)
     if start is None:
         starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
         best = min(starts, key=lambda at: cost(linear, prior, at))
@@ -105,24 +108,28 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
         return value - least, gradient  # small numbers, so that a relative tolerance means what it says
 
     found = minimize(excess, best, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
-    return _spared(linear, prior, np.asarray(found.x), bounds)
+    return _spared(linear, prior, np.asarray(found.x), bounds, scan=start is None)
 
 
-def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray) -> FloatArray:
-    """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below."""
+def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray, *, scan: bool) -> FloatArray:
+    """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below.
+
+    scan: search the others' whole ranges for what is likeliest without one.
+    """
     for index, one in enumerate(prior.hyperparameters):
         if one.optional and theta[index] > bounds[index, 0]:
-            without, least = _without(linear, prior, theta, index, bounds)
+            without, least = _without(linear, prior, theta, index, bounds, scan=scan)
             theta = theta if least - cost(linear, prior, theta) > 2 * np.log(BELOW / TYPICAL) else without
     return theta
 
 
 def _without(
-    linear: Linear, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray
+    linear: Linear, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray, *, scan: bool = True
 ) -> tuple[FloatArray, float]:
     """The likeliest θ (h,) where one hyperparameter is at its lower bound, and its −2 ln p.
 
-    The others may be quite different there: what one explains, others may explain as well.
+    The others may be quite different there, as what one explains, others may explain as well: scan their ranges for
+    them, or seek them from θ.
     """
     without = theta.copy()
     without[index] = bounds[index, 0]
@@ -131,7 +138,7 @@ def _without(
     if len(others) and theta[index] > bounds[index, 0]:
         rest = prior.fixed(prior.hyperparameters[index].name, float(bounds[index, 0]))
         found = without.copy()
-        found[others] = maximise(linear, rest)
+        found[others] = maximise(linear, rest, None if scan else theta[others])
         if (value := cost(linear, prior, found)) < least:
             return found, value
     return without, least

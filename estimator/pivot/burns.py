@@ -15,6 +15,7 @@ from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burn
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burn_equations import BurnFit, burn_equations
@@ -38,6 +39,7 @@ FloatArray = NDArray[np.float64]
 PATHS = ("relative-orbit", "polynomial")  # on which burns are looked for
 LEFT_OUT, REJECTED = 0.01, 0.5  # share of frames that a path may leave out, and of their weight that is left then
 SIGNIFICANT = 15.0  # of process noise, without which no burn is looked for: 2 ln of its likelihood over that of none
+FOLLOWS = 0.5  # share of the information on an offset that is spurious, where a smooth path may follow the rotation
 
 
 def with_unknown_burns(
@@ -52,7 +54,8 @@ def with_unknown_burns(
         return none
     if not isinstance(path, Disturbed) or path.density is not None:
         return none
-    if found.significance(DENSITY) < SIGNIFICANT and _left_out(found, start) <= LEFT_OUT:
+    noisy = found.significance(DENSITY) >= SIGNIFICANT
+    if not (noisy or _left_out(found, start) > LEFT_OUT or _follows_rotation(found)):
         return none
     few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
     on_orbit = orbit if path.name == "relative-orbit" else None
@@ -80,6 +83,11 @@ def _left_out(found: Pivot, start: Start) -> float:
     weight = found.observations.weight
     used, seen = weight.sum(axis=1), np.where(weight > 0, start.observations.weight, 0.0).sum(axis=1)
     return float((used < REJECTED * seen).sum() / max(float((seen > 0).sum()), 1.0))
+
+
+def _follows_rotation(found: Pivot) -> bool:
+    """Whether a smooth path may be so flexible for the sake of a burn, and hide the offset: it then needs no noise."""
+    return smooth_in(found.path) is not None and found.spurious_share > FOLLOWS
 
 
 def unknown_burns(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[UnknownBurn, ...]:

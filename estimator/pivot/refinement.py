@@ -160,6 +160,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
     simple, slip = start.first_prior, 0.0
+    scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
@@ -172,7 +173,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         if np.isnan(variance):
             variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
         prior = path.prior if simple is None else simple
-        theta = maximise(scaled(problem, max(variance, floor)), prior)
+        theta = maximise(scaled(problem, max(variance, floor)), prior, None if scan else theta)
         solution = stepped(problem, prior, theta, max(variance, floor))
         bodies, x = solution.bodies, solution.x
         sampled = as_seen(path, sampled.itself, start.errors, x)
@@ -190,10 +191,12 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             # The first round knows neither weights nor variance.
             rounds > 1 and changed <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof),
         )
-        converged = last.steady and last.decrease <= STEP_TOLERANCE * least
+        settled = last.steady and last.decrease <= STEP_TOLERANCE * least
         observations = observations.weighted(weight)
+        scan, converged = settled, settled and simple is None and (scan or len(prior.hyperparameters) < 2)
         if simple is not None:
-            simple, converged = (None if converged or rounds >= SIMPLE_ROUNDS else simple), False
+            scan = settled or rounds >= SIMPLE_ROUNDS
+            simple = None if scan else simple
         if converged and rounds < MAX_ROUNDS and (richer := _richer(path, solution, theta, least, sampled)) is not None:
             path, converged = richer, False
             x = np.pad(x, (0, path.size - len(x)))
