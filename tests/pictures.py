@@ -1,4 +1,4 @@
-"""A small scene that several tests of images share: a satellite at rest in C, turning evenly, rendered here."""
+"""A small scene that several tests of images share: a satellite at rest in C, tumbling, rendered here."""
 
 from functools import cache
 
@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.models.scenario import load_scenario
 from baryscope.study.images.scene import Setting, watched
 
-RATE = np.deg2rad([1.5, 2.2, -1.0])  # rad/s, in C
+PRECESSION, SPIN = np.deg2rad([[1.0, 1.5, -1.0], [0.8, -0.5, 2.2]])  # rad/s, in C and in B
 
 
 @cache
@@ -16,7 +16,8 @@ def scene(frames, width=400, seed=1, noise=2.0):
     """A pair a second; the centre of mass is 5 m away."""
     time = np.arange(float(frames))
     start = Rotation.from_rotvec([-1.6, 0.4, 2.4])
-    attitude = (Rotation.from_rotvec(RATE * time[:, None]) * start).as_matrix()
+    turn = [Rotation.from_rotvec(rate * time[:, None]) for rate in (PRECESSION, SPIN)]
+    attitude = (turn[0] * start * turn[1]).as_matrix()
     path = np.tile([3.0, -4.0, 0.5], (frames, 1))
     setting = Setting(duration=frames - 1.0, rate=1.0, width=width, noise=noise)
     orbit = load_scenario("cubesat-class").orbit

@@ -16,8 +16,8 @@ BoolArray = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 
 MOST = 60  # features at a time
-COARSEST = 0.06  # px, standard deviation of a coordinate of a feature that is kept
-COARSEST_NEW = 0.03  # px, of a new one: those near the limit would be lost soon, and make room for others like them
+COARSEST = 0.08  # px, standard deviation of a coordinate of a feature that is kept
+COARSEST_NEW = 0.04  # px, of a new one: those near the limit would be lost soon, and make room for others like them
 ROOM = 0.2  # of them: new ones are looked for where so many are missing
 
 

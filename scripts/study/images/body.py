@@ -3,6 +3,7 @@
 Its box has the size and place of the preset cubesat-class's, in the same body axes; the rest is made up.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.ndimage import zoom
 
 FloatArray = NDArray[np.float64]
 ImageArray = NDArray[np.float32]
+Texture = Callable[[np.random.Generator, float, float], ImageArray]  # of a rectangle, m by m
 
 TEXEL = 1.5e-3  # m
 COARSEST_GRAIN = 0.064  # m, of the noise; each octave is half as large as the one before
@@ -52,7 +54,7 @@ def satellite(seed: int) -> tuple[Facet, ...]:
     )
 
 
-def _box(rng: np.random.Generator, low: tuple[float, ...], high: tuple[float, ...], texture: object) -> list[Facet]:
+def _box(rng: np.random.Generator, low: tuple[float, ...], high: tuple[float, ...], texture: Texture) -> list[Facet]:
     """The six facets of a box along the body axes between two corners."""
     size, facets = np.array(high) - low, []
     for axis in range(3):
@@ -64,7 +66,7 @@ def _box(rng: np.random.Generator, low: tuple[float, ...], high: tuple[float, ..
             corner[axis] = high[axis] if upper else low[axis]
             edges = np.zeros((2, 3))
             edges[0, first], edges[1, second] = size[first], size[second]
-            facets.append(Facet(corner, edges, texture(rng, size[first], size[second])))  # type: ignore[operator]
+            facets.append(Facet(corner, edges, texture(rng, size[first], size[second])))
     return facets
 
 

@@ -49,7 +49,7 @@ class Setting:
     bits.
     """
 
-    duration: float = 60.0
+    duration: float = 30.0
     rate: float = 2.0
     width: int = 640
     noise: float = NOISE
