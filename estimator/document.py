@@ -24,7 +24,7 @@ from baryscope.estimator.document_details import (
     plain,
 )
 from baryscope.estimator.findings import Finding
-from baryscope.estimator.formats.write import netcdf, parquet
+from baryscope.estimator.formats.write import netcdf, parquet, zarr
 from baryscope.estimator.observability import Observability, PrincipalAxes
 from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import sentence, verdict
@@ -233,7 +233,8 @@ def write_estimate(
 ) -> None:
     """Write the path as a CSV file, and the document beside it with the suffix .json.
 
-    A name that ends in .parquet or .nc has the same columns in Parquet, or `Estimate.to_dataset` in NetCDF.
+    A name that ends in .parquet has the same columns in Parquet, and one in .nc or .zarr has
+    `Estimate.to_dataset` in NetCDF or Zarr.
     prediction: goes into a file with the suffix .prediction.csv; also: texts of other files, to be written with these
     or, if one cannot be, not at all.
 
@@ -260,6 +261,8 @@ def _path_writer(result: Estimate, path: Path) -> Writer:
             return parquet(dict(zip(names, _columns(result), strict=True)))
         case ".nc":
             return netcdf(result.to_dataset())
+        case ".zarr":
+            return zarr(result.to_dataset())
     return _rows(names, _columns(result))
 
 

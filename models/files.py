@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -49,6 +50,38 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def replacing_folder(path: AnyPath, what: str, marks: tuple[str, ...]) -> Iterator[Path]:
+    """Yield a name for a new folder beside `path`; it becomes `path` on success, and is removed on failure.
+
+    An older folder of the name is removed once the new one has its place, if it has one of `marks` in it.
+
+    Raises:
+        InputError: the folder cannot be made or written to, or `path` is there and does not hold `what`.
+        DiskError: the disk is full, or fails.
+    """
+    path = Path(path)
+    if path.exists() and not any((path / mark).is_file() for mark in marks):
+        raise InputError(f"{path}: is there, but is not {what}; expected another name")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.stem}."))
+    except OSError as error:
+        raise unwritable(path, error) from error
+    new, old = beside / path.name, beside / "old"
+    try:
+        yield new
+        if path.exists():
+            path.replace(old)
+        new.replace(path)
+    except OSError as error:
+        if old.exists() and not path.exists():
+            old.replace(path)
+        raise unwritable(path, error) from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
 @dataclass(frozen=True)
 class Whole:
     """Writes a file that is not text, under a name that it is told."""
@@ -56,7 +89,19 @@ class Whole:
     write: Callable[[Path], object]
 
 
-Writer = Callable[[TextIO], object] | Whole
+@dataclass(frozen=True)
+class Folder:
+    """Writes a folder under a name that it is told; one that it replaces has to hold one of `marks`.
+
+    what: it holds, for errors.
+    """
+
+    write: Callable[[Path], object]
+    what: str
+    marks: tuple[str, ...]
+
+
+Writer = Callable[[TextIO], object] | Whole | Folder
 
 
 def write_together(writers: Mapping[Path, Writer]) -> None:
@@ -70,6 +115,9 @@ def write_together(writers: Mapping[Path, Writer]) -> None:
     """
     with ExitStack() as stack:
         for path, write in writers.items():
+            if isinstance(write, Folder):
+                write.write(stack.enter_context(replacing_folder(path, write.what, write.marks)))
+                continue
             temporary = stack.enter_context(replacing(path))
             if isinstance(write, Whole):
                 write.write(temporary)

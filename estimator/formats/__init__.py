@@ -1,7 +1,7 @@
 """Tracks of features in other people's files and frames; `FeatureTracks.read_csv` has the project's own form.
 
-`read_tracks` goes by the name's ending: .csv, .parquet, .trc and .c3d of motion capture, .nc of xarray. `tracks_of`
-takes frames of polars or pandas, or a dict of columns. Lengths may be in other units than metres.
+`read_tracks` goes by the name's ending: .csv, .parquet, .trc and .c3d of motion capture, .nc and .zarr of xarray.
+`tracks_of` takes frames of polars or pandas, or a dict of columns. Lengths may be in other units than metres.
 """
 
 from baryscope.estimator.formats.dataset import dataset_of_tracks, tracks_of_dataset

@@ -1,6 +1,7 @@
-"""Tracks and estimates as datasets of xarray, by the CF conventions, and tracks in NetCDF files of them."""
+"""Tracks and estimates as datasets of xarray, by the CF conventions; tracks in NetCDF files and Zarr stores."""
 
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -96,14 +97,33 @@ def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:
     return tracks_of_dataset(found, source)
 
 
-def xarray_for(what: str) -> Any:
-    """The module, for what needs it.
+def read_zarr(path: AnyPath) -> tuple[FeatureTracks, str]:
+    """The tracks of a Zarr store, a folder, in its unit of length, and that unit.
 
     Raises:
-        InputError: it is not installed.
+        InputError: it is no such folder, or xarray or zarr is not installed.
     """
-    if find_spec("xarray") is None or find_spec("h5netcdf") is None:
-        raise InputError(f"{what}: needs xarray and h5netcdf, expected them installed: pip install 'baryscope[io]'")
+    source = str(path)
+    if not Path(path).is_dir():
+        raise InputError(f"{source}: no such folder, expected feature tracks in Zarr")
+    xarray = xarray_for(source, "zarr")
+    try:
+        with xarray.open_dataset(path, engine="zarr", decode_times=False, chunks=None) as opened:
+            found = opened.load()
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+        why = str(error.args[0] if error.args else error)  # without the quotes that a KeyError puts around it
+        raise InputError(f"{source}: not Zarr ({why})") from error
+    return tracks_of_dataset(found, source)
+
+
+def xarray_for(what: str, engine: str = "h5netcdf") -> Any:
+    """The module, for what needs it and another that reads and writes files.
+
+    Raises:
+        InputError: one is not installed.
+    """
+    if find_spec("xarray") is None or find_spec(engine) is None:
+        raise InputError(f"{what}: needs xarray and {engine}, expected them installed: pip install 'baryscope[io]'")
     import xarray
 
     return xarray

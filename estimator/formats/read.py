@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from baryscope.estimator.formats.c3d import read_c3d
-from baryscope.estimator.formats.dataset import read_netcdf
+from baryscope.estimator.formats.dataset import read_netcdf, read_zarr
 from baryscope.estimator.formats.frame import tracks_of
 from baryscope.estimator.formats.trc import read_trc
 from baryscope.estimator.formats.units import Unit, in_metres
@@ -11,11 +11,11 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
 
-ENDINGS = (".csv", ".parquet", ".trc", ".c3d", ".nc")
+ENDINGS = (".csv", ".parquet", ".trc", ".c3d", ".nc", ".zarr")
 
 
 def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
-    """Read tracks from a .csv, .parquet, .trc, .c3d or .nc file.
+    """Read tracks from a .csv, .parquet, .trc, .c3d or .nc file, or a .zarr folder.
 
     A Parquet file has the columns of the CSV file. The origin of C may be any point that does not accelerate, such as
     that of a laboratory.
@@ -39,6 +39,8 @@ def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
             tracks, said = read_c3d(path)
         case ".nc":
             tracks, said = read_netcdf(path)
+        case ".zarr":
+            tracks, said = read_zarr(path)
         case _:
             raise InputError(f"{source}: ends in {ending!r}, expected one of {', '.join(ENDINGS)}")
     return in_metres(tracks, units or said or "m", source)

@@ -11,33 +11,34 @@ from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.ephemeris.utc import utc_of
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath, Whole, Writer, write_together
+from baryscope.models.files import AnyPath, Folder, Whole, Writer, write_together
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-WRITABLE = (".csv", ".parquet", ".nc")
+WRITABLE = (".csv", ".parquet", ".nc", ".zarr")
+ENGINES = {".nc": "h5netcdf", ".zarr": "zarr"}
 
 
 def writable(path: AnyPath) -> Path:
     """A path whose ending tells of a form that can be written.
 
     Raises:
-        InputError: it does not, or xarray is not installed for .nc.
+        InputError: it does not, or what xarray needs for .nc or .zarr is missing.
     """
     ending = Path(path).suffix
     if ending not in WRITABLE:
         raise InputError(f"{path}: ends in {ending!r}, expected {', '.join(WRITABLE[:-1])} or {WRITABLE[-1]}")
-    if ending == ".nc":
-        xarray_for(str(path))
+    if ending in ENGINES:
+        xarray_for(str(path), ENGINES[ending])
     return Path(path)
 
 
 def write_tracks(tracks: FeatureTracks, path: AnyPath) -> None:
-    """Write tracks as a .csv, .parquet or .nc file, so that `read_tracks` restores them.
+    """Write tracks as a .csv, .parquet or .nc file or a .zarr folder, so that `read_tracks` restores them.
 
     Raises:
-        InputError: another ending, xarray is not installed for .nc, or the file cannot be written.
+        InputError: another ending, what xarray needs for .nc or .zarr is missing, or the file cannot be written.
         DiskError: the disk is full, or fails.
     """
     write_together({Path(path): writer_of_tracks(tracks, path)})
@@ -47,13 +48,15 @@ def writer_of_tracks(tracks: FeatureTracks, path: AnyPath) -> Writer:
     """What writes the file of `write_tracks`.
 
     Raises:
-        InputError: another ending, or xarray is not installed for .nc.
+        InputError: another ending, or what xarray needs for .nc or .zarr is missing.
     """
     match writable(path).suffix:
         case ".parquet":
             return parquet(_rows(tracks))
         case ".nc":
             return netcdf(dataset_of_tracks(tracks))
+        case ".zarr":
+            return zarr(dataset_of_tracks(tracks))
     return tracks.write_rows
 
 
@@ -67,6 +70,15 @@ def parquet(columns: Mapping[str, Any]) -> Whole:
 def netcdf(dataset: "Dataset") -> Whole:
     """What writes a dataset as NetCDF 4."""
     return Whole(lambda path: dataset.to_netcdf(path, engine="h5netcdf"))
+
+
+def zarr(dataset: "Dataset") -> Folder:
+    """What writes a dataset as a Zarr store of format 2, which any reader of Zarr knows."""
+    return Folder(
+        lambda path: dataset.to_zarr(path, zarr_format=2, consolidated=True, mode="w"),
+        "a Zarr store",
+        (".zgroup", "zarr.json"),
+    )
 
 
 def _rows(tracks: FeatureTracks) -> dict[str, Any]:

@@ -124,9 +124,9 @@ def estimate_file(
     tracks
         A CSV or Parquet file with the columns time,feature,x,y,z (s or UTC, m; chaser at the origin, inertial axes),
         and optionally cxx,cxy,cxz,cyy,cyz,czz (m², the covariance of each observation); markers in .trc or .c3d; or
-        a .nc file of xarray with position(time, feature, axis).
+        a .nc file or .zarr folder of xarray with position(time, feature, axis).
     units
-        Of the lengths in that file. Default: what a .trc, .c3d or .nc file says; metres.
+        Of the lengths in that file. Default: what a .trc, .c3d, .nc or .zarr file says; metres.
     method
         pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
         free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass
@@ -147,8 +147,8 @@ def estimate_file(
     report
         Write a .report.html file, too: scene in 3D, path, residuals and diagnostics, for a browser.
     output
-        The path of the centre of mass and its covariance, a .csv, .parquet or .nc file; all else goes beside it, into
-        a .json file, the report into a .report.html file, and a prediction into a .prediction.csv file.
+        The path of the centre of mass and its covariance, a .csv, .parquet or .nc file or a .zarr folder; all else goes
+        beside it, into a .json file, the report into a .report.html file, and a prediction into a .prediction.csv file.
         Default: the tracks' name with .estimate.csv.
     """
     show = show or Show()

@@ -32,8 +32,9 @@ def simulate_scenario(
     fmu
         A unit that `baryscope build` made for as many features. Default: a new one is built.
     output
-        The tracks, a .csv, .parquet or .nc file. Default: the scenario's name with .csv. Beside TRACKS.csv the truth is
-        in TRACKS.truth.csv and the orbit, as `baryscope estimate --orbit` reads it, in TRACKS.orbit.toml.
+        The tracks, a .csv, .parquet or .nc file or a .zarr folder. Default: the scenario's name with .csv. Beside
+        TRACKS.csv the truth is in TRACKS.truth.csv and the orbit, as `baryscope estimate --orbit` reads it, in
+        TRACKS.orbit.toml.
     """
     show = show or Show()
     flown = load_scenario(scenario)

@@ -112,6 +112,37 @@ def test_netcdf_and_back(precise, tracks, tmp_path):
     same(read_tracks(path), tracks)
 
 
+def test_zarr_and_back(precise, tracks, tmp_path):
+    """A folder of Zarr's format 2, which xarray opens by itself; a new one replaces it whole."""
+    path = tmp_path / "t.zarr"
+    for one in (precise, tracks):
+        write_tracks(one, path)
+        back = read_tracks(path)
+        same(back, one)
+        assert back.epoch == one.epoch
+        assert (back.covariance is None) == (one.covariance is None)
+        with xarray.open_zarr(path, decode_times=False) as found:
+            np.testing.assert_array_equal(found["position"], one.position)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["t.zarr"]
+    found = dataset_of_tracks(tracks)
+    found["position"].attrs["units"] = "mm"
+    found.to_zarr(tmp_path / "mm.zarr", zarr_format=2, consolidated=True)
+    same(read_tracks(tmp_path / "mm.zarr", "m"), tracks)
+    same(read_tracks(tmp_path / "mm.zarr"), FeatureTracks(TIME, 1e-3 * tracks.position, LABELS))
+
+
+def test_a_folder_that_is_no_zarr_store_is_left_alone(tracks, tmp_path):
+    (tmp_path / "t.zarr").mkdir()
+    (tmp_path / "t.zarr" / "mine.txt").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match=r"t\.zarr: is there, but is not a Zarr store; expected another name"):
+        write_tracks(tracks, tmp_path / "t.zarr")
+    with pytest.raises(InputError, match=r"t\.zarr: not Zarr \(No group found"):
+        read_tracks(tmp_path / "t.zarr")
+    with pytest.raises(InputError, match=r"u\.zarr: no such folder, expected feature tracks in Zarr"):
+        read_tracks(tmp_path / "u.zarr")
+    assert (tmp_path / "t.zarr" / "mine.txt").read_text(encoding="utf-8") == "mine"
+
+
 def trc(tracks, unit="mm"):
     def row(k):
         cells = (
@@ -225,7 +256,7 @@ def test_a_frame_that_holds_no_tracks_is_refused_in_a_line(tracks, change, expec
 @pytest.mark.parametrize("name, content, expected", [
     ("t.parquet", b"PAR1", "not Parquet"),
     ("t.nc", b"CDF", "not NetCDF 4"),
-    ("t.trk", b"", "ends in '.trk', expected one of .csv, .parquet, .trc, .c3d, .nc"),
+    ("t.trk", b"", "ends in '.trk', expected one of .csv, .parquet, .trc, .c3d, .nc, .zarr"),
 ])  # fmt: skip
 def test_other_files_are_refused(tmp_path, name, content, expected):
     (tmp_path / name).write_bytes(content)
@@ -254,14 +285,14 @@ def test_an_estimate_as_a_dataset(tracks, tmp_path, method):
     found.to_netcdf(tmp_path / "e.nc", engine="h5netcdf")
 
 
-@pytest.mark.parametrize("ending", [".csv", ".parquet", ".nc"])
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".nc", ".zarr"])
 def test_what_is_written_is_read(tracks, precise, tmp_path, ending):
     for one in (tracks, precise):
         write_tracks(one, tmp_path / f"t{ending}")
         back = read_tracks(tmp_path / f"t{ending}")
         same(back, one)
         assert back.epoch == one.epoch
-    with pytest.raises(InputError, match=r"ends in '.txt', expected .csv, .parquet or .nc"):
+    with pytest.raises(InputError, match=r"ends in '.txt', expected .csv, .parquet, .nc or .zarr"):
         write_tracks(tracks, tmp_path / "t.txt")
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"t{ending}"]
 
@@ -279,10 +310,12 @@ def test_a_covariance_without_an_observation_is_not_written(tracks, tmp_path):
 
 def test_estimates_in_other_forms(tracks, tmp_path):
     result = estimate(tracks)
-    for ending in (".csv", ".parquet", ".nc"):
+    for ending in (".csv", ".parquet", ".nc", ".zarr"):
         write_estimate(result, tmp_path / f"e{ending}")
     rows, table = polars.read_csv(tmp_path / "e.csv"), polars.read_parquet(tmp_path / "e.parquet")
     assert rows.columns == table.columns
     np.testing.assert_array_equal(rows.to_numpy(), table.to_numpy())
     with xarray.open_dataset(tmp_path / "e.nc", engine="h5netcdf") as found:
+        np.testing.assert_array_equal(found["covariance"].values[:, 0, 1], table["cxy"])
+    with xarray.open_zarr(tmp_path / "e.zarr", decode_times=False) as found:
         np.testing.assert_array_equal(found["covariance"].values[:, 0, 1], table["cxy"])

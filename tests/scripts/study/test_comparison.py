@@ -180,7 +180,7 @@ def test_a_flight_is_written_as_it_is(scenario, tmp_path):
     assert load_orbit(orbit) == flight.scenario.orbit
     columns = np.loadtxt(truth, delimiter=",", skiprows=1)
     np.testing.assert_array_equal(columns[:, 1:4], flight.true_path)
-    with pytest.raises(InputError, match=r"ends in '\.txt', expected \.csv, \.parquet or \.nc"):
+    with pytest.raises(InputError, match=r"ends in '\.txt', expected \.csv, \.parquet, \.nc or \.zarr"):
         write_flight(flight, "small.txt")
     parquet, *_ = write_flight(flight, tmp_path / "small.parquet")
     np.testing.assert_array_equal(read_tracks(parquet).position, flight.tracks.position)
