@@ -16,7 +16,7 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-MAGIC = b"baryscope online 2\n"
+MAGIC = b"baryscope online 3\n"
 REFUSED = {
     1: "time: found {time!r} s, expected a time after that of the last frame",
     3: "covariance: found one that is not symmetric positive definite",

@@ -33,6 +33,23 @@ static void multiplied(const double A[6][6], const double B[6][6], double C[6][6
         }
 }
 
+/* The way since the last node is longer, by F and step, T s. */
+static void go_on(Stage *leg, double T, const double step[6], const double F[6][6]) {
+    double before[6][6], x[6];
+    for (int i = 0; i < 6; i++) {
+        x[i] = step[i] + dot(F[i], leg->step) + dot(&F[i][3], &leg->step[3]);
+        for (int j = 0; j < 6; j++) before[i][j] = leg->F[i][j];
+    }
+    multiplied(F, before, leg->F);
+    for (int i = 0; i < 6; i++) leg->step[i] = x[i];
+    leg->span += T;
+}
+
+static void start_leg(Online *filter) {
+    filter->leg = (Stage){0};
+    for (int i = 0; i < 6; i++) filter->leg.F[i][i] = 1.0;
+}
+
 /* In how many steps to go: the noise's covariance is that of a straight line, true for a small arc of the orbit. */
 static int steps_between(const OnlineOptions *options, double begin, double end) {
     if (options->on_orbit == 0.0) return 1;
@@ -64,6 +81,7 @@ static void settle(Online *filter) {
         }
     add_noise(filter->density, filter->elapsed, &filter->P[PLACE][PLACE], MOST_ERRORS);
     advance_bank(filter, filter->elapsed, step, filter->F);
+    go_on(&filter->leg, filter->elapsed, step, filter->F);
     filter->span += filter->elapsed;
     start_interval(filter);
 }

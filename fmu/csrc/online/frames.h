@@ -47,6 +47,7 @@ typedef struct {
    turn: the covariance of its attitude, from that of the whole map. */
 typedef struct {
     double c[3], lag[3][3], offset[3][3], noise[3][3], turn[3][3];
+    double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */
     double change[3][3]; /* of the offset since the node before, as other features are seen, in B */
 } Level;
 

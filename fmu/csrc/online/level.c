@@ -27,11 +27,18 @@ static void turned(const double R[3][3], double A[3][3]) {
         for (int k = 0; k < 3; k++) A[j][k] = dot(T[j], R[k]);
 }
 
+/* Of the camera's attitude, that moves all points of a frame together; added. */
+static void of_camera(const Online *filter, const Pose *pose, double found[3][3]) {
+    double a = filter->options.attitude_noise, square = dot(pose->c, pose->c);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) found[j][k] += a * a * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
+}
+
 /* What moves all points of a frame together: the camera's attitude, and what is of second order, the error of the
    attitude times that of the offset. */
 static void common_noise(const Online *filter, const Frame *frame, const Pose *pose, const Level *level,
                          double found[3][3]) {
-    double offset[3][3] = {{0}}, a = filter->options.attitude_noise;
+    double offset[3][3] = {{0}};
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
         int at = BODY + 3 * frame->slot[i];
@@ -40,9 +47,7 @@ static void common_noise(const Online *filter, const Frame *frame, const Pose *p
     }
     turned(pose->R, offset);
     of_cross(level->turn, offset, found);
-    double square = dot(pose->c, pose->c);
-    for (int j = 0; j < 3; j++)
-        for (int k = 0; k < 3; k++) found[j][k] += a * a * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
+    of_camera(filter, pose, found);
 }
 
 /* Of a feature's place, what the error of the rate does to it: of second order. */
@@ -147,6 +152,9 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
         }
         add_congruent(D[0], frame->noise[i], level->noise);
         add_congruent(D[1], frame->noise[i], level->turn);
+        product(D[0], frame->noise[i], T);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) level->both[a][b] += dot(T[a], D[1][b]);
         for (int part = 0; part < 2 && passage->swept != 0.0; part++) {
             product(D[part], K, T);
             for (int a = 0; a < 3; a++)

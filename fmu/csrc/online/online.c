@@ -65,10 +65,13 @@ static void begin(Online *filter, Frame *frame, double time) {
     }
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) filter->share[f][k][k] = 1.0 / filter->used;
-    filter->density = LEAST_DENSITY;
+    filter->density = DENSITY[0];
     filter->frames = 1.0;
     start_interval(filter);
     start_bank(filter);
+    start_leg(filter);
+    filter->first = filter->bank[0];
+    filter->again = FIRST_AGAIN * variance;
 }
 
 /* The attitude at a time: of the tumble where it is known, else of a constant rate, which may change by its square. */

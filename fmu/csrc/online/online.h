@@ -33,7 +33,10 @@ enum {
     BODY = 15,
     MOST_ERRORS = BODY + 3 * MOST_FEATURES,
     DENSITIES = 8,
-    SHADOW = DENSITIES,
+    JUMPS = 4, /* members at most that have jumped */
+    MEMBERS = DENSITIES + JUMPS,
+    SHADOW = MEMBERS,
+    STAGES = 32, /* nodes that are kept */
     LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the features seen is wrong by */
     N_ELEMENTS = 7,
     TORQUES = 5
@@ -83,8 +86,21 @@ typedef struct {
 typedef struct {
     double x[LEVEL];
     double P[LEVEL][LEVEL];
-    double weight; /* logarithm, that of the best is 0 */
+    double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
+    double steady; /* the member without a jump that has its density */
+    /* Of one that has jumped: */
+    double parent;            /* the member that it was */
+    double before[DENSITIES]; /* the weights of those without a jump then */
+    double pending;           /* 1: the large filter has not jumped */
 } Member;
+
+/* A node as the bank was given it, and the way to it: x is step + F x after span s. */
+typedef struct {
+    double F[6][6], step[6], span;
+    double c[3], lag[3][3], offset[3][3], change[3][3]; /* see Level */
+    double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
+    double moved[3];                            /* by which the offset was corrected after it, in B */
+} Stage;
 
 /* A free tumble with white torque of one density. */
 typedef struct {
@@ -122,7 +138,12 @@ typedef struct {
     Feature feature[MOST_FEATURES];
     double b[MOST_FEATURES][3];
     double share[MOST_FEATURES][3][3]; /* of a feature's error in the offset that the last node saw, in B */
-    Member bank[DENSITIES + 1];
+    Member bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
+    double stages;     /* how many nodes since the first frame are kept, -1 if there were more */
+    double again;      /* variance of the offset below which they are taken again, m2 */
+    Stage leg;         /* the way since the last node */
+    Member first;      /* of the bank at the first frame */
+    Stage stage[STAGES];
     Tumble tumble;
     double P[MOST_ERRORS][MOST_ERRORS];
 } Online;

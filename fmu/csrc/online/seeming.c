@@ -2,14 +2,14 @@
 
 /* The information on the offset that is not there: the noise of an attitude turns the offset, too, and seems to show it, by
    E[[turn]x' N^-1 [turn]x]. What it seems to show is noise again, of as much information: twice that is taken back. In B. */
-static void seeming(const Pose *pose, double turn[3][3], double noise[3][3], double M[3][3]) {
+static void seeming(const double R[3][3], double turn[3][3], double noise[3][3], double M[3][3]) {
     double weight[3][3], T[3][3], found[3][3];
     if (!inverted(noise, weight)) weight[0][0] = 0.0;
     of_cross(turn, weight, found);
-    product(found, pose->R, T);
+    product(found, R, T);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            M[i][j] = 2.0 * (pose->R[0][i] * T[0][j] + pose->R[1][i] * T[1][j] + pose->R[2][i] * T[2][j]);
+            M[i][j] = 2.0 * (R[0][i] * T[0][j] + R[1][i] * T[1][j] + R[2][i] * T[2][j]);
 }
 
 /* M (1 + P M)^-1: information M is taken from a covariance P, to first order, but never more than half of it, nor what was

@@ -3,34 +3,9 @@
 /* By how much the variance of an attitude exceeds that of its registration before the update: nearly nothing is known. */
 #define FREE 1e4
 
-/* A node whose mean time is `lag` s ago; afterwards its points are where they would have been seen from the centre of mass as
-   it is known now. 0 where rounding has left the covariance indefinite. */
-static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
-                         double turn[3][3]) {
-    double dx[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}};
-    double moved[3] = {0}, share[MOST_FEATURES][3][3], rate[3][3];
-    Level level;
-    add_swept(filter, frame, pose, sweep);
-    level_of(filter, frame, pose, lag, sweep, share, &level);
-    common_noise(filter, frame, pose, &level, common);
-    copy(level.turn, turn);
-    for (int k = 0; k < 3; k++)
-        free[k][k] = fmin(1.0, FREE * (turn[0][0] + turn[1][1] + turn[2][2]));
-    copy(sweep->covariance, rate);
-    for (int j = 0; j < 3; j++)
-        for (int k = 0; k < 3; k++) level.noise[k][j] += common[k][j];
-    add_noise(update_bank(filter, &level), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
-    filter->span = 0.0;
-    int first = SHIFT;
-    for (int i = 0; i < frame->count; i++)
-        if (frame->passage[i].swept != 0.0) first = SWEEP;
-    renew(filter, SWEEP, rate);
-    renew(filter, SHIFT, common);
-    renew(filter, TURN, free);
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
-    for (int i = 0; i < frame->count; i++)
-        if (frame->fits[i] && !update_point(filter, frame, i, lag, first, dx)) return 0;
+/* The errors dx are taken from the state, from the bank's offset and from the points of the node; moved: by how much
+   the offset is corrected. */
+static void correct(Online *filter, Frame *frame, double lag, const double dx[], double moved[3]) {
     for (int k = 0; k < 6; k++) filter->x[k] += dx[PLACE + k];
     for (int i = 0; i < frame->count; i++) {
         Passage *passage = &frame->passage[i];
@@ -42,21 +17,61 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
         }
     }
     start_interval(filter);
+    for (int k = 0; k < 3; k++) moved[k] = 0.0;
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) {
             filter->b[f][k] += dx[BODY + 3 * f + k];
-            moved[k] += dot(share[f][k], &dx[BODY + 3 * f]);
-            for (int j = 0; j < 3; j++) filter->share[f][k][j] = share[f][k][j];
+            moved[k] += dot(filter->share[f][k], &dx[BODY + 3 * f]);
         }
+    for (int m = 0; m <= SHADOW; m++)
+        for (int k = 0; k < 3; k++) filter->bank[m].x[6 + k] -= moved[k];
+}
+
+/* A node whose mean time is `lag` s ago; afterwards its points are where they would have been seen from the centre of mass as
+   it is known now. 0 where rounding has left the covariance indefinite. */
+static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
+                         double turn[3][3]) {
+    double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}}, M[3][3];
+    double moved[3], share[MOST_FEATURES][3][3], rate[3][3];
+    int first = SHIFT, late;
+    Level level, bare;
+    add_swept(filter, frame, pose, sweep);
+    level_of(filter, frame, pose, lag, sweep, share, &level);
+    common_noise(filter, frame, pose, &level, common);
+    bare = level;
+    of_camera(filter, pose, bare.noise);
+    copy(level.turn, turn);
+    for (int k = 0; k < 3; k++)
+        free[k][k] = fmin(1.0, FREE * (turn[0][0] + turn[1][1] + turn[2][2]));
+    copy(sweep->covariance, rate);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) level.noise[j][k] += common[j][k];
+    add_noise(update_bank(filter, &level, &late), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    filter->span = 0.0;
+    for (int i = 0; i < frame->count; i++)
+        if (frame->passage[i].swept != 0.0) first = SWEEP;
+    renew(filter, SWEEP, rate);
+    renew(filter, SHIFT, common);
+    renew(filter, TURN, free);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
+    for (int i = 0; i < frame->count; i++)
+        if (frame->fits[i] && !update_point(filter, frame, i, lag, first, dx)) return 0;
+    for (int f = 0; f < (int)filter->used; f++) copy(share[f], filter->share[f]);
+    if (late) take_mixture(filter, dx);
+    correct(filter, frame, lag, dx, moved);
     turn_left(&dx[TURN], filter->R);
-    double M[3][3];
-    seeming(pose, level.turn, level.noise, M);
+    seeming(pose->R, level.turn, level.noise, M);
     take_back(filter, M);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];
-    for (int m = 0; m <= SHADOW; m++) {
-        for (int k = 0; k < 3; k++) filter->bank[m].x[6 + k] -= moved[k];
-        take_back_of_member(&filter->bank[m], M, filter->widest);
+    for (int m = 0; m <= SHADOW; m++)
+        if (is_alive(&filter->bank[m])) take_back_of_member(&filter->bank[m], M, filter->widest);
+    keep(filter, &bare, moved);
+    if (take_again(filter) && is_elsewhere(filter)) {
+        take_mixture(filter, dy);
+        correct(filter, frame, lag, dy, moved);
+        for (int k = 0; k < 3; k++) filter->stage[(int)filter->stages - 1].moved[k] += moved[k];
     }
     return 1;
 }

@@ -33,9 +33,12 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 
 #include "registration.c"
 #include "bank.c"
+#include "jumps.c"
 #include "filter.c"
+#include "mixture.c"
 #include "level.c"
 #include "seeming.c"
+#include "again.c"
 #include "update.c"
 #include "features.c"
 #include "tumble.c"

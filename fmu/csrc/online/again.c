@@ -1,0 +1,101 @@
+/* The first nodes, taken again. The offset may be metres when they come, of which the noise of an attitude makes a
+   noise of centimetres. When it is known, that is far less: the bank takes them again, as if it had known it. */
+
+#define FIRST_AGAIN 0.0625 /* of the variance of the offset before the first frame: when for the first time */
+#define AGAIN 0.25         /* of that when they were taken again: when once more */
+#define SEEMS 0.1          /* of what is known of the offset, what the noise of the attitudes may seem to show */
+
+/* Keep a node: what it says, without noise of second order, and by what it moved the offset; the next begins. */
+static void keep(Online *filter, const Level *level, const double moved[3]) {
+    if (filter->stages >= STAGES) filter->stages = -1.0;
+    if (filter->stages >= 0.0) {
+        Stage *stage = &filter->stage[(int)filter->stages++];
+        *stage = filter->leg;
+        copy(level->lag, stage->lag), copy(level->offset, stage->offset), copy(level->change, stage->change);
+        copy(level->noise, stage->noise), copy(level->turn, stage->turn), copy(level->both, stage->both);
+        for (int k = 0; k < 3; k++) stage->c[k] = level->c[k], stage->moved[k] = moved[k];
+    }
+    start_leg(filter);
+}
+
+/* What a node says if its map's offset was wrong by `wrong`, of the covariance P, in B: the error of the attitude moves
+   that. */
+static void level_again(const Stage *stage, const double wrong[3], double P[3][3], Level *level) {
+    double off[3], K[3][3], spread[3][3], more[3][3], T[3][3];
+    *level = (Level){0};
+    copy(stage->lag, level->lag), copy(stage->offset, level->offset), copy(stage->change, level->change);
+    copy(stage->turn, level->turn);
+    times(stage->offset, wrong, off);
+    moved_by_turn(off, K);
+    copy(P, spread);
+    turned(stage->offset, spread);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) spread[a][b] += off[a] * off[b], T[a][b] = dot(stage->both[a], K[b]);
+    of_cross(level->turn, spread, more);
+    for (int a = 0; a < 3; a++) {
+        level->c[a] = stage->c[a];
+        for (int b = 0; b < 3; b++) level->noise[a][b] = stage->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
+    }
+}
+
+/* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
+static int update_again(Online *filter, const Stage *stage, Level *level, double seems[3][3]) {
+    double jump, M[3][3];
+    int sound;
+    for (int m = 0; m < MEMBERS; m++) {
+        Member *member = &filter->bank[m];
+        if (!is_alive(member)) continue;
+        advance_member(member, DENSITY[(int)member->steady], stage->span, stage->step, stage->F);
+    }
+    update_members(filter, level, stage->span, &jump, &sound);
+    adopt(filter);
+    weigh_members(filter);
+    seeming(level->offset, level->turn, level->noise, M);
+    for (int m = 0; m < MEMBERS; m++) {
+        if (!is_alive(&filter->bank[m])) continue;
+        for (int a = 0; a < 3; a++) filter->bank[m].x[6 + a] -= stage->moved[a];
+        take_back_of_member(&filter->bank[m], M, filter->widest);
+    }
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) seems[a][b] += M[a][b];
+    return sound;
+}
+
+/* What the noise of the attitudes seems to show of the offset, as a part of what is known. */
+static double part_of(const Member *member, double seems[3][3]) {
+    double trace = 0.0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) trace += member->P[6 + a][6 + b] * seems[a][b];
+    return trace;
+}
+
+/* Take the first nodes again if all are kept and the offset is known so much better; 1 if the bank is another. */
+static int take_again(Online *filter) {
+    Member before[MEMBERS];
+    const Member known = filter->bank[likeliest(filter)];
+    double wrong[STAGES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density;
+    double variance = (known.P[6][6] + known.P[7][7] + known.P[8][8]) / 3.0;
+    int count = (int)filter->stages, sound = 1;
+    if (count < 1 || !(variance < filter->again)) return 0;
+    filter->again = AGAIN * variance;
+    for (int a = 0; a < 3; a++) {
+        for (int b = 0; b < 3; b++) of_offset[a][b] = known.P[6 + a][6 + b];
+        for (int k = count - 1; k >= 0; k--)
+            wrong[k][a] = filter->stage[k].moved[a] + (k + 1 < count ? wrong[k + 1][a] : known.x[6 + a]);
+    }
+    for (int m = 0; m < MEMBERS; m++) {
+        before[m] = filter->bank[m];
+        filter->bank[m] = filter->first;
+        filter->bank[m].steady = m;
+        filter->bank[m].weight = m < DENSITIES ? 0.0 : -INFINITY;
+    }
+    for (int k = 0; k < count && sound; k++) {
+        Level level;
+        level_again(&filter->stage[k], wrong[k], of_offset, &level);
+        sound = update_again(filter, &filter->stage[k], &level, seems);
+    }
+    if (sound && part_of(&filter->bank[likeliest(filter)], seems) < SEEMS) return 1;
+    for (int m = 0; m < MEMBERS; m++) filter->bank[m] = before[m];
+    filter->density = density;
+    return 0;
+}

@@ -1,0 +1,103 @@
+/* Jumps: an innovation that the most likely member expects once in ten thousand may be a burn of the chaser, or chance.
+
+One more member takes as much acceleration since the node before as explains it, at the price of that probability; the
+others go on without, and likelihoods tell. The large filter, and its shadow with it, jump only where that is clear: at
+once, or nodes later, then by what the mixture says. */
+
+#define JUMP (-9.2) /* logarithm of the likelihood of one, as that of GATE */
+#define CLEAR 3.0   /* logarithm by which a jump is more likely than none */
+
+/* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
+static int jumped(Online *filter, const Level *level, double span, double *jump) {
+    double e[3], L[9], B[LEVEL][3];
+    int best = likeliest(filter), found = -1;
+    const Member *from = &filter->bank[best];
+    if (!(span > 0.0) || !innovation(from, level, e, L, B)) return -1;
+    double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
+    whitened(L, e);
+    if (!(dot(e, e) > GATE)) return -1;
+    for (int m = DENSITIES; m < MEMBERS; m++)
+        if (m != best && (found < 0 || filter->bank[m].weight < filter->bank[found].weight)) found = m;
+    Member *to = &filter->bank[found];
+    *to = *from;
+    for (int m = 0; m < DENSITIES && best < DENSITIES; m++) to->before[m] = filter->bank[m].weight;
+    *jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
+    add_noise(*jump, span, &to->P[0][0], LEVEL);
+    to->weight += JUMP;
+    to->parent = best;
+    return found;
+}
+
+/* Members without a jump that are less likely than the most likely one, which has jumped, was before it, go on from
+   that, with the weights that they had then. */
+static void adopt(Online *filter) {
+    const int best = likeliest(filter);
+    const Member from = filter->bank[best];
+    if (best < DENSITIES || from.pending != 0.0) return;
+    for (int m = 0; m < DENSITIES; m++) {
+        if (filter->bank[m].weight > from.weight + JUMP) continue;
+        filter->bank[m] = from;
+        filter->bank[m].weight = from.weight + fmax(from.before[m] - from.before[(int)from.steady], UNLIKELY);
+        filter->bank[m].steady = m;
+        if (m == (int)from.steady) filter->bank[best].weight = -INFINITY;
+    }
+}
+
+/* Weights against the best's, and the mean density. A member far less likely than the best without a jump goes on from
+   that, so that no evidence is older than it has to be; one that has jumped ends. */
+static void weigh_members(Online *filter) {
+    double highest = filter->bank[likeliest(filter)].weight, sum = 0.0, mean = 0.0;
+    int best = 0;
+    for (int m = 1; m < DENSITIES; m++)
+        if (filter->bank[m].weight > filter->bank[best].weight) best = m;
+    const Member first = filter->bank[best];
+    for (int m = 0; m < MEMBERS; m++) {
+        Member *member = &filter->bank[m];
+        if (m >= DENSITIES && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
+        if (!is_alive(member)) continue;
+        if (m < DENSITIES && !(member->weight - first.weight > UNLIKELY)) {
+            *member = first;
+            member->weight += UNLIKELY, member->steady = m;
+        }
+        member->weight -= highest;
+        double w = exp(member->weight);
+        sum += w, mean += w * member->steady;
+    }
+    filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
+}
+
+/* A node updates all members but the shadow; returns the one that jumps there, or -1. 0 in *sound where rounding has
+   left a covariance indefinite. */
+static int update_members(Online *filter, const Level *level, double span, double *jump, int *sound) {
+    for (int m = 0; m < MEMBERS; m++)
+        for (int a = 0; a < 3 && is_alive(&filter->bank[m]); a++)
+            for (int b = 0; b < 3; b++) filter->bank[m].P[6 + a][6 + b] += level->change[a][b];
+    int fresh = jumped(filter, level, span, jump);
+    *sound = 1;
+    for (int m = 0; m < MEMBERS; m++)
+        if (is_alive(&filter->bank[m])) *sound = update_member(&filter->bank[m], level) && *sound;
+    return fresh;
+}
+
+/* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
+   taken. */
+static double update_bank(Online *filter, const Level *level, int *late) {
+    double jump = 0.0;
+    int sound, parent = likeliest(filter), fresh = update_members(filter, level, filter->span, &jump, &sound);
+    int best = likeliest(filter);
+    const Member *first = &filter->bank[best];
+    int clear = fresh >= 0 && filter->bank[parent].weight < first->weight - CLEAR;
+    if (fresh >= 0) filter->bank[fresh].pending = clear ? 0.0 : 1.0;
+    if (!clear) jump = 0.0;
+    *late = first->pending != 0.0 && filter->bank[(int)first->parent].weight < first->weight - CLEAR;
+    if (!*late) adopt(filter);
+    Member *shadow = &filter->bank[SHADOW];
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) shadow->P[6 + a][6 + b] += level->change[a][b];
+    add_noise(jump, filter->span, &shadow->P[0][0], LEVEL);
+    sound = update_member(shadow, level) && sound;
+    shadow->weight = 0.0;
+    if (!sound) start_bank(filter), *late = 0;
+    weigh_members(filter);
+    return jump;
+}
