@@ -36,6 +36,7 @@ MAX_ROUNDS = 30
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
+SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over which the frames' shifts are told
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
@@ -166,8 +167,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
-        least = max(options.sigma**2 if options.sigma else variance, floor)
-        shift = _shift(start.errors, sampled.position(x), slip, least)
+        told = max(options.sigma**2 if options.sigma else variance, floor)
+        shift = _shift(start.errors, sampled.position(x), slip, told)
         problem = linearised(bodies, observations, sampled, x, shift)
         cost = float(problem.squares.sum())
         if np.isnan(variance):
@@ -205,6 +206,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             found_slip = position_variance(bodies, observations, sampled.position(x), least)
             converged = abs(found_slip - slip) <= SLIP_TOLERANCE * max(found_slip, slip)
             slip = found_slip
+        if converged and shift is not None and options.sigma is None:
+            converged = abs(variance - told) <= SHIFT_TOLERANCE * told
     scale = options.sigma**2 if options.sigma is not None else variance
     linear = scaled(problem, max(scale, floor))
     assert theta is not None  # noqa: S101  there was a round

@@ -35,6 +35,15 @@ def test_a_pivot_that_slips_is_found_and_covered(method, trajectory, draws):
     assert np.mean(squares) < 3 + 4 * np.sqrt(6 / draws)
 
 
+@pytest.mark.parametrize("trajectory", ["fixed", None])
+def test_the_claim_has_all_of_the_slip(trajectory):
+    """No estimate of a point at rest is better than the mean of its places, even if all else is known."""
+    ((_, case),) = cases(SLIP, 1)
+    found = estimate(case.tracks, options=PathOptions(trajectory=trajectory))
+    least = found.details.position_noise * np.sqrt(3 / len(case.tracks.time))
+    assert least < found.predicted_rmse < 2 * least
+
+
 def test_a_pivot_that_does_not_slip_has_no_noise():
     """2 ln of the likelihood ratio exceeds 9 by chance in less than 1 of 700."""
     for _, case in cases(0.0, 16):
