@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, held, maximise, solved
+from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, cost, held, maximise, solved
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
@@ -126,7 +126,9 @@ class BurnEquations:
         """The equations with the weights of the frames for the offsets (3,) of all bodies, m."""
         noise = frame_covariances(self.few.bodies, self.few.observations.weight, offsets)
         axes = np.concatenate([body.attitude for body in self.few.bodies])
-        return replace(self, root=np.linalg.inv(np.linalg.cholesky(np.concatenate(noise))) @ np.swapaxes(axes, 1, 2))
+        values, along = np.linalg.eigh(np.concatenate(noise))
+        values = np.maximum(values, RIDGE * values[:, -1:])  # of far offsets two are lost in the rounding of the third
+        return replace(self, root=np.swapaxes(axes @ along / np.sqrt(values)[:, None], 1, 2))
 
     def fitted(
         self,
