@@ -18,7 +18,10 @@ class TiedClusters:
 
 @dataclass(frozen=True)
 class PivotDetails:
-    """Of `pivot`: the tie points between clusters; standard deviation of white noise of the position, m."""
+    """Of `pivot`: the tie points between clusters.
+
+    position_noise: standard deviation of white noise of the position, m, that costs the centre as much as its slips.
+    """
 
     tie_points: tuple[TiedClusters, ...] = ()
     position_noise: float = 0.0
@@ -31,7 +34,8 @@ class TumbleDetails:
     epoch in s; attitude (3, 3) R_C_B; angular_rate (3,) in B, rad/s, and its standard deviations (3,); inertia (3, 3)
     in B over its trace, and its standard deviation (Frobenius norm); gravity_gradient: whether the model has this
     torque. torque_noise: estimated density of the white angular acceleration, rad²/s³, None if it is given or there is
-    none; torque_noise_bounds: that hold 90 %. position_noise: standard deviation of white noise of the position, m.
+    none; torque_noise_bounds: that hold 90 %. position_noise: standard deviation of white noise of the position, m,
+    that costs the centre as much as its slips.
     """
 
     epoch: float

@@ -25,7 +25,7 @@ class PivotPart(Part):
     tie_points: tuple[dict[str, tuple[int, int] | tuple[str, ...]], ...] = Field(
         description="indices of two clusters, and labels of their tie points"
     )
-    position_noise: float = Field(description="standard deviation of white noise of the position, as of a slip, m")
+    position_noise: float = Field(description="standard deviation of noise of the position, as of a slip, m: of white noise that costs as much")
 
 
 class TumblePart(Part):
@@ -43,7 +43,7 @@ class TumblePart(Part):
     gravity_gradient: bool
     torque_noise: float | None = Field(None, description="estimated density of the angular acceleration, rad²/s³")
     torque_noise_bounds: tuple[float, float] | None = Field(None, description="that hold 90 %")
-    position_noise: float = Field(description="standard deviation of white noise of the position, as of a slip, m")
+    position_noise: float = Field(description="standard deviation of noise of the position, as of a slip, m: of white noise that costs as much")
 
 
 class FilterPart(Part):

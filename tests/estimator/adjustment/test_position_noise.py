@@ -44,6 +44,25 @@ def test_the_claim_has_all_of_the_slip(trajectory):
     assert least < found.predicted_rmse < 2 * least
 
 
+def test_slips_that_last_cost_as_much_as_they_hang_together():
+    """Ten frames long, so that the mean of 300 knows as little as that of some fifteen."""
+    squares = []
+    time, R = turning(300, 1.0)
+    for seed in range(24):
+        noise = np.random.default_rng([seed, 2]).normal(size=(300, 3))
+        keep = np.exp(-0.1)
+        com, slips = at_rest(time), [noise[0]]
+        for one in noise[1:]:
+            slips.append(keep * slips[-1] + np.sqrt(1 - keep**2) * one)
+        case = make_case(time, R, com + SLIP * np.array(slips), POINTS, noise=2e-4, seed=seed)
+        found = estimate(case.tracks, options=PathOptions(trajectory="fixed"))
+        error = found.position[0] - com[0]
+        squares.append(error @ np.linalg.solve(found.covariance[0], error))
+        assert found.status.trustworthy
+    # The number of frames that a slip lasts is found to a third, so that one in a hundred is more than twice as far off.
+    assert 3 / 2 < np.mean(squares) < 3 * 1.5 + 4 * np.sqrt(6 / 24)
+
+
 def test_a_pivot_that_does_not_slip_has_no_noise():
     """2 ln of the likelihood ratio exceeds 9 by chance in less than 1 of 700."""
     for _, case in cases(0.0, 16):
