@@ -11,6 +11,8 @@ from baryscope.estimator import details as kinds
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
+SLIP = "standard deviation of noise of the position, as of a slip, m: of white noise that costs as much"
+
 
 class Part(BaseModel):
     """A part of the document: nothing else may stand in it."""
@@ -25,7 +27,7 @@ class PivotPart(Part):
     tie_points: tuple[dict[str, tuple[int, int] | tuple[str, ...]], ...] = Field(
         description="indices of two clusters, and labels of their tie points"
     )
-    position_noise: float = Field(description="standard deviation of noise of the position, as of a slip, m: of white noise that costs as much")
+    position_noise: float = Field(description=SLIP)
 
 
 class TumblePart(Part):
@@ -43,7 +45,7 @@ class TumblePart(Part):
     gravity_gradient: bool
     torque_noise: float | None = Field(None, description="estimated density of the angular acceleration, rad²/s³")
     torque_noise_bounds: tuple[float, float] | None = Field(None, description="that hold 90 %")
-    position_noise: float = Field(description="standard deviation of noise of the position, as of a slip, m: of white noise that costs as much")
+    position_noise: float = Field(description=SLIP)
 
 
 class FilterPart(Part):

@@ -59,7 +59,7 @@ def test_slips_that_last_cost_as_much_as_they_hang_together():
         error = found.position[0] - com[0]
         squares.append(error @ np.linalg.solve(found.covariance[0], error))
         assert found.status.trustworthy
-    # The number of frames that a slip lasts is found to a third, so that one in a hundred is more than twice as far off.
+    # How many frames a slip lasts is found to a third.
     assert 3 / 2 < np.mean(squares) < 3 * 1.5 + 4 * np.sqrt(6 / 24)
 
 
