@@ -45,7 +45,7 @@ def track_images(
     rig
         The rig file, with the calibration of both cameras in [rig.left] and [rig.right].
     output
-        The tracks, a .csv, .parquet or .nc file.
+        The tracks: .csv, .parquet, .nc or .zarr.
     rate
         Pairs of images a second. Default: what the left video says.
     times
