@@ -52,8 +52,8 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
     best, least = scanned_minimum(cost, low, high, SCAN, SWEEPS)
     if square.sum() - least <= SIGNIFICANT:
         return 0.0
-    own = float(np.exp(best))
-    return own * _frames_of_a_slip(series, own)
+    slip = float(np.exp(best))
+    return slip * _frames_of_a_slip(series, slip)
 
 
 def _shifts_in_C(body: Body, information: FloatArray, rhs: FloatArray) -> FloatArray:
