@@ -8,6 +8,7 @@ in a window of so many times that sum as Wolff (Comput. Phys. Commun. 156, 2004)
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.scan import scanned_minimum
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -25,6 +25,14 @@ SCAN, SWEEPS = 41, 4  # values of its logarithm, and how often the range is narr
 SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there is none
 WINDOW = 4.0  # of lags, over the frames that slips last, (1 + 2 Σ ρ)/2
 LASTING = 3.0  # standard deviations of 1 + 2 Σ ρ of white noise above 1, below which slips don't last
+
+
+@dataclass(frozen=True, eq=False)
+class _Shifts:
+    """Of the n frames of a body: shift (n, 3) in C, m, and the variance (n,) to which a coordinate is known, m²."""
+
+    shift: FloatArray
+    variance: FloatArray
 
 
 def position_variance(bodies: Sequence[Body], observations: Observations, origin: FloatArray, variance: float) -> float:
@@ -39,9 +47,13 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
         information, rhs = found.shift_alone()
         along, axes = np.linalg.eigh(information)
         known = along > 1e-9 * along[:, -1:]
-        squares.append(((np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0][known] ** 2) / along[known] / variance)
+        moved = (np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0]
+        squares.append(moved[known] ** 2 / along[known] / variance)
         values.append(along[known] / variance)
-        series.append(_shifts_in_C(body, information, rhs))
+        own_variances = np.divide(variance, along, out=np.full_like(along, np.inf), where=known)
+        shift = np.divide(moved, along, out=np.zeros_like(along), where=known)
+        shift = (body.attitude @ axes @ shift[:, :, None])[:, :, 0]
+        series.append(_Shifts(shift, own_variances.mean(axis=1)))
     size, square = np.concatenate(values), np.concatenate(squares)
     low, high = np.log(np.array(RANGE) / np.median(size))
 
@@ -56,21 +68,17 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
     return slip * _frames_of_a_slip(series, slip)
 
 
-def _shifts_in_C(body: Body, information: FloatArray, rhs: FloatArray) -> FloatArray:
-    """The shift (n, 3) of each frame of a body, m in C, from its information (n, 3, 3) and right-hand side in S."""
-    shift = symmetric_inverses(information) @ rhs[:, :, None]
-    return np.asarray((body.attitude @ shift)[:, :, 0])
-
-
-def _frames_of_a_slip(series: list[FloatArray], variance: float) -> float:
-    """1 + 2 Σ ρ, at least 1, of series of shifts (n, 3) with noise, whose own variance is given, m²."""
-    frames, total = sum(len(shift) for shift in series), 1.0
-    observed = sum(float(np.vdot(shift, shift)) for shift in series) / (3 * frames)
-    for lag in range(1, max(len(shift) for shift in series)):
-        longer = [shift for shift in series if len(shift) > lag]
-        pairs = 3 * sum(len(shift) - lag for shift in longer)
-        total += 2 * sum(float(np.vdot(shift[lag:], shift[:-lag])) for shift in longer) / pairs / variance
+def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
+    """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m²."""
+    weights = [slip / (slip + one.variance) for one in series]
+    shifts = [weight[:, None] * one.shift for one, weight in zip(series, weights, strict=True)]
+    frames = sum(float((weight**2).sum()) for weight in weights)
+    observed, total = sum(float(np.vdot(shift, shift)) for shift in shifts) / (3 * frames), 1.0
+    for lag in range(1, max(len(shift) for shift in shifts)):
+        pairs = sum(float(weight[lag:] @ weight[:-lag]) for weight in weights)
+        products = sum(float(np.vdot(shift[lag:], shift[:-lag])) for shift in shifts)
+        total += 2 * products / (3 * max(pairs, 1e-300) * slip)
         if lag >= WINDOW * total / 2:
             break
-    by_chance = 2 * np.sqrt(lag / (3 * frames)) * observed / variance
+    by_chance = 2 * np.sqrt(lag / (3 * frames)) * observed / slip
     return total * (1 + (2 * lag + 1) / frames) if total > 1 + LASTING * by_chance else 1.0
