@@ -1,13 +1,20 @@
-"""Forces and torques besides point-mass gravity: drag, light pressure with the central body's shadow, eddy currents.
+"""Forces and torques: gravity with J2, drag, light pressure with the central body's shadow, eddy currents.
 
 All are expressions of positions from the centre of the central body and of velocities, in the inertial axes; the
-central body turns about z. J2 is in `gravity`.
+central body turns about z. Its field is that of a point mass and of the second zonal harmonic (Montenbruck, Gill,
+Satellite Orbits, 2000, §3.2). With r the distance from the centre, z = k·r the height above the equator, k the pole,
+
+    a = −μ/r³ r − (3/2) J₂ μ R²/r⁵ ((1 − 5 z²/r²) r + 2 z k)
+
+It is written for pairs of nearly equal positions (`differences`), so that its difference loses no digits.
 """
 
 from dataclasses import dataclass
 
 import casadi as ca
 
+from baryscope.models import differences as dif
+from baryscope.models.differences import Pair
 from baryscope.models.frames import Symbol
 
 SUN_HALF_ANGLE = 4.6505e-3  # rad, of the Sun's disc: 695,700 km at one astronomical unit
@@ -29,6 +36,25 @@ class Atmosphere:
     reference_radius: Symbol
     scale_height: Symbol
     rotation_rate: Symbol
+
+
+def zonal_strength(mu: Symbol, j2: Symbol, equatorial_radius: Symbol) -> Symbol:
+    """(3/2) J₂ μ R², m⁵/s², from μ in m³/s², J₂ and R in m."""
+    return 1.5 * j2 * mu * equatorial_radius**2
+
+
+def point_mass_gravity(position: Pair, mu: Symbol) -> Pair:
+    """−μ r/r³ at two positions from the centre (m; base and excess), m/s²."""
+    square = dif.dot(position, position)
+    return -1 * mu / (square * dif.sqrt(square)) * position
+
+
+def zonal_gravity(position: Pair, strength: Symbol) -> Pair:
+    """The acceleration by J₂ at two positions from the centre (m; base and excess), m/s²; strength: (3/2) J₂ μ R²."""
+    pole = ca.SX([0, 0, 1])
+    square, height = dif.dot(position, position), dif.dot(position, Pair(pole, ca.SX.zeros(3)))
+    factor = -1 * strength / (square * square * dif.sqrt(square))
+    return factor * ((1 - 5 * height * height / square) * position + 2 * height * pole)
 
 
 def drag(position_I: Symbol, velocity_I: Symbol, atmosphere: Atmosphere, coefficient: Symbol) -> Symbol:

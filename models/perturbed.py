@@ -18,9 +18,11 @@ from baryscope.models.forces import (
     drag,
     eddy_current_torque,
     light_pressure,
+    point_mass_gravity,
+    zonal_gravity,
+    zonal_strength,
 )
 from baryscope.models.frames import Symbol
-from baryscope.models.gravity import point_mass_gravity, zonal_gravity, zonal_strength
 from baryscope.models.keplerian import Elements, conic
 from baryscope.models.variables import Force, Forces
 

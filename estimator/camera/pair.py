@@ -6,11 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.lens import Lens, RightLens
-from baryscope.estimator.camera.rig import RigFile
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.models.errors import InputError
-from baryscope.models.files import AnyPath
-from baryscope.models.scenario.schema import read_toml
 
 FloatArray = NDArray[np.float64]
 
@@ -43,19 +40,3 @@ class CameraPair:
     def R_left_right(self) -> FloatArray:
         """The right camera's axes in the left one's, (3, 3)."""
         return np.asarray(matrix_from_quaternion(np.array([self.right.mounting]))[0])
-
-
-def load_pair(path: AnyPath) -> CameraPair:
-    """Read the pair of a rig file, the tables [rig.left] and [rig.right].
-
-    Raises:
-        InputError: one line that says where, what was found, what was expected.
-    """
-    rig = RigFile.parse(read_toml(path, "a camera's rig in TOML"), str(path)).rig
-    if rig.left is None or rig.right is None:
-        missing = "rig.left" if rig.left is None else "rig.right"
-        raise InputError(f"{path}: {missing}: missing, expected a table with focal_length, principal_point, resolution")
-    try:
-        return CameraPair(rig.left, rig.right)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error

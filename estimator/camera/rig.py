@@ -7,6 +7,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from baryscope.estimator.camera.lens import NOT_TURNED, Lens, RightLens, UnitQuaternion
+from baryscope.estimator.camera.pair import CameraPair
+from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario.schema import FileModel, Unit, read_toml
 
@@ -96,6 +98,22 @@ def load_rig(path: AnyPath) -> Rig:
     """
     table = RigFile.parse(read_toml(path, "a camera's rig in TOML"), str(path)).rig
     return Rig(**table.model_dump(exclude={"left", "right"}))
+
+
+def load_pair(path: AnyPath) -> CameraPair:
+    """Read the pair of a rig file, the tables [rig.left] and [rig.right].
+
+    Raises:
+        InputError: one line that says where, what was found, what was expected.
+    """
+    rig = RigFile.parse(read_toml(path, "a camera's rig in TOML"), str(path)).rig
+    if rig.left is None or rig.right is None:
+        missing = "rig.left" if rig.left is None else "rig.right"
+        raise InputError(f"{path}: {missing}: missing, expected a table with focal_length, principal_point, resolution")
+    try:
+        return CameraPair(rig.left, rig.right)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def _plain(value: object) -> object:

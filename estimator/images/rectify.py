@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.camera.pair import CameraPair
 from baryscope.estimator.images.opencv import opencv
 from baryscope.estimator.images.patches import Surface
-from baryscope.models.scenario import StereoRig
-from baryscope.models.sensor.stereo import sensitivity, triangulate
+from baryscope.models.stereo import RectifiedPair, sensitivity, triangulate
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -76,7 +75,7 @@ class Rectified:
         pixels (k, 3): u and v in the left image and u in the right, px; covariance (k, 3, 3): theirs. Both are NaN
         unless the disparity is above 0.
         """
-        rig = StereoRig(focal_length=self.focal_length, baseline=self.baseline, pixel_noise=1.0)
+        rig = RectifiedPair(self.focal_length, self.baseline)
         centred = pixels - np.append(self.principal_point, self.principal_point[0] + self.shift)
         position, _ = triangulate(rig, self.R_left_V[None], centred[None])
         spread = self.R_left_V @ sensitivity(rig, centred[None])[0]

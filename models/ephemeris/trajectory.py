@@ -13,8 +13,8 @@ from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
 from baryscope.models.ephemeris.dormand_prince import step
 from baryscope.models.errors import ComputationError, Reason
+from baryscope.models.forces import point_mass_gravity, zonal_gravity, zonal_strength
 from baryscope.models.frames import Symbol, rotation_I_L
-from baryscope.models.gravity import point_mass_gravity, zonal_gravity, zonal_strength
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 from baryscope.models.orbit import Orbit
 

@@ -16,7 +16,7 @@ from baryscope.models.checks import UNIT_TOLERANCE, Check, CheckSet
 from baryscope.models.forces import Sunlight, sunlit_share
 from baryscope.models.frames import Symbol, quaternion_product, rotation_from_quaternion
 from baryscope.models.sensor.draws import normals_of
-from baryscope.models.sensor.stereo import (
+from baryscope.models.stereo import (
     FACING_TOLERANCE,
     facing_cosine,
     image_margins,

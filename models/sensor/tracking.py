@@ -12,7 +12,7 @@ from baryscope.models.directions import axes_along
 from baryscope.models.scenario import Scenario
 from baryscope.models.sensor.draws import Purpose, standard_normals, uniforms
 from baryscope.models.sensor.outliers import blunders, slides, swaps
-from baryscope.models.sensor.stereo import FACING_TOLERANCE, facing_cosine, in_images, project, triangulate
+from baryscope.models.stereo import FACING_TOLERANCE, facing_cosine, in_images, project, triangulate
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -7,7 +7,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from baryscope import __version__
-from baryscope.estimator.camera.pair import load_pair
+from baryscope.estimator.camera.rig import load_pair
 from baryscope.estimator.formats import writable, write_tracks
 from baryscope.estimator.images import Tracked, track
 from baryscope.estimator.tables.times import read_times

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
-from baryscope.models.gravity import zonal_gravity, zonal_strength
+from baryscope.models.forces import zonal_gravity, zonal_strength
 from baryscope.models.orbit import EARTH_J2, EARTH_MU, EARTH_RADIUS
 
 PLACES = Rotation.random(20, rng=np.random.default_rng(1)).as_matrix()[:, 0] * np.linspace(6.6e6, 4.2e7, 20)[:, None]

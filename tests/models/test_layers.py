@@ -10,7 +10,7 @@ FILES = "baryscope.models.scenario", "baryscope.models.sensor", "pydantic"
 ABOVE = "baryscope.estimator", "baryscope.fmu", "baryscope.study", "baryscope.scripts"
 DYNAMICS = sorted((ROOT / "models").glob("*.py"))
 # The bound is that of a scenario; pydantic makes the schema of the file that an estimate is written to, and reads rigs.
-FILED = {"bound.py", "document.py", "document_details.py", "rig.py"}
+FILED = {"bound.py", "document.py", "document_details.py", "lens.py", "rig.py"}
 # The online estimator is C, compiled as the units are.
 COMPILED = ROOT / "estimator" / "online"
 ESTIMATORS = sorted(

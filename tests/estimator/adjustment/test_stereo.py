@@ -8,7 +8,7 @@ from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import StereoRig
-from baryscope.models.sensor.stereo import project, triangulate
+from baryscope.models.stereo import project, triangulate
 
 RIG = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5)
 TARGET = 20.0 * np.array([0.48, -0.6, 0.64])

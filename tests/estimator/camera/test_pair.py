@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.camera.pair import load_pair
-from baryscope.estimator.camera.rig import Rig, load_rig
+from baryscope.estimator.camera.rig import Rig, load_pair, load_rig
 from baryscope.models.errors import InputError
 
 LENS = "focal_length = 800\nprincipal_point = [319.5, 239.5]\nresolution = [640, 480]\n"

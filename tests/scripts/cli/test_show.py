@@ -12,8 +12,10 @@ import pytest
 from baryscope import __version__
 from baryscope.models.scenario import preset_names
 from baryscope.scripts.cli import app, console
+from baryscope.study.images.scene import rig_text, write_images
 from joints import both_bodies
 from malformed import GOOD_SCENARIO
+from pictures import scene
 
 COMMANDS = sorted(name for name in app.app if not name.startswith("-"))
 PRECISE = GOOD_SCENARIO.replace("noise = 0.02", "noise = 0.002")
@@ -21,7 +23,8 @@ PRECISE = GOOD_SCENARIO.replace("noise = 0.02", "noise = 0.002")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Small inputs for every command: a scenario, tracks with truth and orbit, a unit."""
+    """Small inputs for every command: a scenario, tracks with truth and orbit, a unit, images."""
+    pytest.importorskip("cv2", reason="OpenCV, the extra images, is not installed")
     folder = tmp_path_factory.mktemp("small")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -29,6 +32,8 @@ def folder(tmp_path_factory):
         assert app.main(["build", "--scenario", "mine.toml", "-o", "mine.fmu"]) == 0
         assert app.main(["simulate", "--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "mine.csv"]) == 0
         both_bodies(1).write_csv("recorded.csv")
+        write_images(pictured := scene(9), folder)
+        Path("rig.toml").write_text(rig_text(pictured), encoding="utf-8")
     return folder
 
 
@@ -45,6 +50,7 @@ ARGUMENTS = {
     "scenarios": [],
     "simulate": ["--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "other.csv"],
     "system": ["--scenario", "mine.toml", "-o", "mine.ssp"],
+    "track": ["left", "right", "--rig", "rig.toml", "--rate", "1", "-o", "followed.csv"],
 }
 
 

@@ -6,7 +6,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.camera.camera import Camera
-from baryscope.estimator.camera.pair import load_pair
+from baryscope.estimator.camera.rig import load_pair
 from baryscope.estimator.images import track
 from baryscope.study.images import __main__ as command
 from baryscope.study.images.report import table

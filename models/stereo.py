@@ -4,7 +4,9 @@ The rig's frame V has its origin in the left camera, z along the boresight, x al
 y completing them; pixel coordinates are relative to the principal point. An observation is (u_l, v_l, u_r), px.
 """
 
+from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -12,7 +14,6 @@ from numpy.typing import NDArray
 
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import Symbol
-from baryscope.models.scenario import StereoRig
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -20,7 +21,37 @@ TINY = 1e-300  # m
 FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit counts as seen
 
 
-def project(rig: StereoRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArray:
+class RectifiedRig(Protocol):
+    """What is known of a pair of cameras. A scenario's `StereoRig` is one."""
+
+    @property
+    def focal_length(self) -> float:
+        """In px."""
+
+    @property
+    def baseline(self) -> float:
+        """In m."""
+
+    @property
+    def pixel_noise(self) -> float:
+        """The standard deviation of a coordinate, px."""
+
+    @property
+    def resolution(self) -> tuple[int, int] | None:
+        """Width and height of the images, px; None if they have no edges."""
+
+
+@dataclass(frozen=True)
+class RectifiedPair:
+    """A `RectifiedRig` by its numbers."""
+
+    focal_length: float
+    baseline: float
+    pixel_noise: float = 1.0
+    resolution: tuple[int, int] | None = None
+
+
+def project(rig: RectifiedRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArray:
     """Pixels (n, m, 3) of points (n, m, 3), m in C; NaN where a point is not in front of the rig.
 
     Args:
@@ -32,7 +63,7 @@ def project(rig: StereoRig, R_C_V: FloatArray, points_C: FloatArray) -> FloatArr
     return _of_each(_projection(), np.where(points_V[..., 2:] > 0, points_V, np.nan), rig)
 
 
-def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+def triangulate(rig: RectifiedRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Positions (n, m, 3), m, and their covariances (n, m, 3, 3), m², in C, from pixels (n, m, 3).
 
     The covariance is J Jᵀ σ² at the triangulated point, to first order. Both are NaN unless the disparity is above 0.
@@ -43,7 +74,7 @@ def triangulate(rig: StereoRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[
     return position_V @ np.swapaxes(R_C_V, 1, 2), spread_C @ np.swapaxes(spread_C, -1, -2)
 
 
-def sensitivity(rig: StereoRig, pixels: FloatArray) -> FloatArray:
+def sensitivity(rig: RectifiedRig, pixels: FloatArray) -> FloatArray:
     """Derivatives J (n, m, 3, 3) of triangulated points in V by their pixels (n, m, 3), m/px, times the pixel noise.
 
     NaN unless the disparity is above 0.
@@ -52,7 +83,7 @@ def sensitivity(rig: StereoRig, pixels: FloatArray) -> FloatArray:
     return _of_each(_spread(), usable, rig)
 
 
-def in_images(rig: StereoRig, pixels: FloatArray) -> BoolArray:
+def in_images(rig: RectifiedRig, pixels: FloatArray) -> BoolArray:
     """Whether pixels (n, m, 3) lie in both images, (n, m); everything that is a number does if they have no edges."""
     if rig.resolution is None:
         return np.isfinite(pixels[..., 0])
@@ -61,7 +92,7 @@ def in_images(rig: StereoRig, pixels: FloatArray) -> BoolArray:
     return np.asarray(np.all(inside >= 0, axis=-1))
 
 
-def _of_each(function: ColumnFunction, values: FloatArray, rig: StereoRig) -> FloatArray:
+def _of_each(function: ColumnFunction, values: FloatArray, rig: RectifiedRig) -> FloatArray:
     """Evaluate a function of (point or pixels, rig) for (n, m, 3) of them."""
     results = function(values.reshape(-1, 3).T, [rig.focal_length, rig.baseline, rig.pixel_noise])
     return results.reshape(*values.shape[:2], *results.shape[1:])

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from baryscope.models.directions import axes_along
 from baryscope.models.scenario import Sensor, StereoRig, Tracking, load_scenario
-from baryscope.models.sensor.stereo import project, triangulate
 from baryscope.models.sensor.tracking import observation_covariance, observe
+from baryscope.models.stereo import project, triangulate
 
 RIG = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5)
 BASE = load_scenario("cubesat-class")
