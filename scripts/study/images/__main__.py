@@ -1,4 +1,4 @@
-"""`python -m baryscope.study.images run | report | write`: see docs/images.md."""
+"""`python -m baryscope.study.images run | report | write | picture`: see docs/images.md."""
 
 from baryscope.threads import prefer_one_thread
 
@@ -11,9 +11,11 @@ from pathlib import Path  # noqa: E402
 from typing import TextIO  # noqa: E402
 
 from baryscope.models.files import write_together  # noqa: E402
-from baryscope.study.images.judging import judged  # noqa: E402
+from baryscope.study.images.judging import judged, prepared  # noqa: E402
+from baryscope.study.images.picture import picture  # noqa: E402
 from baryscope.study.images.report import table  # noqa: E402
 from baryscope.study.images.scene import NOISE, Scene, Setting, drawn, rig_text, write_images  # noqa: E402
+from baryscope.study.pictures import save  # noqa: E402
 from baryscope.study.population import command  # noqa: E402
 
 METHODS = ("pivot", "ml")
@@ -35,6 +37,12 @@ def main(arguments: list[str] | None = None) -> int:
     writer.add_argument("-o", "--output", type=Path, required=True)
     _add_setting(writer)
     writer.set_defaults(run=_write)
+    painter = commands.add_parser("picture", help="the last left image of a draw, with what is followed, as PNG")
+    painter.add_argument("--seed", type=command.natural, default=1)
+    painter.add_argument("--noise", type=float, default=NOISE)
+    painter.add_argument("-o", "--output", type=Path, required=True)
+    _add_setting(painter)
+    painter.set_defaults(run=_paint)
     return command.executed(parser, arguments)
 
 
@@ -61,6 +69,11 @@ def _write(options: argparse.Namespace) -> None:
     write_images(scene, options.output)
     texts = {"rig.toml": rig_text(scene), "attitude.csv": _attitude(scene), "truth.csv": _truth(scene)}
     write_together({options.output / name: partial(_put, text) for name, text in texts.items()})
+
+
+def _paint(options: argparse.Namespace) -> None:
+    setting = Setting(options.duration, options.rate, options.width, options.noise)
+    save(picture(*prepared(options.seed, setting)), options.output)
 
 
 def _put(text: str, stream: TextIO) -> None:

@@ -9,6 +9,7 @@ from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.rig import load_pair
 from baryscope.estimator.images import track
 from baryscope.study.images import __main__ as command
+from baryscope.study.images.picture import picture, trails
 from baryscope.study.images.report import table
 from baryscope.study.images.scene import write_images
 from pictures import scene
@@ -16,21 +17,34 @@ from pictures import scene
 pytest.importorskip("cv2", reason="OpenCV, the extra images, is not installed")
 
 
-def test_the_centre_of_mass_of_what_the_images_show(tmp_path):
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    return track(*write_images(scene(24), tmp_path_factory.mktemp("images")), scene(24).pair, times=scene(24).time)
+
+
+def test_the_centre_of_mass_of_what_the_images_show(tracked):
     """From files to the estimate. A feature's error may be the same in all its sightings, as light and angle change
     slowly: the covariance is then as many times as large. Beyond that the error is in one of 10⁴ draws.
     """
-    truth = scene(24)
-    found = track(*write_images(truth, tmp_path), truth.pair, times=truth.time)
-    seen = found.tracks.seen
+    truth, seen = scene(24), tracked.tracks.seen
     assert seen.sum() > 300
     options = PathOptions(trajectory="fixed")
-    result = estimate(found.tracks, method="pivot", camera=truth.camera, options=options)
+    result = estimate(tracked.tracks, method="pivot", camera=truth.camera, options=options)
     assert result.covariance is not None
     error, claimed = result.position[0] - truth.path[0], result.covariance[0] * seen.sum(axis=0).mean()
     assert error @ np.linalg.solve(claimed, error) < chi2.ppf(1 - 1e-4, 3)
     assert np.sqrt(np.trace(claimed)) < 0.005  # of a distance of 5 m, and half a metre from the features
     assert result.status.trustworthy
+
+
+def test_the_picture_has_the_features_on_the_body(tracked):
+    """They lie where the image is lit, not on the sky, and their trails have as many points as sightings."""
+    *_, (left, _) = scene(24).images()
+    places = trails(scene(24), tracked)
+    np.testing.assert_array_equal(np.isfinite(places[..., 0]), tracked.tracks.seen)
+    columns, rows = np.rint(places[-1, tracked.tracks.seen[-1]]).astype(int).T
+    assert (left[rows, columns] > 20).mean() > 0.9 > (left > 20).mean() + 0.3
+    assert picture(scene(24), tracked).axes[0].images[0].get_array().shape == left.shape
 
 
 def test_the_files_of_a_draw_are_those_that_the_commands_read(tmp_path, monkeypatch):
