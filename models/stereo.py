@@ -68,19 +68,18 @@ def triangulate(rig: RectifiedRig, R_C_V: FloatArray, pixels: FloatArray) -> tup
 
     The covariance is J Jᵀ σ² at the triangulated point, to first order. Both are NaN unless the disparity is above 0.
     """
-    usable = np.where((pixels[..., 0] > pixels[..., 2])[..., None], pixels, np.nan)
-    position_V = _of_each(_triangulation(), usable, rig)
-    spread_C = R_C_V[:, None] @ _of_each(_spread(), usable, rig)
+    position_V, spread_V = triangulated(rig, pixels)
+    spread_C = R_C_V[:, None] @ spread_V
     return position_V @ np.swapaxes(R_C_V, 1, 2), spread_C @ np.swapaxes(spread_C, -1, -2)
 
 
-def sensitivity(rig: RectifiedRig, pixels: FloatArray) -> FloatArray:
-    """Derivatives J (n, m, 3, 3) of triangulated points in V by their pixels (n, m, 3), m/px, times the pixel noise.
+def triangulated(rig: RectifiedRig, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Points (n, m, 3) in V, m, from pixels (n, m, 3), and their derivatives by these times the pixel noise, J σ.
 
-    NaN unless the disparity is above 0.
+    J σ (n, m, 3, 3) in m. Both are NaN unless the disparity is above 0.
     """
     usable = np.where((pixels[..., 0] > pixels[..., 2])[..., None], pixels, np.nan)
-    return _of_each(_spread(), usable, rig)
+    return _of_each(_triangulation(), usable, rig), _of_each(_spread(), usable, rig)
 
 
 def in_images(rig: RectifiedRig, pixels: FloatArray) -> BoolArray:

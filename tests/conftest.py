@@ -30,7 +30,7 @@ def pytest_report_header():
 def own_cache(tmp_path_factory, testrun_uid):
     """Libraries compiled by the tests are kept for the session, all its workers', and leave the user's cache alone.
 
-    They are made in half the time without the most of optimisations; what users get is tested where units are built.
+    They are made sooner without most optimisations; what users get is tested where units are built.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:

@@ -89,7 +89,7 @@ class Posterior:
 def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
     """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
 
-    From a start only the maximum near it is found, in a tenth of the time.
+    From a start only the maximum near it is found.
     """
     bounds = ranges(linear, prior)
     if not len(bounds):

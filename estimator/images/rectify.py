@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.camera.pair import CameraPair
 from baryscope.estimator.images.opencv import opencv
 from baryscope.estimator.images.patches import Surface
-from baryscope.models.stereo import RectifiedPair, sensitivity, triangulate
+from baryscope.models.stereo import RectifiedPair, triangulated
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -77,6 +77,6 @@ class Rectified:
         """
         rig = RectifiedPair(self.focal_length, self.baseline)
         centred = pixels - np.append(self.principal_point, self.principal_point[0] + self.shift)
-        position, _ = triangulate(rig, self.R_left_V[None], centred[None])
-        spread = self.R_left_V @ sensitivity(rig, centred[None])[0]
-        return position[0], spread @ covariance @ np.swapaxes(spread, 1, 2)
+        position, spread = (found[0] for found in triangulated(rig, centred[None]))
+        spread = self.R_left_V @ spread
+        return position @ self.R_left_V.T, spread @ covariance @ np.swapaxes(spread, 1, 2)

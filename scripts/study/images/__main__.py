@@ -27,22 +27,17 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(required=True)
     runner = command.add_run(commands, "seeds", METHODS, METHODS, 600.0)
     runner.add_argument("--seeds", type=command.natural, default=12, help="from --seed on")
-    runner.add_argument("--noise", type=float, default=NOISE, help="of a pixel, in steps of 8 bits")
     _add_setting(runner)
     runner.set_defaults(run=_run)
     command.add_report(commands, "the table").set_defaults(run=_report)
     writer = commands.add_parser("write", help="the images of a draw, with rig.toml, attitude.csv and truth.csv")
-    writer.add_argument("--seed", type=command.natural, default=1)
-    writer.add_argument("--noise", type=float, default=NOISE)
-    writer.add_argument("-o", "--output", type=Path, required=True)
-    _add_setting(writer)
     writer.set_defaults(run=_write)
     painter = commands.add_parser("picture", help="the last left image of a draw, with what is followed, as PNG")
-    painter.add_argument("--seed", type=command.natural, default=1)
-    painter.add_argument("--noise", type=float, default=NOISE)
-    painter.add_argument("-o", "--output", type=Path, required=True)
-    _add_setting(painter)
     painter.set_defaults(run=_paint)
+    for one in (writer, painter):
+        one.add_argument("--seed", type=command.natural, default=1)
+        one.add_argument("-o", "--output", type=Path, required=True)
+        _add_setting(one)
     return command.executed(parser, arguments)
 
 
@@ -50,6 +45,7 @@ def _add_setting(parser: argparse.ArgumentParser) -> None:
     usual = Setting()
     parser.add_argument("--duration", type=float, default=usual.duration, help="s")
     parser.add_argument("--rate", type=float, default=usual.rate, help="pairs a second")
+    parser.add_argument("--noise", type=float, default=NOISE, help="of a pixel, in steps of 8 bits")
     parser.add_argument("--width", type=command.positive, default=usual.width, help="of the images, px")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.images import Tracked
-from baryscope.estimator.images.opencv import opencv
+from baryscope.study.images.render import projected
 from baryscope.study.images.scene import Scene
 
 if TYPE_CHECKING:
@@ -18,12 +18,9 @@ FOLLOWED, FEW = "#ffb000", 2.5  # colour, and size of a feature, points
 
 def trails(scene: Scene, tracked: Tracked) -> NDArray[np.float64]:
     """Pixels (n, m, 2) of the tracked points in the left image as it is taken; NaN where there is none."""
-    points = tracked.tracks.position
-    lens, seen = scene.pair.left, tracked.tracks.seen
+    seen = tracked.tracks.seen
     found = np.full((*seen.shape, 2), np.nan)
-    still = np.zeros(3)
-    pixels = opencv().projectPoints(points[seen][:, None], still, still, lens.matrix, np.array(lens.distortion))[0]
-    found[seen] = np.asarray(pixels, dtype=np.float64)[:, 0]
+    found[seen] = projected(scene.pair.left, tracked.tracks.position[seen])
     return found
 
 

@@ -22,6 +22,13 @@ AMBIENT = 0.12  # of the Sun's irradiance
 MARGIN = 4  # px around a facet's corners, in which distortion may bend its edges
 
 
+def projected(lens: Lens, points_V: FloatArray) -> FloatArray:
+    """Pixels (k, 2), as the lens distorts them, of points (k, 3), m in the camera's axes."""
+    zero = np.zeros(3)
+    pixels = opencv().projectPoints(points_V[:, None], zero, zero, lens.matrix, np.array(lens.distortion))[0]
+    return np.asarray(pixels, dtype=np.float64)[:, 0]
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """The rays of a lens: x/z and y/z (rows, columns) of each in the camera's axes, SAMPLES² a pixel."""
@@ -42,9 +49,7 @@ class View:
 
     def window(self, corners_V: FloatArray) -> tuple[slice, slice]:
         """Rows and columns of the rays that may meet a facet with corners (4, 3) in the camera's axes."""
-        cv2 = opencv()
-        zero = np.zeros(3)
-        pixels = cv2.projectPoints(corners_V, zero, zero, self.lens.matrix, np.array(self.lens.distortion))[0][:, 0]
+        pixels = projected(self.lens, corners_V)
         low, high = pixels.min(axis=0) - MARGIN, pixels.max(axis=0) + MARGIN
         size = np.array(self.lens.resolution)
         (left, top), (right, bottom) = (SAMPLES * np.clip(edge, 0, size).astype(int) for edge in (low, high))
