@@ -4,7 +4,7 @@ A frame's shift, with its rotation unknown, has the information N from its obser
 eigenvalue and z² the squared shift times λ, −2 ln of the likelihood of a variance s² is Σ ln(1 + λ s²) + z²/(1 + λ s²).
 
 Slips may last. What is constant then knows as little as from white noise of s² times 1 + 2 Σ ρ, ρ the autocorrelations,
-in a window of so many times that sum as Wolff (Comput. Phys. Commun. 156, 2004) has it, who corrects for the mean, too.
+corrected for the mean as by Wolff (Comput. Phys. Commun. 156, 2004).
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.scan import scanned_minimum
@@ -23,7 +24,6 @@ FloatArray = NDArray[np.float64]
 RANGE = (1e-4, 1e8)  # of the variance, over that with which the frames' median shift is known
 SCAN, SWEEPS = 41, 4  # values of its logarithm, and how often the range is narrowed to two of its steps
 SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there is none
-WINDOW = 4.0  # of lags, over the frames that slips last, (1 + 2 Σ ρ)/2
 LASTING = 3.0  # standard deviations of 1 + 2 Σ ρ of white noise above 1, below which slips don't last
 
 
@@ -69,16 +69,16 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
 
 
 def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
-    """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m²."""
+    """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m².
+
+    Frames that tell their shift poorly count little. What they are wrong by is white: only the slips' part of the
+    squares hangs together.
+    """
     weights = [slip / (slip + one.variance) for one in series]
     shifts = [weight[:, None] * one.shift for one, weight in zip(series, weights, strict=True)]
     frames = sum(float((weight**2).sum()) for weight in weights)
-    observed, total = sum(float(np.vdot(shift, shift)) for shift in shifts) / (3 * frames), 1.0
-    for lag in range(1, max(len(shift) for shift in shifts)):
-        pairs = sum(float(weight[lag:] @ weight[:-lag]) for weight in weights)
-        products = sum(float(np.vdot(shift[lag:], shift[:-lag])) for shift in shifts)
-        total += 2 * products / (3 * max(pairs, 1e-300) * slip)
-        if lag >= WINDOW * total / 2:
-            break
-    by_chance = 2 * np.sqrt(lag / (3 * frames)) * observed / slip
+    observed = sum(float(np.vdot(shift, shift)) for shift in shifts) / (3 * frames * slip)
+    lasting, lag = frames_per_independent_one(shifts)
+    total = 1 + observed * (lasting - 1)
+    by_chance = 2 * observed * np.sqrt(lag / (3 * frames))
     return total * (1 + (2 * lag + 1) / frames) if total > 1 + LASTING * by_chance else 1.0

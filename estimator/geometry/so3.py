@@ -35,6 +35,11 @@ def turned_information(information: FloatArray, turn: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("iba,kbc,jcd,kda->ij", axes, information, axes, turn, optimize=True))
 
 
+def squared_cross(turn: FloatArray) -> FloatArray:
+    """E [φ]×ᵀ [φ]× = tr C 1 − C, (3, 3), for a rotation vector φ of the covariance C (3, 3), rad²."""
+    return np.asarray(np.trace(turn) * np.eye(3) - turn)
+
+
 def cross_matrices(vectors: FloatArray) -> FloatArray:
     """[v]× (m, 3, 3) of vectors (m, 3)."""
     matrix = np.zeros((len(vectors), 3, 3))

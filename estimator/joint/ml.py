@@ -20,7 +20,7 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
     three_sigma_factor,
 )
-from baryscope.estimator.geometry.so3 import log_rotation
+from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.joint.noise import Fit, restricted_likelihood, transformed
 from baryscope.estimator.joint.result import Centre, Slide, residual_of
@@ -115,7 +115,7 @@ def _spurious(pair: Pair, in_child: bool) -> FloatArray:
     turn = (R @ child @ np.swapaxes(R, 1, 2) if in_child else child).mean(axis=0)
     own = slice(0, 3) if in_child else slice(3, 6)
     found = np.zeros((6, 6))
-    found[own, own] = np.trace(turn) * np.eye(3) - turn
+    found[own, own] = squared_cross(turn)
     return found
 
 
@@ -129,7 +129,7 @@ def _slide(pair: Pair, fit: Fit) -> Slide:
     own = 0.0
     for body, lever in ends:
         turn = body.attitude_noise(body.own_variance).mean(axis=0)
-        own += float(lever @ (np.trace(turn) * np.eye(3) - turn) @ lever) / 3
+        own += float(lever @ squared_cross(turn) @ lever) / 3
         own += body.own_variance / float(body.weights.sum(axis=1).mean())
     return Slide(
         white=float(np.sqrt(white)),

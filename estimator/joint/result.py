@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.tracks import FloatArray
 
@@ -46,14 +47,19 @@ class HingeAxis:
     covariance_in_child: FloatArray
     residual: float
 
+    @property
+    def deviation(self) -> float:
+        """Standard deviation, rad, of the direction in the child, in the worst direction across it."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance_in_child)[2]))
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Joint:
     """A centre of rotation.
 
     Attributes:
         method: score or ml.
-        time: (n,), s, of the frames that show both bodies.
+        pair: the bodies as rigid ones, in the n frames that show both.
         in_parent, in_child: (3,), m, from the markers' centroid, in the axes that the body has in the first common
             frame which shows all of its markers; without a parent in_parent is in the tracks' axes.
         covariance: (6, 6), m², of both, referred to where skin held the markers on average.
@@ -66,14 +72,12 @@ class Joint:
             than a third of the child's markers' radius (ml), or nothing is known (score). Where nothing is known, the
             covariance is that of three radii.
         axis: (3,), in the child's axes: the direction in which the centre is least certain, that of a hinge.
-        parent_rms, child_rms: (m,), m, of each marker from the rigid body, per coordinate.
-        child_markers: (m, 3), m: their mean shape, in the child's axes.
         slide: of the two sides; None by score.
         hinge_axis: None if it is no hinge.
     """
 
     method: Method
-    time: FloatArray
+    pair: Pair
     in_parent: FloatArray
     in_child: FloatArray
     covariance: FloatArray
@@ -84,11 +88,28 @@ class Joint:
     ratio: float
     hinge: bool
     axis: FloatArray
-    parent_rms: FloatArray
-    child_rms: FloatArray
-    child_markers: FloatArray
     slide: Slide | None
     hinge_axis: HingeAxis | None
+
+    @property
+    def time(self) -> FloatArray:
+        """(n,), s, of the frames that show both bodies."""
+        return self.pair.time
+
+    @property
+    def parent_rms(self) -> FloatArray:
+        """(m,), m, of each marker of the parent from the rigid body, per coordinate; (0,) without a parent."""
+        return np.zeros(0) if self.pair.parent is None else self.pair.parent.rms
+
+    @property
+    def child_rms(self) -> FloatArray:
+        """(m,), m, of each marker of the child from the rigid body, per coordinate."""
+        return self.pair.child.rms
+
+    @property
+    def child_markers(self) -> FloatArray:
+        """(m, 3), m: the mean shape of the child's markers, in its axes."""
+        return self.pair.child.markers
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +135,10 @@ def joint_of(pair: Pair, method: Method, centre: Centre, ratio: float, axis: Hin
     u, v = centre.found[:3], centre.found[3:]
     R_T_P, c = pair.parent_pose
     residual = residual_of(pair, centre.found)
-    frames = frames_per_independent_one(residual)
+    frames, _ = frames_per_independent_one([residual])
     return Joint(
         method=method,
-        time=pair.time,
+        pair=pair,
         in_parent=u,
         in_child=v,
         covariance=centre.covariance,
@@ -128,20 +149,6 @@ def joint_of(pair: Pair, method: Method, centre: Centre, ratio: float, axis: Hin
         ratio=ratio,
         hinge=centre.hinge,
         axis=centre.weakest[3:] / np.linalg.norm(centre.weakest[3:]),
-        parent_rms=np.zeros(0) if pair.parent is None else pair.parent.rms,
-        child_rms=pair.child.rms,
-        child_markers=pair.child.markers,
         slide=centre.slide,
         hinge_axis=axis,
     )
-
-
-def frames_per_independent_one(residual: FloatArray) -> float:
-    """The integrated autocorrelation 1 + 2 Σ ρ, summed to the first lag at which ρ is not positive."""
-    total, squares = 1.0, float(np.sum(residual**2))
-    for lag in range(1, len(residual) // 2):
-        rho = float(np.sum(residual[lag:] * residual[:-lag])) / max(squares, 1e-300)
-        if rho <= 0:
-            break
-        total += 2 * rho
-    return total

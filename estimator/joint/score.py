@@ -10,9 +10,11 @@ Not covered: noise that keeps time with the motion, and a shift of skin that dep
 
 import numpy as np
 
+from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
 from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
+from baryscope.estimator.geometry.so3 import squared_cross
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.result import Centre, frames_per_independent_one
+from baryscope.estimator.joint.result import Centre
 from baryscope.estimator.tracks import FloatArray
 
 LAGS = 10  # of Bartlett's weights on the whitened scores
@@ -25,7 +27,7 @@ def score(pair: Pair) -> Centre:
     inverse = (vectors / values) @ vectors.T
     found = inverse @ np.einsum("kij,ki->j", design, wanted)
     residual = design @ found - wanted
-    frames = frames_per_independent_one(residual)
+    frames, _ = frames_per_independent_one([residual])
     independent = len(residual) / frames
     spurious = three_sigma_factor(max(int(independent), 1)) * _spurious(pair, residual)
     variance = float(np.mean(residual**2)) * frames
@@ -45,7 +47,7 @@ def score(pair: Pair) -> Centre:
 
 
 def _spurious(pair: Pair, residual: FloatArray) -> FloatArray:
-    """The information on (u, v), (6, 6), that the noise φ of attitudes seems to give: E [φ]×ᵀ [φ]× = tr C − C."""
+    """The information on (u, v), (6, 6), that the noise of attitudes seems to give."""
     found = np.zeros((6, 6))
     bodies = [(slice(3, 6), pair.child)]
     if pair.parent is not None:
@@ -54,5 +56,5 @@ def _spurious(pair: Pair, residual: FloatArray) -> FloatArray:
         # The joint's residual is of the centroids of all bodies; as one of a marker by itself it is larger.
         of_markers = np.mean(residual**2) * body.weights.sum(axis=1).mean() / len(bodies)
         of_turn = body.attitude_noise(float(max(of_markers, np.mean(body.rms**2)))).sum(axis=0)
-        found[own, own] = np.trace(of_turn) * np.eye(3) - of_turn
+        found[own, own] = squared_cross(of_turn)
     return found

@@ -122,10 +122,9 @@ def _words(found: Joint) -> list[str]:
     ]
     if found.hinge_axis is not None:
         axis = found.hinge_axis
-        deviation = np.rad2deg(np.sqrt(np.linalg.eigvalsh(axis.covariance_in_child)[2]))
         lines.append(
-            f"  the axis in the child: ({_vector(axis.in_child)}), ±{deviation:.2g}°; the bodies turn across it by "
-            f"{np.rad2deg(axis.residual):.2g}° rms"
+            f"  the axis in the child: ({_vector(axis.in_child)}), ±{np.rad2deg(axis.deviation):.2g}°; the bodies "
+            f"turn across it by {np.rad2deg(axis.residual):.2g}° rms"
         )
     lines.append(
         f"  the two sides differ by {length(float(np.sqrt(np.mean(found.residual**2))))} rms per coordinate, for "

@@ -32,7 +32,7 @@ def report_of_joint(
         words: the result in sentences.
         name: of the tracks, for the title.
     """
-    pair = Pair.of(parent, child)
+    pair = found.pair
     bodies = [("child", child, pair.child)]
     if parent is not None and pair.parent is not None:
         bodies.insert(0, ("parent", parent, pair.parent))
@@ -137,10 +137,9 @@ def facts_of(found: Joint) -> Facts:
     ]
     if found.hinge_axis is not None:
         axis = found.hinge_axis
-        deviation = np.rad2deg(np.sqrt(np.linalg.eigvalsh(axis.covariance_in_child)[2]))
         items += [
             ("axis in the parent", _vector(axis.in_parent.tolist())),
-            ("axis in the child", f"{_vector(axis.in_child.tolist())}, ±{deviation:.2g}°"),
+            ("axis in the child", f"{_vector(axis.in_child.tolist())}, ±{np.rad2deg(axis.deviation):.2g}°"),
             ("turned across the axis, rms", f"{np.rad2deg(axis.residual):.2g}°"),
         ]
     if found.slide is not None:

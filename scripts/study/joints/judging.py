@@ -9,7 +9,6 @@ from scipy.stats import chi2
 
 from baryscope.estimator import FeatureTracks
 from baryscope.estimator.joint import Method, joint
-from baryscope.estimator.joint.bodies import Pair
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.study.joints.recordings import recorded
 from baryscope.study.population.running import Line
@@ -36,7 +35,7 @@ def judged(motion: str, noise: str, seed: int, draw: int, method: Method) -> Lin
     except (ComputationError, InputError) as refused:
         return line | {"failure": str(refused), "wall": perf_counter() - begin}
     line["wall"] = perf_counter() - begin
-    body = Pair.of(parent, child).child
+    body = found.pair.child
     back = np.swapaxes(body.rotation, 1, 2)
     error = found.in_child - np.einsum("kij,kj->ki", back, made.joint - body.place).mean(axis=0)
     claimed = found.covariance[3:, 3:]

@@ -59,7 +59,7 @@ def test_slips_that_last_cost_as_much_as_they_hang_together():
         error = found.position[0] - com[0]
         squares.append(error @ np.linalg.solve(found.covariance[0], error))
         assert found.status.trustworthy
-    # How many frames a slip lasts is found to a third.
+    # How many frames a slip lasts is found to some 40 %: √(2 (2 W + 1)/(3 n)) for a window W of 40 lags.
     assert 3 / 2 < np.mean(squares) < 3 * 1.5 + 4 * np.sqrt(6 / 24)
 
 
