@@ -1,7 +1,6 @@
 """An instance of any FMU with one interface for FMI 2 and 3, Co-Simulation and Model Exchange."""
 
 import ctypes
-import os
 from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -12,6 +11,7 @@ from fmpy import calloc, fmi2, fmi3, free
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.fmu.check.description import size_of, states
+from baryscope.fmu.runtime.loading import loaded
 
 FloatArray = NDArray[np.float64]
 
@@ -47,16 +47,13 @@ class Instance:
 
     def _load(self, kind: Any, folder: Path, token: str | None) -> None:
         identifier = self.description.coSimulation if self.co_simulation else self.description.modelExchange
-        here = Path.cwd()
-        try:
-            self.fmu = kind(
-                guid=token or self.description.guid,
-                modelIdentifier=identifier.modelIdentifier,
-                unzipDirectory=str(folder),
-                instanceName="baryscope check",
-            )
-        finally:
-            os.chdir(here)  # fmpy changes to the library's folder, and stays there if loading fails
+        self.fmu = loaded(
+            kind,
+            guid=token or self.description.guid,
+            modelIdentifier=identifier.modelIdentifier,
+            unzipDirectory=str(folder),
+            instanceName="baryscope check",
+        )
 
     def _instantiate(self) -> None:
         if not self.fmi2:

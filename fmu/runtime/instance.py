@@ -5,10 +5,8 @@ hold the differences between FMI 2.0 and 3.0, so that a session is independent o
 """
 
 import ctypes
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +16,7 @@ from fmpy.fmi3 import FMU3Slave
 from baryscope.fmu.layout.archive import UnitFile
 from baryscope.fmu.layout.platforms import FmiVersion, host_platform, library_of_this_machine
 from baryscope.fmu.runtime.arguments import number_of
+from baryscope.fmu.runtime.loading import loaded
 from baryscope.models.errors import ComputationError, InputError
 
 _WARNING = 1
@@ -160,9 +159,9 @@ class Instance:
         expected = "expected a unit for this machine"
         if library is None:
             raise InputError(f"{unit.path}: has no library for {host_platform().name}, {expected}")
-        here = Path.cwd()
         try:
-            return self._version.loader(
+            return loaded(
+                self._version.loader,
                 guid=unit.guid,
                 modelIdentifier=unit.model_identifier,
                 unzipDirectory=str(unit.folder),
@@ -170,7 +169,6 @@ class Instance:
                 libraryPath=str(library),
             )
         except Exception as error:  # fmpy raises bare Exceptions
-            os.chdir(here)  # fmpy changes to the library's folder, and stays there if loading fails
             raise InputError(f"{unit.path}: cannot be loaded ({error}), {expected}") from error
 
     def reset(self) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from baryscope.fmu.layout.archive import unpack
 from baryscope.fmu.runtime.instance import UnitError
+from baryscope.fmu.runtime.loading import loaded
 from baryscope.fmu.system.structure import NAMESPACES, STRUCTURE
 from baryscope.models.errors import InputError
 
@@ -253,7 +254,8 @@ def _instantiated(name: str, description: Any, folder: Path) -> tuple[Any, list[
     callbacks = fmi2CallbackFunctions()
     callbacks.logger = fmi2CallbackLoggerTYPE(log)
     try:
-        fmu = FMU2Slave(
+        fmu = loaded(
+            FMU2Slave,
             guid=description.guid,
             unzipDirectory=str(folder),
             modelIdentifier=description.coSimulation.modelIdentifier,
