@@ -42,7 +42,7 @@ def _by_noise(result: Estimate, tracks: FeatureTracks, errors: SharedErrors) -> 
     if not errors.noisy or result.method == "score":  # whose noise is that of whole frames already
         return 1.0
     count = result.used.sum(axis=1)
-    own = result.noise.a_posteriori**2
+    own = result.noise.lasting * result.noise.a_posteriori**2
     if tracks.covariance is not None:
         own *= float(np.mean(np.trace(tracks.covariance[tracks.seen], axis1=1, axis2=2))) / 3
     shared = np.trace(errors.shift_covariance(result.position), axis1=1, axis2=2) / 3

@@ -66,6 +66,7 @@ class NoisePart(Part):
     a_priori: float | None = Field(description="as given with --sigma")
     a_posteriori: float = Field(description="from the residuals")
     unit: Literal["m", "1"] = Field(description="1: a factor on the standard deviations given with the tracks")
+    lasting: float = Field(description="how many successive frames have the same error of a feature; 1 for white noise")
 
 
 class ClusterPart(Part):
@@ -201,6 +202,7 @@ def document_of(result: Estimate) -> EstimateDocument:
             a_priori=result.noise.a_priori,
             a_posteriori=result.noise.a_posteriori,
             unit="1" if result.noise.relative else "m",
+            lasting=result.noise.lasting,
         ),
         process_noise=None if result.process_noise is None else _process_noise(result.process_noise),
         observability=None if result.observability is None else _observability(result.observability),

@@ -104,6 +104,8 @@ def summary(result: Estimate) -> list[str]:
         if result.noise.relative
         else f"noise {result.noise.a_posteriori:.3g} m per axis"
     )
+    if result.noise.lasting > 1:
+        noise += f", the same in {result.noise.lasting:.3g} frames"
     features = f", features {', '.join(result.rejected_features)}" if result.rejected_features else ""
     lines = [
         f"trajectory {result.path}; {noise}; {100 * result.rejected_share:.2g} % of the observations rejected{features}"

@@ -77,12 +77,14 @@ class Cluster:
 class Noise:
     """Standard deviation of an observation's coordinate: a priori, as given or None, and a posteriori, from residuals.
 
-    In m, or, if `relative`, as a factor on the standard deviations of the tracks' covariances.
+    In m, or, if `relative`, as a factor on the standard deviations of the tracks' covariances. lasting: how many
+    successive frames have the same error of a feature, 1 + 2 Σ ρ with its autocorrelations ρ; covariances allow for it.
     """
 
     a_priori: float | None
     a_posteriori: float
     relative: bool = False
+    lasting: float = 1.0
 
 
 @dataclass(frozen=True)

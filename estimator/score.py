@@ -23,7 +23,9 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
+from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.details import ScoreDetails
@@ -50,8 +52,9 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     """The centre of mass as the fixed centre of rotation: in LVLH if an orbit is given and no trajectory, else in C.
 
     The covariance is that of the least squares, with the noise from its residuals c_k + R_k u − v per coordinate,
-    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes. It is wrong if the centre
-    moves, which the findings tell. A sigma in the options is not used.
+    `ScoreDetails.centre_residual`, without the spurious information of noisy attitudes; frames that have the same
+    errors of the features count as one. It is wrong if the centre moves, which the findings tell. A sigma in the
+    options is not used.
 
     Raises:
         InputError: a trajectory other than `fixed`.
@@ -67,17 +70,21 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     inliers = screen(position, tracks.seen)
     registered = find_bodies(position, inliers, tracks.time)
     centre, offsets, inverse, variance, unseen = solve_score(registered)
-    path = "fixed in LVLH" if in_orbit else "fixed"
-    lack = _lack_of_fit(registered, tracks.time, centre, offsets, path)
-    noisy = variance > (ROUNDING * float(np.abs(centre).max())) ** 2
-    finding = lack or (_excess_residuals(registered, inliers, offsets, variance, path) if noisy else None)
-    distance = float(np.linalg.norm(centre))
-    inverse = _without_spurious_information(registered, inliers, inverse, variance / max(distance, 1e-300) ** 2)
-    unseen = unseen * distance / np.linalg.norm(unseen[-3:], axis=0)
-    joint = variance * inverse + unseen @ unseen.T
     bodies = [
         replace(body, points=body.points + offset) for body, offset in zip(registered.bodies, offsets, strict=True)
     ]
+    origin, n = np.tile(centre, (len(position), 1)), len(position)
+    observations = Observations(np.where(inliers[:, :, None], position, 0.0), inliers.astype(np.float64))
+    lasting = frames_per_error(bodies, observations, origin)
+    path = "fixed in LVLH" if in_orbit else "fixed"
+    lack = _lack_of_fit(registered, tracks.time, centre, offsets, path, lasting)
+    noisy = variance > (ROUNDING * float(np.abs(centre).max())) ** 2
+    finding = lack or (_excess_residuals(registered, inliers, offsets, variance, path) if noisy else None)
+    distance = float(np.linalg.norm(centre))
+    together = lasting * variance
+    inverse = _without_spurious_information(registered, inliers, inverse, together / max(distance, 1e-300) ** 2)
+    unseen = unseen * distance / np.linalg.norm(unseen[-3:], axis=0)
+    joint = together * inverse + unseen @ unseen.T
     weight, covariances = np.zeros(tracks.seen.shape), []
     for index, body in enumerate(bodies):
         own, block = slice(3 * index, 3 * index + 3), np.ix_(body.frames, body.features)
@@ -86,11 +93,10 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     clusters = tuple(
         cluster_of(body, body.points, own, tracks.labels) for body, own in zip(bodies, covariances, strict=True)
     )
-    n = len(tracks.time)
     of_centre = R_C_W @ joint[-3:, -3:] @ np.swapaxes(R_C_W, 1, 2)
     covariance = np.broadcast_to(of_centre, (n, 3, 3)).copy()
     turn = lvlh_rate(orbit, tracks.time)[:, None] if orbit is not None and in_orbit else np.zeros((n, 1))
-    residuals = residuals_of(position, bodies, np.tile(centre, (n, 1)))
+    residuals = residuals_of(position, bodies, origin)
     residuals = residuals @ np.swapaxes(R_C_W, 1, 2)
     used, rejected = weight > 0, rejected_by(weight)
     kept = residuals[used & ~rejected]
@@ -102,7 +108,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
         motion=Motion(velocity=np.broadcast_to(R_C_W @ np.cross([0.0, 0.0, 1.0], centre), (n, 3)) * turn),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
-        noise=Noise(None, float(np.sqrt(np.mean(kept**2))) if kept.size else np.nan),
+        noise=Noise(None, float(np.sqrt(np.mean(kept**2))) if kept.size else np.nan, lasting=lasting),
         residuals=residuals,
         used=used,
         rejected=rejected,
@@ -170,9 +176,12 @@ def _without_spurious_information(
 
 
 def _lack_of_fit(
-    registered: Registered, time: FloatArray, centre: FloatArray, offsets: FloatArray, path: str
+    registered: Registered, time: FloatArray, centre: FloatArray, offsets: FloatArray, path: str, lasting: float
 ) -> LackOfFit | None:
-    """A finding if a polynomial of time explains more of the residuals c_k + R_k u − v than noise does."""
+    """A finding if a polynomial of time explains more of the residuals c_k + R_k u − v than noise does.
+
+    lasting: how many frames have the same errors of the features.
+    """
     frames = np.concatenate([body.frames for body in registered.bodies])
     residual = np.concatenate(
         [
@@ -188,8 +197,8 @@ def _lack_of_fit(
     if values < 1:
         return None
     variance = max(float(np.sum((residual - explained) ** 2)) / values, (ROUNDING * float(np.abs(centre).max())) ** 2)
-    gain, dof = float(np.sum(explained**2)) / variance, 3 * DEGREE
-    if f_distribution.sf(gain / dof, dof, values) > SIGNIFICANCE:
+    gain, dof = float(np.sum(explained**2)) / (lasting * variance), 3 * DEGREE
+    if f_distribution.sf(gain / dof, dof, values / lasting) > SIGNIFICANCE:
         return None
     return LackOfFit(path, float(np.sqrt(np.mean(np.sum(explained**2, axis=1)))), gain, dof)
 

@@ -4,17 +4,40 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
 
 FloatArray = NDArray[np.float64]
+
+LASTING = 3.0  # standard deviations of 1 + 2 Σ ρ of white noise above 1, below which nothing lasts
 
 
 def frames_per_independent_one(series: Sequence[FloatArray]) -> tuple[float, int]:
     """1 + 2 Σ ρ of series (n, 3) about zero, summed to the first lag at which ρ is not positive; and that lag."""
-    total, squares = 1.0, sum(float(np.sum(values**2)) for values in series)
-    for lag in range(1, max(len(values) for values in series) // 2):
-        products = sum(float(np.sum(values[lag:] * values[:-lag])) for values in series if len(values) > lag)
-        rho = products / max(squares, 1e-300)
-        if rho <= 0:
-            return total, lag
-        total += 2 * rho
-    return total, max(len(values) for values in series) // 2
+    longest = max(len(values) for values in series)
+    products = np.zeros(max(longest // 2, 1))
+    for values in series:  # one by one, as the transforms take several times the memory of the series
+        size = next_fast_len(len(values) + len(products), real=True)
+        transformed = rfft(values, size, axis=0)
+        power = np.sum(transformed.real**2 + transformed.imag**2, axis=1)
+        products += irfft(power, size)[: len(products)]
+    rho = products[1:] / max(float(products[0]), 1e-300)
+    ends = np.flatnonzero(rho <= 0)
+    lag = int(ends[0]) + 1 if len(ends) else len(products)
+    return 1.0 + 2.0 * float(rho[: lag - 1].sum()), lag
+
+
+def growth_by_lasting(series: Sequence[FloatArray], values: float, frames: float, share: float = 1.0) -> float:
+    """By how much the variance of a sum over frames is more than that of white noise: 1 + 2 Σ ρ, at least 1.
+
+    It is 1 unless it is significant, and corrected for the mean as by Wolff (Comput. Phys. Commun. 156, 2004).
+
+    Args:
+        series: (n, 3), about zero.
+        values: how many independent ones the series would have if they were white.
+        frames: in how many frames each of what the series tell of is seen.
+        share: of the squares, that hangs together; the other part is white, and in the squares only.
+    """
+    lasting, lag = frames_per_independent_one(series)
+    total = 1 + share * (lasting - 1)
+    by_chance = 2 * share * np.sqrt(lag / values)
+    return float(total * (1 + (2 * lag + 1) / frames)) if total > 1 + LASTING * by_chance else 1.0

@@ -3,8 +3,7 @@
 A frame's shift, with its rotation unknown, has the information N from its observations. Along the axes of N, with λ an
 eigenvalue and z² the squared shift times λ, −2 ln of the likelihood of a variance s² is Σ ln(1 + λ s²) + z²/(1 + λ s²).
 
-Slips may last. What is constant then knows as little as from white noise of s² times 1 + 2 Σ ρ, ρ the autocorrelations,
-corrected for the mean as by Wolff (Comput. Phys. Commun. 156, 2004).
+Slips may last. What is constant then knows as little as from white noise of s² times 1 + 2 Σ ρ, ρ the autocorrelations.
 """
 
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
+from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.scan import scanned_minimum
@@ -24,7 +23,6 @@ FloatArray = NDArray[np.float64]
 RANGE = (1e-4, 1e8)  # of the variance, over that with which the frames' median shift is known
 SCAN, SWEEPS = 41, 4  # values of its logarithm, and how often the range is narrowed to two of its steps
 SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there is none
-LASTING = 3.0  # standard deviations of 1 + 2 Σ ρ of white noise above 1, below which slips don't last
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +76,4 @@ def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
     shifts = [weight[:, None] * one.shift for one, weight in zip(series, weights, strict=True)]
     frames = sum(float((weight**2).sum()) for weight in weights)
     observed = sum(float(np.vdot(shift, shift)) for shift in shifts) / (3 * frames * slip)
-    lasting, lag = frames_per_independent_one(shifts)
-    total = 1 + observed * (lasting - 1)
-    by_chance = 2 * observed * np.sqrt(lag / (3 * frames))
-    return total * (1 + (2 * lag + 1) / frames) if total > 1 + LASTING * by_chance else 1.0
+    return growth_by_lasting(shifts, 3 * frames, frames, observed)

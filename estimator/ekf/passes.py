@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to
@@ -16,10 +17,12 @@ from baryscope.estimator.ekf.motion import gravity_gradient_axis
 from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
+from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
 
 MAX_PASSES = 12
+FEATURES_OF_A_POSE = 3
 ROUGH_TURN = 0.03  # rad, median of a pass
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
@@ -34,9 +37,10 @@ VARIANCE_TOLERANCE = 0.05  # change of the logarithm of an observation's varianc
 class Pass:
     """A pass: the system about a reference, and the solution for the best member.
 
-    noise_variance: to which the process noise was relative; variance: of an observation of weight 1, as given or from
-    the innovations, residual_variance; after: the reference after the pass; weight (frames, m): new weights; bank: None
-    in the first pass; linear: whether the linearisation error is small; steady: whether the weights are settled.
+    noise_variance: to which the process noise was relative; frame_variance: of an observation of weight 1, as given or
+    from the innovations, residual_variance; lasting: how many frames have the same errors of the features; after: the
+    reference after the pass; weight (frames, m): new weights; bank: None in the first pass; linear: whether the
+    linearisation error is small; steady: whether the weights are settled.
     """
 
     observations: Observations
@@ -48,12 +52,18 @@ class Pass:
     noise_variance: float
     solution: Solution
     parameters: Parameters
-    variance: float
+    frame_variance: float
     residual_variance: float
+    lasting: float
     after: Reference
     weight: FloatArray
     linear: bool
     steady: bool
+
+    @property
+    def variance(self) -> float:
+        """The variance of an observation of weight 1 in what all frames tell together."""
+        return self.lasting * self.frame_variance
 
     @property
     def settled(self) -> bool:
@@ -97,8 +107,9 @@ class Passes:
     @cached_property
     def variance(self) -> FloatArray:
         """The variance (k,) of an observation of weight 1 for each member."""
-        least, sigma = self.problem.floor, self.problem.sigma
-        return np.array([sigma or max(parameters.squares / self.last.dof, least) for _, parameters in self._solved])
+        least, sigma, last = self.problem.floor, self.problem.sigma, self.last
+        own = [sigma or max(parameters.squares / last.dof, least) for _, parameters in self._solved]
+        return last.lasting * np.array(own)
 
     @cached_property
     def solution(self) -> Solution:
@@ -195,15 +206,15 @@ def _pass(
     system = linearised(reference, problem.start.nodes, observations)
     prior = problem.prior(reference, reference.x + shift, variance)
     dof = problem.dof(observations)
-    axes, bank = problem.axes(variance), None
+    axes, bank, lasting = problem.axes(variance), None, 1.0 if last is None else last.lasting
     member = Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
     if last is not None and last.bank and last.linear and last.settled:
         bank, member = last.bank, last.member
     elif last is not None:
 
         def scores(members: Sequence[Member]) -> FloatArray:
-            values = dof + problem.weakly_known
-            return log_likelihoods(system, problem.noise(members, variance), prior, values, problem.sigma)
+            values, sigma = (dof + problem.weakly_known) / lasting, problem.sigma and lasting * problem.sigma
+            return log_likelihoods(system, problem.noise(members, variance), prior, values, sigma)
 
         bank = Bank(*axes, scores)
         member = bank.best(last.bank.scaled(last.member, variance / last.noise_variance) if last.bank else None)
@@ -223,6 +234,8 @@ def _pass(
     turn = np.linalg.norm(solution.state[system.seen, TURN], axis=1)
     rough = bank is None or float(np.median(turn)) > ROUGH_TURN  # the residuals do not tell outliers yet
     weight = observations.weight if rough else reweighted(squares, observations.weight, dof, problem.floor)
+    if not rough:
+        lasting = _frames_per_error(problem, observations, after)
     changed = float(np.vdot(squares, weight / np.where(observations.weight > 0, observations.weight, 1.0) - 1))
     problem.rounds.did(0.5)
     return Pass(
@@ -237,11 +250,21 @@ def _pass(
         parameters,
         used,
         residual_variance,
+        lasting,
         after,
         weight,
-        linear=_is_linear(problem, reference, solution, used) or _has_stayed(problem, after, solution, used, last),
+        linear=_is_linear(problem, reference, solution, lasting * used)
+        or _has_stayed(problem, after, solution, lasting * used, last),
         steady=not rough and abs(changed) <= WEIGHT_CHANGE_TOLERANCE * float(squares.sum()),
     )
+
+
+def _frames_per_error(problem: Problem, observations: Observations, after: Reference) -> float:
+    """How many frames have the same errors of the features, about a reference."""
+    frames = np.flatnonzero((observations.weight > 0).sum(axis=1) >= FEATURES_OF_A_POSE)
+    at = problem.start.nodes.frames
+    body = Body(np.arange(len(after.points)), frames, after.points, after.attitude[at[frames]])
+    return frames_per_error([body], observations, after.origin[at])
 
 
 def _bounded(problem: Problem, reference: Reference, solution: Solution) -> FloatArray:

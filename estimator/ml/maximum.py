@@ -47,9 +47,9 @@ class Likelihood:
     """The maximum a posteriori estimate of motion, path and points, with the normal equations there.
 
     blocks of the frames; noise of the frames' movements; observations with their final weights; variance of an
-    observation of weight 1, as given or from the residuals: in m², or as a factor on the given covariances;
-    residual_variance: that from the residuals; unknowns: the number of unknowns y that the observations determine;
-    posterior of y and of the hyperparameters.
+    observation of weight 1 in what all frames tell together, as given or from the residuals: in m², or as a factor on
+    the given covariances; residual_variance: that from the residuals, of a frame by itself; unknowns: the number of
+    unknowns y that the observations determine; posterior of y and of the hyperparameters.
     """
 
     rotation: Rotation
@@ -87,7 +87,8 @@ class _State:
 class _Problem:
     """What an iteration does not change: times (n,), path and priors; measured: all observations with weight 1.
 
-    floor: least variance of an observation; stereo: whether the covariances belong to the estimated points.
+    floor: least variance of an observation; lasting: how many frames have the same errors of the features; stereo:
+    whether the covariances belong to the estimated points.
     """
 
     time: FloatArray
@@ -98,6 +99,7 @@ class _Problem:
     priors: Priors
     measured: Observations
     floor: float
+    lasting: float
     stereo: bool
 
     @cached_property
@@ -162,7 +164,9 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     def problem_of(rotation: Rotation) -> _Problem:
         priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
         blocks = Blocks.over(tracks.time, _block_length(rotation, pivot.path))
-        return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, measured, floor, stereo)
+        return _Problem(
+            tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, measured, floor, pivot.lasting, stereo
+        )
 
     rotation = tumble.rotation
     if options.torque_noise != "none":
@@ -176,7 +180,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
         found = problem.equations(best.observations, state, best.found.points)
         best = _converged(problem, replace(best, state=state, found=found, converged=False), done)
     residual = best.found.cost / _dof(best.observations, best.unknowns)
-    variance = residual if options.sigma is None else options.sigma**2
+    variance = pivot.lasting * (residual if options.sigma is None else options.sigma**2)
     linear = problem.priors.linear(best.found, best.state.values, max(variance, floor))
     return Likelihood(
         rotation=best.state.rotation,
@@ -225,11 +229,12 @@ def _converged(problem: _Problem, start: _Iterate, done: Rounds) -> _Iterate:
         if moved is None:
             return at
         dof = _dof(at.observations, unknowns)
-        variance = max(found.cost / dof, problem.floor)
+        of_frame = max(found.cost / dof, problem.floor)
+        variance = problem.lasting * of_frame
         weight = reweighted(found.squares, at.observations.weight, dof, problem.floor)
         unweighted = found.squares / np.where(weight > 0, at.observations.weight, 1.0)
         reduced = float(np.vdot(unweighted, weight) - found.squares.sum())
-        steady = abs(reduced) <= WEIGHT_CHANGE_TOLERANCE * variance * dof
+        steady = abs(reduced) <= WEIGHT_CHANGE_TOLERANCE * of_frame * dof
         converged = steady and float(change @ matrix @ change) <= STEP_TOLERANCE * variance and damping < 1e-2
         observations = at.observations
         if not converged and (problem.stereo or not steady):

@@ -125,7 +125,9 @@ def _tumbling(
         motion=_motion(best, turn, y, tracks.time),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
-        noise=Noise(options.sigma, float(np.sqrt(best.residual_variance)), tracks.covariance is not None),
+        noise=Noise(
+            options.sigma, float(np.sqrt(best.residual_variance)), tracks.covariance is not None, pivot.lasting
+        ),
         residuals=residuals,
         used=weight > 0,
         rejected=rejected_by(weight),
@@ -166,7 +168,8 @@ def _excess_residuals(
     """A finding if the residuals (n, m, 3) of ml are greater than with free attitudes by more than noise explains.
 
     Both are compared where `pivot` uses observations, with the same weights (F test of the two nested models). Noise of
-    the camera's attitude, or of the position, is in the first, but not in the second: there is no test then.
+    the camera's attitude, or of the position, is in the first, but not in the second: there is no test then. Of errors
+    that last there are fewer values.
     """
     if pivot.slip > 0 or (errors is not None and errors.noisy):
         return ()
@@ -183,7 +186,7 @@ def _excess_residuals(
     if more <= 0 or dof <= 0 or cost <= dof * least_variance(free, ROUNDING):
         return ()
     ratio = (cost - free_cost) / more / (free_cost / dof)
-    if f.sf(ratio, more, dof) > SIGNIFICANCE:
+    if f.sf(ratio, more / pivot.lasting, dof / pivot.lasting) > SIGNIFICANCE:
         return ()
     return (ExcessResiduals(FREE_TUMBLE, float(np.sqrt(cost / (dof + more) / (free_cost / dof)))),)
 

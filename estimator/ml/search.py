@@ -24,7 +24,7 @@ def likeliest_tumble(
         ComputationError: no tumble is found.
     """
     tracks, pivot = relabelled(tracks, solved)
-    noise = max(pivot.variance, least_variance(pivot.observations, ROUNDING))
+    noise = max(pivot.frame_variance, least_variance(pivot.observations, ROUNDING))
     tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     done.did(STAGE)
     try:

@@ -110,12 +110,15 @@ def is_at_rest(found: Pivot) -> bool:
 
 
 def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
-    """The variance (3 k + p, 3 k + p) of the cost's gradient from products of errors, for the offsets' covariances."""
+    """The variance (3 k + p, 3 k + p) of the cost's gradient from products of errors, for the offsets' covariances.
+
+    Errors of the attitudes last as long as those of the features that make them.
+    """
     k, size = 3 * len(found.bodies), len(found.solution.x)
     total = np.zeros((k + size, k + size))
     for index, (noisy, offset) in enumerate(zip(found.noisy_attitudes, offsets, strict=True)):
         own = np.r_[3 * index : 3 * index + 3, k : k + size]
-        total[np.ix_(own, own)] += noisy.product_gradient(found.sampled, offset)
+        total[np.ix_(own, own)] += found.lasting * noisy.product_gradient(found.sampled, offset)
     return total
 
 
@@ -126,7 +129,7 @@ def _spurious(found: Pivot) -> FloatArray:
     """
     spurious = found.spurious
     if found.spurious_share >= SPURIOUS:
-        shown = (excess_noise(body, found.observations, found.variance) for body in found.bodies)
+        shown = (excess_noise(body, found.observations, found.frame_variance) for body in found.bodies)
         spurious = tuple(excess * own for excess, own in zip(shown, spurious, strict=True))
     return np.asarray(block_diag(*spurious))
 

@@ -106,7 +106,9 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
         motion=_motion(found, of_x, tracks.time, errors),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
-        noise=Noise(options.sigma, float(np.sqrt(found.residual_variance)), tracks.covariance is not None),
+        noise=Noise(
+            options.sigma, float(np.sqrt(found.residual_variance)), tracks.covariance is not None, found.lasting
+        ),
         residuals=residuals_of(tracks.position, found.bodies, seen),
         used=weight > 0,
         rejected=rejected_by(weight),
@@ -145,7 +147,7 @@ def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErro
     attitude_covariance = np.full((len(time), 3, 3), np.nan)
     own = found.observations.features(body.features).frames(body.frames)
     information = attitude_information(own, body.attitude, body.points)
-    attitude_covariance[body.frames] = attitude_covariances(information, found.variance)
+    attitude_covariance[body.frames] = attitude_covariances(information, found.frame_variance)
     if errors is not None:
         attitude, index = attitude_series(body, len(time)), errors_in(found.path)
         turned = errors.attitude_covariance(of_x[index, index])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.evidence import Linear, Posterior, complexity, held, maximise, posterior
+from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import GATE, reweighted
@@ -36,6 +37,7 @@ MAX_ROUNDS = 30
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
+LASTING_TOLERANCE = 0.1  # relative change of the number of frames with the same errors
 SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over which the frames' shifts are told
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
@@ -85,9 +87,10 @@ class Pivot:
 
     path, and sampled at the tracks' times, as the camera sees it; inliers (n, m): which observations passed the
     screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with their
-    final weights; variance of an observation of weight 1, as given or from the residuals: in m², or as a factor on the
-    given covariances; residual_variance: that from the residuals; posterior of x and of the hyperparameters of its
-    prior; path_unknowns: the number of unknowns of x that the observations determine.
+    final weights; frame_variance of an observation of weight 1, as given or from the residuals: in m², or as a factor
+    on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same errors
+    of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of unknowns of x
+    that the observations determine.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
     refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
     variance; findings against the models.
@@ -98,8 +101,9 @@ class Pivot:
     inliers: BoolArray
     solution: Solution
     observations: Observations
-    variance: float
+    frame_variance: float
     residual_variance: float
+    lasting: float
     posterior: Posterior
     path_unknowns: float
     converged: bool
@@ -112,6 +116,11 @@ class Pivot:
     findings: tuple[Finding, ...] = ()
 
     @property
+    def variance(self) -> float:
+        """The variance of an observation of weight 1 in what all frames tell together."""
+        return self.lasting * self.frame_variance
+
+    @property
     def bodies(self) -> tuple[Body, ...]:
         """The bodies, with points in m from the centre of mass."""
         return self.solution.bodies
@@ -121,7 +130,7 @@ class Pivot:
         """What noise does to the attitudes of each body."""
         origin = self.sampled.position(self.solution.x)
         return tuple(
-            NoisyAttitudes.of(body, self.observations, origin, self.variance, self.shift) for body in self.bodies
+            NoisyAttitudes.of(body, self.observations, origin, self.frame_variance, self.shift) for body in self.bodies
         )
 
     @cached_property
@@ -160,22 +169,23 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     bodies, x = start.bodies, start.x
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
-    simple, slip = start.first_prior, 0.0
+    simple, slip, lasting = start.first_prior, 0.0, 1.0
     scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         if measured.precision is not None and options.noise == "stereo":
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
-        told = max(options.sigma**2 if options.sigma else variance, floor)
+        told = lasting * max(options.sigma**2 if options.sigma else variance, floor)
         shift = _shift(start.errors, sampled.position(x), slip, told)
         problem = linearised(bodies, observations, sampled, x, shift)
         cost = float(problem.squares.sum())
         if np.isnan(variance):
             variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
         prior = path.prior if simple is None else simple
-        theta = maximise(scaled(problem, max(variance, floor)), prior, None if scan else theta)
-        solution = stepped(problem, prior, theta, max(variance, floor))
+        together = lasting * max(variance, floor)
+        theta = maximise(scaled(problem, together), prior, None if scan else theta)
+        solution = stepped(problem, prior, theta, together)
         bodies, x = solution.bodies, solution.x
         sampled = as_seen(path, sampled.itself, start.errors, x)
         dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
@@ -198,7 +208,11 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         if simple is not None:
             scan = settled or rounds >= SIMPLE_ROUNDS
             simple = None if scan else simple
-        if converged and rounds < MAX_ROUNDS and (richer := _richer(path, solution, theta, least, sampled)) is not None:
+        if (
+            converged
+            and rounds < MAX_ROUNDS
+            and (richer := _richer(path, solution, theta, together, sampled)) is not None
+        ):
             path, converged = richer, False
             x = np.pad(x, (0, path.size - len(x)))
             sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
@@ -206,23 +220,31 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             found_slip = position_variance(bodies, observations, sampled.position(x), least)
             converged = abs(found_slip - slip) <= SLIP_TOLERANCE * max(found_slip, slip)
             slip = found_slip
+        if converged:
+            found_lasting = frames_per_error(bodies, observations, sampled.position(x))
+            converged = abs(found_lasting - lasting) <= LASTING_TOLERANCE * max(found_lasting, lasting)
+            lasting = found_lasting
         if converged and shift is not None and options.sigma is None:
-            converged = abs(variance - told) <= SHIFT_TOLERANCE * told
+            converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
     scale = options.sigma**2 if options.sigma is not None else variance
-    linear = scaled(problem, max(scale, floor))
+    together = lasting * max(scale, floor)
+    linear = scaled(problem, together)
     assert theta is not None  # noqa: S101  there was a round
     found = posterior(linear, path.prior, theta)
     path_unknowns = float(np.vdot(solution.covariance, problem.matrix))
-    solution = solution.with_covariance(found.covariance / max(scale, floor), problem.bodies)
-    solution, tied, refused = tie_bodies(solution, max(scale, floor), observations, sampled.position(x), shift)
+    solution = solution.with_covariance(found.covariance / together, problem.bodies)
+    solution, tied, refused = tie_bodies(
+        solution, together, observations, sampled.position(x), shift, frame_variance=max(scale, floor)
+    )
     return Pivot(
         path=path,
         sampled=sampled,
         inliers=start.inliers,
         solution=solution,
         observations=observations,
-        variance=scale,
+        frame_variance=scale,
         residual_variance=variance,
+        lasting=lasting,
         shift=shift,
         posterior=found,
         path_unknowns=path_unknowns,

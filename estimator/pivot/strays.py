@@ -26,7 +26,7 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
             break
         weight, bodies = start.observations.weight.copy(), []
         for body in found.bodies:
-            stray = strays(body, found.observations, found.variance)
+            stray = strays(body, found.observations, found.frame_variance)
             stray &= (~stray).sum() >= MIN_FRAMES
             weight[np.ix_(body.frames[stray], body.features)] = 0.0
             bodies.append(_in_frames(body, ~stray))

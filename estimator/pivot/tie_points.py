@@ -92,16 +92,19 @@ def tie_bodies(
     observations: Observations,
     origin: FloatArray,
     shift: FloatArray | None = None,
+    frame_variance: float | None = None,
 ) -> tuple[Solution, tuple[TiePoints, ...], tuple[TiePoints, ...]]:
     """The solution with tie points between bodies that share features, the tie points, and those refused.
 
     variance: of an observation of weight 1; observations (n, m) of the solution; origin (n, 3): its path in C, m;
-    shift (n, 3, 3): the covariance of the frames' shifts over the variance.
+    shift (n, 3, 3): the covariance of the frames' shifts over the variance; frame_variance: as variance, in a frame by
+    itself, if errors last.
     """
     sharing = list(_sharing(solution))
     if not sharing or solution.null_space.shape[1]:
         return solution, (), ()
-    noisy = (NoisyAttitudes.of(body, observations, origin, variance, shift) for body in solution.bodies)
+    alone = variance if frame_variance is None else frame_variance
+    noisy = (NoisyAttitudes.of(body, observations, origin, alone, shift) for body in solution.bodies)
     known = [_spurious_share(solution, index, one) <= MAX_SPURIOUS for index, one in enumerate(noisy)]
     tied, refused, factors = [], [], _Factors.of(solution)
     compare = _Comparison(solution, factors, variance)

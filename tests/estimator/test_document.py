@@ -54,7 +54,7 @@ def test_every_value_is_written(tmp_path):
     residuals[:, 3] = np.nan
     _, values = written(an_estimate(findings=findings, residuals=residuals), tmp_path)
     assert values["status"] == "model does not fit"
-    assert values["noise"] == {"a_priori": None, "a_posteriori": 0.02, "unit": "m"}
+    assert values["noise"] == {"a_priori": None, "a_posteriori": 0.02, "unit": "m", "lasting": 1.0}
     assert values["predicted_rmse"] == pytest.approx(np.sqrt(14e-4))
     seen = values["observability"]
     assert (seen["cluster"], seen["observable"], seen["condition_number"]) == (0, [True] * 3, pytest.approx(9))

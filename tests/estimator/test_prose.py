@@ -92,6 +92,8 @@ def test_summary_has_noise_rejected_features_and_every_finding():
     ]
     factor = an_estimate(noise=Noise(None, 1.2, relative=True))
     assert "noise √1.44 times that of the tracks' covariances" in summary(factor)[0]
+    slow = an_estimate(noise=Noise(None, 0.02, lasting=12.34))
+    assert "noise 0.02 m per axis, the same in 12.3 frames;" in summary(slow)[0]
 
 
 def test_summary_of_a_screw_method_has_the_options_chosen_from_data(case_of, at_rest):

@@ -47,7 +47,7 @@ def unknowns_bound(jacobian: FloatArray, watched: Watched, prior: FloatArray | f
     q = p + 3 * m
     W = np.einsum("nji,nmjk,nkl->nmil", attitude, precision, attitude, optimize=True) * right[..., None, None]
     A = np.swapaxes(attitude, 1, 2) @ jacobian
-    K = _cross(-points)
+    K = cross_of(-points)
     KW = np.swapaxes(K, 1, 2) @ W
     F, all_W = (KW @ K).sum(axis=1), W.sum(axis=1)
     G = np.concatenate([KW.sum(axis=1) @ A, KW.transpose(0, 2, 1, 3).reshape(n, 3, 3 * m)], axis=2)
@@ -93,7 +93,7 @@ def rms(covariance: FloatArray) -> float:
     return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
 
 
-def _cross(v: FloatArray) -> FloatArray:
+def cross_of(v: FloatArray) -> FloatArray:
     """[v]× (m, 3, 3)."""
     x, y, z = v.T
     o = np.zeros_like(x)

@@ -13,6 +13,7 @@ from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 from baryscope.study.population.information import Watched, rms, unknowns_bound
 from baryscope.study.population.judging import accuracy, measured, of_estimate
 from baryscope.study.population.running import Line
+from baryscope.study.world.lasting_bound import lasting_bound
 from baryscope.study.world.scenes import Scene, rows_of, scene
 from baryscope.study.world.smoother import smoothed
 from baryscope.study.world.worlds import WORLDS, World
@@ -38,6 +39,8 @@ def bound_of(made: Scene, turn: FloatArray | None = None) -> float:
 
     Of forces it knows white acceleration by its density, the others exactly.
     """
+    if made.world.error_time:
+        return rms(made.jacobian @ lasting_bound(made, turn) @ np.swapaxes(made.jacobian, 1, 2))
     found = made.disturbance
     n, m = len(made.time), len(made.points)
     jacobian = np.concatenate([made.jacobian, found.columns], axis=2)

@@ -85,7 +85,10 @@ def scene(world: World, seed: int, draw: int) -> Scene:
         path, points = np.tile([0.2, -0.1, 1.5], (len(time), 1)), TOOL * POINTS
         jacobian = np.tile(np.eye(3), (len(time), 1, 1))
     places = (path + _slips(world, time, of_orbit))[:, None] + points @ np.swapaxes(attitude, 1, 2)
-    seen, camera = _seen(world, time, places, of_noise, of_camera)
+    errors = world.noise * lasting(of_noise.standard_normal(places.shape), time, world.error_time)
+    if world.error_axes == "body":
+        errors = errors @ np.swapaxes(attitude, 1, 2)
+    seen, camera = _seen(world, time, places, errors, of_camera)
     tracks = FeatureTracks(time, seen, [f"F{k}" for k in range(len(points))])
     told = None if world.slip else _wrong(orbit, of_orbit) if world.wrong_orbit else orbit
     log, disturbance = _log(world, burns, of_orbit), disturbance_of(world, orbit, time, path)
@@ -127,27 +130,35 @@ def _wrong(orbit: Orbit, rng: np.random.Generator) -> Orbit:
 
 
 def _slips(world: World, time: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """How far a pivot's tip is off, (n, 3): white, or a first-order Markov process of the same deviation."""
-    noise = world.slip * rng.standard_normal((len(time), 3))
-    if world.slip_time:
-        keep = np.exp(-np.diff(time) / world.slip_time)
-        for k, a in enumerate(keep, 1):
-            noise[k] = a * noise[k - 1] + np.sqrt(1 - a * a) * noise[k]
-    return noise
+    """How far a pivot's tip is off, (n, 3)."""
+    return world.slip * lasting(rng.standard_normal((len(time), 3)), time, world.slip_time)
+
+
+def memory(time: FloatArray, correlation_time: float) -> FloatArray:
+    """What is left of an error from each time to the next, (n - 1,)."""
+    return np.exp(-np.diff(time) / correlation_time) if correlation_time else np.zeros(len(time) - 1)
+
+
+def lasting(noise: FloatArray, time: FloatArray, correlation_time: float) -> FloatArray:
+    """White noise (n, …) of deviation 1 as a first-order Markov process of the same deviation."""
+    found = noise.copy()
+    for k, a in enumerate(memory(time, correlation_time), 1):
+        found[k] = a * found[k - 1] + np.sqrt(1 - a * a) * noise[k]
+    return found
 
 
 def _seen(
     world: World,
     time: FloatArray,
     places: FloatArray,
-    of_noise: np.random.Generator,
+    errors: FloatArray,
     of_camera: np.random.Generator,
 ) -> tuple[FloatArray, Camera | None]:
-    """The features with noise, turned by the errors of the camera's attitude, all in C.
+    """The features with their errors (n, m, 3), turned by those of the camera's attitude, all in C.
 
     The camera points at the features' centroid; its axes are V. What it sees in V is turned by the attitude it reports.
     """
-    seen = places + world.noise * of_noise.standard_normal(places.shape)
+    seen = places + errors
     if not world.attitude_noise and not world.boresight:
         return np.asarray(seen), None
     R_C_V = camera_axes(places.mean(axis=1))

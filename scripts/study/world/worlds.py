@@ -16,7 +16,8 @@ class World:
     of 1–3 mm/s² for 5–30 s in LVLH; logged: exactly, but for 1 % of each component, or not; eddy: rate at which the
     conducting target's angular velocity normal to the magnetic field decays, 1/s; wrong_orbit: the orbit told is off by
     1 km and 1°; attitude_noise of the camera and its boresight, rad; slip: deviation of a fixed pivot, m, of
-    correlation time `slip_time` s (0: white). noise: of a coordinate, m.
+    correlation time `slip_time` s (0: white). noise: of a coordinate, m; error_time: correlation time of each
+    feature's errors, s (0: white), which are those of a first-order Markov process along axes of error_axes.
     """
 
     name: str
@@ -37,6 +38,8 @@ class World:
     slip: float = 0.0
     slip_time: float = 0.0
     noise: float = 0.02
+    error_time: float = 0.0
+    error_axes: Literal["camera", "body"] = "camera"
 
 
 LOW = Orbit(7150e3, 0.001, 1.72, 2.09, 1.57)  # Envisat's
@@ -63,6 +66,9 @@ WORLDS = {
         World("e = 0.7", ECCENTRIC, j2=True, periapsis=True),
         World("pivot slips", LOW, frames=300, slip=5e-4, noise=2e-4),
         World("pivot slips slowly", LOW, frames=300, slip=5e-4, slip_time=10.0, noise=2e-4),
+        World("errors last 5 s", LOW, error_time=5.0),
+        World("errors last 60 s", LOW, error_time=60.0),
+        World("errors last 20 s, body", LOW, error_time=20.0, error_axes="body"),
     )
 }
 """All worlds by their names, in the order of the table."""

@@ -1,15 +1,19 @@
 """The smoother and the lines of the world suite."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from baryscope.estimator import PathOptions
+from baryscope.study.population.information import rms
 from baryscope.study.population.judging import nees
 from baryscope.study.world.__main__ import main
 from baryscope.study.world.forces import Burn
 from baryscope.study.world.judging import can_be_told, judged, prepared, told
+from baryscope.study.world.lasting_bound import lasting_bound
 from baryscope.study.world.report import band, table
-from baryscope.study.world.scenes import rows_of
+from baryscope.study.world.scenes import lasting, rows_of
 from baryscope.study.world.smoother import smoothed
 from baryscope.study.world.worlds import WORLDS
 
@@ -41,6 +45,31 @@ def test_bounds_of_white_acceleration_are_those_of_the_equations():
         _, bounds = prepared(name, 1, 1)
         assert bounds["tumble"] == pytest.approx(expected, rel=0.1)
         assert bounds["tumble"] <= bounds["free"]
+
+
+def test_the_bound_of_errors_that_last_is_that_of_white_ones_where_they_do_not():
+    made, bounds = prepared("as modelled", 1, 2)
+    white = replace(made, world=replace(made.world, error_time=1e-9))
+    for turn, expected in ((None, bounds["free"]), (made.turn, bounds["tumble"])):
+        path = made.jacobian @ lasting_bound(white, turn) @ np.swapaxes(made.jacobian, 1, 2)
+        assert rms(path) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_bound_of_errors_that_last_a_little_is_that_of_fewer_frames():
+    """Errors that are much shorter than the turn cost as much as white ones of 1 + 2 Σ keep^k times the variance."""
+    lasts, white = prepared("errors last 5 s", 1, 2)[1], prepared("as modelled", 1, 2)[1]
+    keep = np.exp(-600 / 599 / 5)
+    for kind in ("free", "tumble"):
+        assert lasts[kind] == pytest.approx(white[kind] * np.sqrt((1 + keep) / (1 - keep)), rel=0.05)
+
+
+def test_errors_last_as_long_as_they_shall():
+    time = np.arange(20_000.0)
+    found = lasting(np.random.default_rng(1).standard_normal((len(time), 3)), time, 5.0)
+    # A correlation of n values is known to √((1 + a²)/(1 − a²)/n) at most.
+    assert np.mean(found[1:] * found[:-1]) == pytest.approx(np.exp(-1 / 5), abs=4 * np.sqrt(5 / 60_000))
+    assert np.var(found) == pytest.approx(1.0, abs=4 * np.sqrt(2 * 5 / 60_000))
+    assert np.array_equal(lasting(found, time, 0.0), found)
 
 
 def test_the_band_is_that_of_chi_square():
