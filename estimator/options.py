@@ -10,7 +10,7 @@ from baryscope.models.orbit import Orbit
 
 Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
-Noise = Literal["stereo", "fixed"]
+Noise = Literal["auto", "stereo", "fixed"]
 ConstantAxes = Literal["none", "lvlh", "sun"]
 Burns = Literal["auto", "none"]
 Torque = Literal["none", "gravity-gradient"]
@@ -51,7 +51,8 @@ class ScrewOptions:
 class PathOptions:
     """trajectory of the CoM: fixed, polynomial, polynomial:N or relative-orbit; sigma: the known standard deviation of
     a coordinate in m, or a factor on the standard deviations if the tracks have covariances; noise: whether the given
-    covariances depend on the range (stereo) or not (fixed); torque on the target, for `ml` and `ekf`.
+    covariances depend on the measured range (stereo) or not (fixed), or whether they themselves tell (auto); torque on
+    the target, for `ml` and `ekf`.
 
     process_noise: density of the white acceleration on the path, m²/s³; torque_noise: density of the white angular
     acceleration of the target, rad²/s³, for `ml` and `ekf`. auto: estimated from the tracks; none: the models hold
@@ -69,7 +70,7 @@ class PathOptions:
 
     trajectory: str | None = None
     sigma: float | None = None
-    noise: Noise = "stereo"
+    noise: Noise = "auto"
     torque: Torque | None = None
     process_noise: Density = "auto"
     torque_noise: Density = "auto"
@@ -80,7 +81,7 @@ class PathOptions:
     def __post_init__(self) -> None:
         if self.sigma is not None and not (FINEST <= self.sigma <= COARSEST):
             raise InputError(f"sigma is {self.sigma}, expected a standard deviation of {FINEST:g} to {COARSEST:g} m")
-        _check_one_of("noise", self.noise, ("stereo", "fixed"))
+        _check_one_of("noise", self.noise, ("auto", "stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
         _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "sun"))
         _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))

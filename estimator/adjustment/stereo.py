@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import COARSEST, FINEST, STRETCHED
+from baryscope.estimator.options import Noise
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 
@@ -21,6 +22,8 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 NEAREST = 1e-6  # m, of a point from the rig
+STEREO = 4.0  # power of the range that the variance along the line of sight of a stereo rig goes with
+SAMPLE = 2000  # frames that are looked at to tell whether it does, at most
 MAX_CORRECTION = 0.5  # of a range: where noise is as large as the range, the second order says nothing
 
 
@@ -52,6 +55,27 @@ def _refuse_singular(tracks: FeatureTracks, covariance: FloatArray, used: BoolAr
             f"{smallest:.2g} to {largest:.2g} m, expected {FINEST:g} to {COARSEST:g} m and a ratio of at most "
             f"{STRETCHED:g}"
         )
+
+
+def varies_with_range(measured: Observations, noise: Noise) -> bool:
+    """Whether the precisions are those of a stereo rig at the measured points; none are not.
+
+    Where noise is auto, they tell: of each feature, the variance along the line of sight goes with the range to the
+    power of 4, or by itself with none.
+    """
+    if measured.precision is None or noise != "auto":
+        return measured.precision is not None and noise == "stereo"
+    every = max(1, len(measured.position) // SAMPLE)
+    few = measured.frames(slice(None, None, every))
+    r = np.linalg.norm(few.position, axis=2)
+    seen = (few.weight > 0) & (r > NEAREST)
+    a = np.where(seen[..., None], few.position, 1.0) / np.where(seen, r, 1.0)[..., None]
+    assert few.precision is not None  # noqa: S101  as above
+    along = np.einsum("kmi,kmi->km", a, np.linalg.solve(few.precision, a[..., None])[..., 0])
+    x, y = np.log(np.where(seen, r, 1.0)), np.log(np.where(seen, along, 1.0))
+    count = np.maximum(seen.sum(axis=0), 1)
+    x, y = (np.where(seen, one - np.where(seen, one, 0.0).sum(axis=0) / count, 0.0) for one in (x, y))
+    return float(np.vdot(x, y)) > STEREO / 2 * float(np.vdot(x, x))
 
 
 def moved_to(observations: Observations, measured: Observations, estimated: FloatArray) -> Observations:

@@ -287,7 +287,7 @@ def _bounded(problem: Problem, reference: Reference, solution: Solution) -> Floa
 def _renewed(problem: Problem, last: Pass) -> Observations:
     """The observations with new weights, and covariances at the estimated points."""
     observations = last.observations.weighted(last.weight)
-    if observations.precision is not None and problem.options.noise == "stereo":
+    if problem.stereo:
         return moved_to(observations, problem.measured, last.after.seen_at(problem.start.nodes))
     return observations
 

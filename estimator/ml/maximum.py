@@ -10,7 +10,7 @@ from scipy.fft import dct
 from baryscope.estimator.adjustment.evidence import Linear, Posterior, conditional, held, maximise, posterior, ranges
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
-from baryscope.estimator.adjustment.stereo import moved_to, observations_of
+from baryscope.estimator.adjustment.stereo import moved_to, observations_of, varies_with_range
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
@@ -158,7 +158,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
     observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
-    stereo = measured.precision is not None and options.noise == "stereo"
+    stereo = varies_with_range(measured, options.noise)
     noise = _frame_noise(errors_of(tracks), pivot.slip, len(tracks.time), max(pivot.variance, floor))
 
     def problem_of(rotation: Rotation) -> _Problem:

@@ -13,7 +13,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import GATE, reweighted
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
-from baryscope.estimator.adjustment.stereo import moved_to
+from baryscope.estimator.adjustment.stereo import moved_to, varies_with_range
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path, SampledPath
@@ -172,9 +172,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     simple, slip, lasting = start.first_prior, 0.0, 1.0
     scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
+    stereo = varies_with_range(measured, options.noise)
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
-        if measured.precision is not None and options.noise == "stereo":
+        if stereo:
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
         told = lasting * max(options.sigma**2 if options.sigma else variance, floor)
         shift = _shift(start.errors, sampled.position(x), slip, told)

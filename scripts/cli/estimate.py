@@ -44,7 +44,7 @@ class PathChoices:
         residuals.
     noise
         Covariances of the tracks (pivot, ml, ekf): stereo, evaluated again at the estimated point since they grow with
-        range; or fixed, used as they are. Default: stereo.
+        range; fixed, used as they are; or auto, as they tell themselves. Default: auto.
     torque
         Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the one that fits the
         tracks better.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.stereo import moved_to, observations_of
+from baryscope.estimator.adjustment.stereo import moved_to, observations_of, varies_with_range
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
@@ -133,3 +133,34 @@ def test_a_singular_covariance_is_refused():
     position = random_points(np.random.default_rng(5))
     with pytest.raises(InputError, match=r"covariance of feature 'F0' at 0\.0 s has standard deviations of 0 to 1 m"):
         observations(position, np.broadcast_to(np.diag([1.0, 1.0, 0.0]), (1, COUNT, 3, 3)))
+
+
+def a_walk(frames=50):
+    """Points (n, m, 3) around the target, at other places in each frame."""
+    rng = np.random.default_rng(4)
+    return TARGET + 3.0 * rng.uniform(-1, 1, (frames, COUNT, 3)), np.broadcast_to(R_C_V, (frames, 3, 3)), rng
+
+
+def test_a_rigs_covariances_tell_that_they_grow_with_the_range():
+    truth, axes, rng = a_walk()
+    pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
+    given = observations(*triangulate(RIG, axes, pixels))
+    assert varies_with_range(given, "auto")
+    assert not varies_with_range(given, "fixed")
+
+
+def test_covariances_tell_that_they_do_not_whatever_those_of_each_feature():
+    truth, axes, rng = a_walk()
+    deviation = np.array([0.01, 0.01, 0.2]) * np.linspace(1, 3, COUNT)[:, None]
+    covariance = axes[:, None] @ (deviation[..., None] ** 2 * np.eye(3)) @ np.swapaxes(axes, 1, 2)[:, None]
+    noise = (axes[:, None] @ (deviation * rng.standard_normal(truth.shape))[..., None])[..., 0]
+    given = observations(truth + noise, covariance)
+    assert not varies_with_range(given, "auto")
+    assert varies_with_range(given, "stereo")
+
+
+def test_tracks_without_covariances_have_none_that_vary():
+    truth, _, _ = a_walk()
+    given = observations_of(FeatureTracks(np.arange(50.0), truth, tuple("abcdefgh")), np.ones((50, COUNT), dtype=bool))
+    assert not varies_with_range(given, "auto")
+    assert not varies_with_range(given, "stereo")
