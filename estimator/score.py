@@ -67,7 +67,10 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     in_orbit = orbit is not None and options.trajectory is None
     R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
     position = tracks.position @ R_C_W
-    inliers = screen(position, tracks.seen)
+    given = tracks.covariance
+    if given is not None:
+        given = np.swapaxes(R_C_W, 1, 2)[:, None] @ given @ R_C_W[:, None]
+    inliers = screen(position, tracks.seen, given)
     registered = find_bodies(position, inliers, tracks.time)
     centre, offsets, inverse, variance, unseen = solve_score(registered)
     bodies = [
