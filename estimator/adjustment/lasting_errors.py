@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
 from baryscope.estimator.adjustment.normal_equations import pieces
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.geometry.symmetric import symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -50,12 +49,8 @@ def frames_per_error(bodies: Sequence[Body], observations: Observations, origin:
 
 def _whitened(body: Body, own: Observations, origin: FloatArray) -> FloatArray:
     """The residuals (n, m, 3) of the best pose of each frame, along axes of C, in standard deviations."""
-    found = pieces(own, body.attitude, origin, body.points)
-    turn = symmetric_inverses(found.turn)
-    information, rhs = found.shift_alone()
-    shift = symmetric_inverses(information) @ rhs[:, :, None]
-    turned = (turn @ (found.turn_rhs[:, :, None] - found.turn_shift @ shift))[:, :, 0]
-    moved = body.points + shift[:, None, :, 0] + np.cross(turned[:, None], body.points)
+    turn, shift = pieces(own, body.attitude, origin, body.points).best_pose()
+    moved = body.points + shift[:, None] + np.cross(turn[:, None], body.points)
     residual = own.position - origin[:, None] - moved @ np.swapaxes(body.attitude, 1, 2)
     residual *= np.sqrt(own.weight)[:, :, None]
     if own.precision is None:

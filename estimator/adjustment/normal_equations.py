@@ -70,6 +70,25 @@ class Pieces:
         back = np.swapaxes(self.turn_shift, 1, 2) @ symmetric_inverses(self.turn)
         return self.shift - back @ self.turn_shift, self.shift_rhs - (back @ self.turn_rhs[:, :, None])[:, :, 0]
 
+    def of_poses(self) -> tuple[FloatArray, FloatArray]:
+        """The frames' blocks (n, 6, 6) of (φ, τ), and their right-hand sides (n, 6)."""
+        n = len(self.turn)
+        block = np.empty((n, 6, 6))
+        block[:, :3, :3], block[:, :3, 3:], block[:, 3:, 3:] = self.turn, self.turn_shift, self.shift
+        block[:, 3:, :3] = np.swapaxes(self.turn_shift, 1, 2)
+        return block, np.concatenate([self.turn_rhs, self.shift_rhs], axis=1)
+
+    def poses_points(self) -> FloatArray:
+        """The blocks (n, 6, 3 m) that couple each frame's (φ, τ) with the points."""
+        return np.concatenate([self.turn_points(), self.shift_points()], axis=1)
+
+    def best_pose(self) -> tuple[FloatArray, FloatArray]:
+        """The changes φ (n, 3) and τ (n, 3) of each frame's pose that fit best for the same points."""
+        information, rhs = self.shift_alone()
+        shift = (symmetric_inverses(information) @ rhs[:, :, None])[:, :, 0]
+        left = self.turn_rhs - np.einsum("kij,kj->ki", self.turn_shift, shift)
+        return np.einsum("kij,kj->ki", symmetric_inverses(self.turn), left), shift
+
     def unknowns_points(self, turn: FloatArray | None, shift: FloatArray) -> FloatArray:
         """The block (p, 3 m) that couples p unknowns with the points.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.dynamics.rotation import Rotation, too_long
 from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
@@ -68,8 +69,9 @@ def starts(
     Raises:
         ComputationError: the tracks determine no attitude or no rate, or the target turns too often.
     """
-    inliers = screen(tracks.position, tracks.seen)
-    registered = find_bodies(tracks.position, inliers, tracks.time)
+    inliers = screen(tracks.position, tracks.seen, tracks.covariance)
+    right = measured.weighted(np.where(inliers, 1.0, 0.0))
+    registered = with_covariances(find_bodies(tracks.position, inliers, tracks.time), right)
     frames = sum(len(body.frames) for body in registered.bodies)
     if frames < MIN_FRAMES:
         raise ComputationError(
@@ -79,10 +81,9 @@ def starts(
     refined = None if solved is None else _refined(tracks, registered, solved, torques)
     if refined is not None:
         yield _start(tracks, *refined)
-    observations = measured.weighted(np.where(inliers, 1.0, 0.0))
     variance = _noise(registered) ** 2 / unit_of(tracks)
-    tumble = fit_tumble(registered.bodies, observations, variance, tracks.time, torques)
-    yield _start(tracks, tumble, registered, observations)
+    tumble = fit_tumble(registered.bodies, right, variance, tracks.time, torques)
+    yield _start(tracks, tumble, registered, right)
 
 
 def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observations: Observations) -> Start:

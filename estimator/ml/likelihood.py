@@ -246,8 +246,7 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
 
 def _under_noise(sums: _Sums, found: Pieces, noise: FloatArray) -> _OfFrames:
     """The equations of frames that noise of a covariance (n, 6, 6) moves; adds what it takes from the points'."""
-    block, rhs = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1)
-    coupling = np.concatenate([found.turn_points(), found.shift_points()], axis=1)
+    (block, rhs), coupling = found.of_poses(), found.poses_points()
     size, gain = coupling.shape[2], _gain(block, noise)
     absorbed = gain @ coupling
     sums.subtracted += np.swapaxes(coupling, 0, 1).reshape(-1, size).T @ np.swapaxes(absorbed, 0, 1).reshape(-1, size)
@@ -316,17 +315,6 @@ def _add_by_knots(sums: _Sums, around: KnotsAround, found: Pieces, frames: _OfFr
     sums.coupling[shifting] += with_shift
 
 
-def _of_poses(found: Pieces) -> FloatArray:
-    """The frames' blocks (n, 6, 6) of (φ, τ)."""
-    return np.concatenate(
-        [
-            np.concatenate([found.turn, found.turn_shift], axis=2),
-            np.concatenate([np.swapaxes(found.turn_shift, 1, 2), found.shift], axis=2),
-        ],
-        axis=1,
-    )
-
-
 def _gain(block: FloatArray, covariance: FloatArray) -> FloatArray:
     """(C⁻¹ + B)⁻¹ (n, 6, 6) for a covariance C that may be singular: C (1 + B C)⁻¹."""
     found = covariance @ np.linalg.inv(np.eye(6) + block @ covariance)
@@ -356,7 +344,7 @@ def _squares(observations: Observations, model: Model) -> tuple[FloatArray, floa
         residual = own.position - model.origin[part][:, None] - model.points @ np.swapaxes(attitude, 1, 2)
         if model.noise is not None:
             found = pieces(own, attitude, model.origin[part], model.points)
-            block, rhs = _of_poses(found), np.concatenate([found.turn_rhs, found.shift_rhs], axis=1)
+            block, rhs = found.of_poses()
             gain = _gain(block, model.noise.frames(part).of_poses(attitude, model.origin[part]))
             moved = np.einsum("kij,kj->ki", gain, rhs)
             arms = np.cross(moved[:, None, :3], model.points) + moved[:, None, 3:]

@@ -24,6 +24,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
+from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
 from baryscope.estimator.dynamics.extended import factors_of
@@ -168,7 +169,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         ComputationError: the tracks do not determine the unknowns.
     """
     trajectory = trajectory_of(options.trajectory, orbit)
-    inliers = screen(tracks.position, tracks.seen)
+    inliers = screen(tracks.position, tracks.seen, tracks.covariance)
     registered = find_bodies(tracks.position, inliers, tracks.time)
     most = max(len(body.features) for body in registered.bodies)
     if most > MAX_BODY_FEATURES:
@@ -178,6 +179,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             Reason.TOO_LARGE,
         )
     measured = observations_of(tracks, tracks.seen)
+    registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
@@ -191,6 +193,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             path,
             interpolated(path.at, path.frequency, tracks.time),
             tracks.time,
+            tuple(body.points for body in registered.bodies),
             bodies,
             x,
             measured,

@@ -43,6 +43,7 @@ SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weight
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
+LOST = 0.1  # share of a body's weight that is left where a path has lost it
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
@@ -51,7 +52,8 @@ MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 class Start:
     """The initial solution of the refinement.
 
-    path, and sampled at the tracks' times (n,) in s; bodies with points from the centre of mass, and the path's x;
+    path, and sampled at the tracks' times (n,) in s; shapes: the points (m, 3) of each body as registered, m from their
+    centroid; bodies with points from the centre of mass, and the path's x;
     measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
     errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
     slips: whether the position may have white noise, as that of a pivot that slips.
@@ -60,6 +62,7 @@ class Start:
     path: Path
     sampled: SampledPath
     time: FloatArray
+    shapes: tuple[FloatArray, ...]
     bodies: tuple[Body, ...]
     x: FloatArray
     measured: Observations
@@ -169,7 +172,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     bodies, x = start.bodies, start.x
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
-    simple, slip, lasting = start.first_prior, 0.0, 1.0
+    simple, slip, lasting, brought_back = start.first_prior, 0.0, 1.0, False
     scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     stereo = varies_with_range(measured, options.noise)
@@ -209,6 +212,11 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         if simple is not None:
             scan = settled or rounds >= SIMPLE_ROUNDS
             simple = None if scan else simple
+        if converged and not brought_back and rounds < MAX_ROUNDS:
+            near = _brought_back(bodies, observations.weight, start, sampled.position(x))
+            if near is not None:
+                (bodies, weight), brought_back, converged = near, True, False
+                observations = observations.weighted(weight)
         if (
             converged
             and rounds < MAX_ROUNDS
@@ -256,6 +264,28 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         refused=refused,
         last=last,
     )
+
+
+def _brought_back(
+    bodies: tuple[Body, ...], weight: FloatArray, start: Start, origin: FloatArray
+) -> tuple[tuple[Body, ...], FloatArray] | None:
+    """The bodies and weights (n, m) with those bodies at the path again of which all is rejected; None if none is.
+
+    A body whose offset was badly known at first is far from a path that others tell, all its observations are rejected,
+    and nothing draws it back. Their median tells its offset from the path. origin (n, 3) in C, m: the path.
+    """
+    moved, weight, lost = list(bodies), weight.copy(), False
+    for index, (body, first, shape) in enumerate(zip(bodies, start.bodies, start.shapes, strict=True)):
+        block = np.ix_(body.frames, body.features)
+        before = start.observations.weight[block]
+        if weight[block].sum() > LOST * before.sum():
+            continue
+        seen = start.measured.position[block] - origin[body.frames][:, None]
+        apart = (seen @ first.attitude - shape)[before >= LOST]
+        if len(apart):
+            moved[index] = replace(first, points=shape + np.median(apart, axis=0))
+            weight[block], lost = before, True
+    return (tuple(moved), weight) if lost else None
 
 
 def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float) -> FloatArray | None:

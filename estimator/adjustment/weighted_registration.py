@@ -1,0 +1,126 @@
+"""Bodies whose shape and poses are those of the observations' covariances: Procrustes with weights along all axes.
+
+A stereo rig knows the depth ten to a hundred times worse than the place in the image. Registration weighs all axes
+alike, so that its attitudes and shapes have the noise of the depth, and what fits them are not the right observations.
+From there on steps of Gauss and Newton improve poses and points together: the poses, six unknowns a frame, are
+eliminated frame by frame. The body's own pose is no unknown: points change without a common turn or shift.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, pieces
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
+from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import Registered
+
+FloatArray = NDArray[np.float64]
+
+SHAPE_FRAMES = 1000  # of a body, from which its points are improved, approximately
+ROUNDS = 8  # of steps at most: with all observations, and with robust weights
+POSE_STEPS = 3  # for the poses before each step of the points
+ENOUGH = 1e-3  # relative decrease of the cost by a round, below which the next would change little
+MOST_TURN = 0.5  # rad, of a step
+CLEARLY = 9.0  # 2 ln of the likelihood ratio from which a reversed pose counts as better
+POSE = 6  # unknowns of a frame
+
+
+def with_covariances(registered: Registered, observations: Observations) -> Registered:
+    """The bodies registered by observations (n, m) with precisions; without these as they are."""
+    if observations.precision is None:
+        return registered
+    pairs = zip(registered.bodies, registered.origins, strict=True)
+    found = [_improved(body, origin, observations) for body, origin in pairs]
+    return replace(registered, bodies=tuple(body for body, _ in found), origins=tuple(origin for _, origin in found))
+
+
+def _improved(body: Body, origin: FloatArray, observations: Observations) -> tuple[Body, FloatArray]:
+    every = max(1, len(body.frames) // SHAPE_FRAMES)
+    few = replace(body, frames=body.frames[::every], attitude=body.attitude[::every])
+    own = observations.frames(few.frames).features(few.features)
+    shaped, there, _ = _adjusted(few, origin[::every], own)
+    shaped, there = _likelier_poses(shaped, there, own)
+    shaped, there, squares = _adjusted(shaped, there, own)
+    dof = 3 * float(own.weight.sum()) - POSE * len(few.frames) - 3 * len(few.points) + POSE
+    if dof > 0:
+        own = own.weighted(reweighted(squares, own.weight, dof))
+        shaped, there, _ = _adjusted(shaped, there, own)
+    body = replace(body, points=shaped.points)
+    body, origin = _likelier_poses(body, origin, observations.frames(body.frames).features(body.features))
+    centre = body.points.mean(axis=0)
+    return replace(body, points=body.points - centre), origin + body.attitude @ centre
+
+
+def _adjusted(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, FloatArray, FloatArray]:
+    """Body and origins (n, 3) after rounds of poses and points, and the weighted squares (n, m) there."""
+    before = np.inf
+    for _ in range(ROUNDS):
+        for _ in range(POSE_STEPS):
+            body, origin = _posed(body, origin, own)
+        cost = float(pieces(own, body.attitude, origin, body.points).squares.sum())
+        if not cost < (1 - ENOUGH) * before:
+            break
+        before = cost
+        body = replace(body, points=body.points + _change_of_points(body, origin, own))
+    return body, origin, pieces(own, body.attitude, origin, body.points).squares
+
+
+def _likelier_poses(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, FloatArray]:
+    """The body with attitudes and origins (n, 3) from where they are, or reversed in depth where that fits better.
+
+    In an image a plane of points looks nearly the same if it is tilted as much the other way (Necker's cube): R then is
+    M R N, with M the reflection in depth and N that in the plane of the points that are seen.
+    """
+    weight = own.weight
+    mean = (weight @ body.points) / np.maximum(weight.sum(axis=1), 1e-300)[:, None]
+    centred = np.sqrt(weight)[:, :, None] * (body.points - mean[:, None])
+    normal = np.linalg.eigh(np.swapaxes(centred, 1, 2) @ centred)[1][:, :, 0]
+    centre = origin + np.einsum("kij,kj->ki", body.attitude, mean)
+    sight = centre / np.maximum(np.linalg.norm(centre, axis=1), 1e-300)[:, None]
+    M, N = (np.eye(3) - 2 * v[:, :, None] * v[:, None] for v in (sight, normal))
+    other = replace(body, attitude=M @ body.attitude @ N)
+    there = centre - np.einsum("kij,kj->ki", other.attitude, mean)
+    costs = []
+    for _ in range(2 * POSE_STEPS):
+        body, origin = _posed(body, origin, own)
+        other, there = _posed(other, there, own)
+    for one, place in ((body, origin), (other, there)):
+        costs.append(pieces(own, one.attitude, place, one.points).squares.sum(axis=1))
+    better = costs[1] < costs[0] - CLEARLY
+    attitude = np.where(better[:, None, None], other.attitude, body.attitude)
+    return replace(body, attitude=attitude), np.where(better[:, None], there, origin)
+
+
+def _posed(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, FloatArray]:
+    """The body with its attitudes and origins (n, 3) after a step for the same points."""
+    turn, shift = pieces(own, body.attitude, origin, body.points).best_pose()
+    turn *= np.minimum(1.0, MOST_TURN / np.maximum(np.linalg.norm(turn, axis=1), 1e-300))[:, None]
+    origin = origin + np.einsum("kij,kj->ki", body.attitude, shift)
+    return replace(body, attitude=body.attitude @ exp_rotation(turn)), origin
+
+
+def _change_of_points(body: Body, origin: FloatArray, own: Observations) -> FloatArray:
+    """The step (m, 3) of the points in B, m, with the poses eliminated."""
+    m = len(body.points)
+    matrix, rhs, sizes = np.zeros((3 * m, 3 * m)), np.zeros(3 * m), np.zeros(3 * m)
+    size = max(64, CHUNK_SIZE // (18 * m))
+    for first in range(0, len(body.frames), size):
+        part = slice(first, first + size)
+        found = pieces(own.frames(part), body.attitude[part], origin[part], body.points)
+        (block, own_rhs), coupling = found.of_poses(), found.poses_points()
+        solved = np.linalg.pinv(block, hermitian=True) @ coupling
+        for index, of_point in enumerate(found.point):
+            at = slice(3 * index, 3 * index + 3)
+            matrix[at, at] += of_point
+        sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
+        matrix -= coupling.reshape(-1, 3 * m).T @ solved.reshape(-1, 3 * m)
+        rhs += found.point_rhs.ravel() - np.einsum("kip,ki->p", solved, own_rhs)
+    turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)
+    gauge, _ = np.linalg.qr(np.concatenate([turns, np.tile(np.eye(3), (m, 1))], axis=1))
+    inverse = symmetric_pseudo_inverse(matrix + float(sizes.mean()) * gauge @ gauge.T, np.maximum(sizes, 1e-300))
+    return np.asarray(inverse @ (rhs - gauge @ (gauge.T @ rhs))).reshape(-1, 3)
