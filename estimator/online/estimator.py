@@ -89,7 +89,9 @@ class OnlineEstimator:
     """A Kalman filter of the centre of mass, in C, with fixed memory; see online.h and docs/online.md.
 
     Args:
-        sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own.
+        sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own, of errors that
+            are new in every frame. Where frames share them, √`Noise.lasting` of a recording's estimate times as much,
+            and of covariances `lasting` times.
         orbit: the target's; None: the centre of mass moves in a straight line, but for the white acceleration.
         offset_radii: standard deviation of the centre of mass from the features' centroid before the first frame, per
             axis, in units of these features' rms distance from it.

@@ -11,14 +11,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, cost, held, maximise, solved
+from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, held, maximise, solved
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.pivot.drift import frame_covariances
+from baryscope.estimator.pivot.drift import frame_covariances, roots_in_C
 from baryscope.estimator.pivot.free_attitudes import Solution
 from baryscope.estimator.pivot.refinement import ROUNDING, Subsample
 from baryscope.estimator.registration.clusters import Registered
@@ -82,7 +82,7 @@ class BurnEquations:
     few: the bodies. rows (f, 3, u + 3 c + 1): the equations, the last column being what is observed; frame (f,): of
     which rows of `time` (n,) in s; root (f, 3, 3) of the inverse of their covariance; edges (c + 1,) of the cells in s;
     base: the path without process noise; others: the prior of the u unknowns before the cells; variance of an
-    observation of weight 1 from the registration, and the least that it may be, m².
+    observation of weight 1 from the registration, and the least that it may be, m², or 1 with covariances.
     """
 
     few: Subsample
@@ -124,11 +124,9 @@ class BurnEquations:
 
     def weighted(self, offsets: tuple[FloatArray, ...]) -> "BurnEquations":
         """The equations with the weights of the frames for the offsets (3,) of all bodies, m."""
-        noise = frame_covariances(self.few.bodies, self.few.observations.weight, offsets)
+        noise = frame_covariances(self.few.bodies, self.few.observations, offsets)
         axes = np.concatenate([body.attitude for body in self.few.bodies])
-        values, along = np.linalg.eigh(np.concatenate(noise))
-        values = np.maximum(values, RIDGE * values[:, -1:])  # of far offsets two are lost in the rounding of the third
-        return replace(self, root=np.swapaxes(axes @ along / np.sqrt(values)[:, None], 1, 2))
+        return replace(self, root=roots_in_C(axes, np.concatenate(noise)))
 
     def fitted(
         self,
@@ -290,7 +288,7 @@ def burn_equations(
     both = zip(registered.bodies, found.bodies, strict=True)
     offsets = tuple(after.points.mean(axis=0) - before.points.mean(axis=0) for before, after in both)
     root, all_rows = np.tile(np.eye(3), (len(frames), 1, 1)), np.concatenate(rows)
-    noise = max(registered.noise**2, least)
+    noise = max(registered.noise**2, least) if few.observations.precision is None else 1.0
     equations = BurnEquations(few, all_rows, frames, root, time, edges, base, orbit, others, noise, least)
     return equations.weighted(offsets)
 

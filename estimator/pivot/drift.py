@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, maximise
-from baryscope.estimator.adjustment.normal_equations import turn_information
+from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, maximise
+from baryscope.estimator.adjustment.normal_equations import pieces, turn_information
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -37,7 +38,7 @@ class DriftEquations:
     """The normal equations of c_k = g + R_k d: matrix (3 k + p, 3 k + p) and rhs for the k bodies' offsets and then x.
 
     total: the weighted Σ c_k², m²; values: the number of coordinates of all c_k; offsets: 3 k; noise: standard
-    deviation of a coordinate from the registration, m.
+    deviation of a coordinate of weight 1.
     """
 
     matrix: FloatArray
@@ -69,15 +70,19 @@ class DriftEquations:
         return Drift(x, tuple(offsets.reshape(-1, 3)))
 
 
-def drift_equations(registered: Registered, weights: list[FloatArray], path: SampledPath) -> DriftEquations:
-    """Those of registered bodies; weights has an array (n,) for the frames of each."""
+def drift_equations(registered: Registered, roots: list[FloatArray], path: SampledPath, noise: float) -> DriftEquations:
+    """Those of registered bodies.
+
+    roots has an array for the frames of each: (n,) or (n, 3, 3) in C, of the inverse covariances of c_k; noise: the
+    standard deviation of c_k where that is 1.
+    """
     p, d = path.size, 3 * len(registered.bodies)
     matrix, rhs, total, known = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0, path.offset
-    for index, (body, origin, weight) in enumerate(zip(registered.bodies, registered.origins, weights, strict=True)):
+    for index, (body, origin, root) in enumerate(zip(registered.bodies, registered.origins, roots, strict=True)):
         own = slice(3 * index, 3 * index + 3)
         left = origin - known[body.frames]
         rows = np.concatenate([body.attitude, path.jacobian[body.frames], left[:, :, None]], axis=2)
-        scaled = (rows * np.sqrt(weight)[:, None, None]).reshape(-1, 4 + p)
+        scaled = (root[:, None, None] * rows if root.ndim == 1 else root @ rows).reshape(-1, 4 + p)
         outer = scaled.T @ scaled
         matrix[own, own] = outer[:3, :3]
         matrix[own, d:] += outer[:3, 3:-1]
@@ -86,25 +91,43 @@ def drift_equations(registered: Registered, weights: list[FloatArray], path: Sam
         rhs[own] = outer[:3, -1]
         rhs[d:] += outer[3:-1, -1]
         total += float(outer[-1, -1])
-    values = 3 * sum(len(weight) for weight in weights)
-    return DriftEquations(matrix, rhs, total, values, d, registered.noise)
+    values = 3 * sum(len(root) for root in roots)
+    return DriftEquations(matrix, rhs, total, values, d, noise)
 
 
-def frame_weights(bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]) -> list[FloatArray]:
-    """A weight for each frame of each body: the inverse mean variance of c_k − R_k d, for weights (n, m)."""
-    return [3 / np.trace(found, axis1=1, axis2=2) for found in frame_covariances(bodies, weight, offsets)]
+def frame_roots(
+    bodies: tuple[Body, ...], observations: Observations, offsets: tuple[FloatArray, ...]
+) -> list[FloatArray]:
+    """The roots of the inverse covariances of c_k − R_k d for each frame of each body, see `drift_equations`.
+
+    Without precisions, (n,), of the inverse mean variance.
+    """
+    found = frame_covariances(bodies, observations, offsets)
+    if observations.precision is None:
+        return [np.sqrt(3 / np.trace(one, axis1=1, axis2=2)) for one in found]
+    return [roots_in_C(body.attitude, one) for body, one in zip(bodies, found, strict=True)]
+
+
+def roots_in_C(attitude: FloatArray, covariance: FloatArray) -> FloatArray:
+    """W (n, 3, 3) in C with Wᵀ W the inverse of covariances (n, 3, 3) in S, for attitudes (n, 3, 3) R_C_S."""
+    values, along = np.linalg.eigh(covariance)
+    values = np.maximum(values, RIDGE * values[:, -1:])  # of far offsets two are lost in the rounding of the third
+    return np.swapaxes(attitude @ along / np.sqrt(values)[:, None], 1, 2)
 
 
 def frame_covariances(
-    bodies: tuple[Body, ...], weight: FloatArray, offsets: tuple[FloatArray, ...]
+    bodies: tuple[Body, ...], observations: Observations, offsets: tuple[FloatArray, ...]
 ) -> list[FloatArray]:
-    """The covariance (n, 3, 3) of c_k − R_k d in S for each frame of each body, for weights (n, m).
+    """The covariance (n, 3, 3) of c_k − R_k d in S for each frame of each body.
 
-    It is that of the centroid, 1/n for n points of weight 1, and that of the attitude times the lever arm.
+    It is that of the centroid, 1/n for n points of weight 1, and that of the attitude times the lever arm; with
+    precisions, both from the frame's pose.
     """
+    if observations.precision is not None:
+        return [_of_pose(body, observations, offset) for body, offset in zip(bodies, offsets, strict=True)]
     found = []
     for body, offset in zip(bodies, offsets, strict=True):
-        w = weight[np.ix_(body.frames, body.features)]
+        w = observations.weight[np.ix_(body.frames, body.features)]
         arms = cross_matrices(body.points)
         total = np.maximum(w.sum(axis=1), 1e-300)
         centroid = (w @ body.points) / total[:, None]
@@ -119,3 +142,14 @@ def frame_covariances(
         moved = lever @ symmetric_inverses(turn) @ np.swapaxes(lever, 1, 2)
         found.append(np.eye(3) / total[:, None, None] + moved)
     return found
+
+
+def _of_pose(body: Body, observations: Observations, offset: FloatArray) -> FloatArray:
+    """The covariance of c_k − R_k d, τ + d × φ for small changes (φ, τ) of the pose, with precisions."""
+    own = observations.frames(body.frames).features(body.features)
+    block, _ = pieces(own, body.attitude, np.zeros((len(body.frames), 3)), body.points).of_poses()
+    scale = 1 / np.sqrt(np.maximum(np.diagonal(block, axis1=1, axis2=2), 1e-300))
+    block = block * scale[:, :, None] * scale[:, None] + RIDGE * np.eye(6)
+    covariance = np.linalg.inv(block) * scale[:, :, None] * scale[:, None]
+    to = np.concatenate([cross_matrices(offset[None])[0], np.eye(3)], axis=1)
+    return np.asarray(to @ covariance @ to.T)

@@ -5,6 +5,10 @@ frame. The rotations are eliminated frame by frame and the points body by body, 
 unknowns: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights of the joint adjustment.
 Shifts of whole frames by noise of a known covariance, as that of a camera's attitude, are eliminated with the
 rotations. The orientation of S is arbitrary; this gauge freedom is fixed by the minimum-norm change of the points.
+
+Steps that lead uphill are halved. The linearised problem does not hold far away in directions that the tracks hardly
+tell: errors of the attitudes times a change of the offset are of second order. A step of metres there may lead to where
+nothing fits, given covariances; without these the weights of the first rounds, which still look for outliers, hold it.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import GATE
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -25,6 +30,8 @@ from baryscope.models.errors import ComputationError, Reason
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
+WORSE = 0.01  # increase of −2 ln p, for each observation, from which a step was too long
+MOST_HALVINGS = 5  # of one step
 MAX_LENGTH = 1e12  # m from the chaser, or from the centre of mass: a thousand times farther than any observation
 
 
@@ -130,6 +137,40 @@ class Linearised:
         pairs = zip(self.bodies, solution.bodies, strict=True)
         changes = [offset_by_points(own.points) @ (moved.points - own.points).ravel() for own, moved in pairs]
         return np.concatenate(changes)
+
+
+@dataclass(frozen=True, eq=False)
+class StepStart:
+    """The problem there, the weights (n, m) in it, the variance of an observation of weight 1 in a frame by itself, how
+    many frames have the same errors, and the precision (p,) of the prior of x.
+    """
+
+    problem: Linearised
+    weight: FloatArray
+    variance: float
+    lasting: float
+    precision: FloatArray
+
+    def is_worse(self, problem: Linearised, weight: FloatArray) -> bool:
+        """Whether −2 ln p is clearly greater after the step, with outliers of a bounded cost."""
+        most = max(WORSE * float(np.count_nonzero(weight)) / self.lasting, GATE)
+        return self._cost(problem, weight) > self._cost(self.problem, self.weight) + most
+
+    def halfway(self, bodies: tuple[Body, ...], x: FloatArray) -> tuple[tuple[Body, ...], FloatArray]:
+        """The bodies and x (p,) halfway to those after the step."""
+        pairs = zip(self.problem.bodies, bodies, strict=True)
+        middle = tuple(replace(one, points=(one.points + other.points) / 2) for one, other in pairs)
+        return middle, (self.problem.x + x) / 2
+
+    def _cost(self, problem: Linearised, weight: FloatArray) -> float:
+        squares = squares_of_used(problem, weight) / self.variance
+        observed = float(np.minimum(squares, GATE).sum()) + problem.noise_cost / self.variance
+        return observed / self.lasting + float(self.precision @ (problem.x * problem.x))
+
+
+def squares_of_used(problem: Linearised, weight: FloatArray) -> FloatArray:
+    """The squared residuals (k,) of the observations of any weight (n, m), in the units of the weights."""
+    return np.asarray(problem.squares[weight > 0] / weight[weight > 0])
 
 
 def diverged() -> ComputationError:

@@ -19,6 +19,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     residuals_of,
 )
+from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
@@ -52,7 +53,7 @@ from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.registration.clusters import find_bodies
+from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -185,10 +186,12 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
     errors = errors_of(tracks)
     few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
+    lasting = _lasting(registered, observations)
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, *span, errors, highest)
         sampled = interpolated(path.at, path.frequency, tracks.time[few.rows])
-        bodies, x, simple = linear_start(registered, few, sampled, path.prior, least_variance(measured, ROUNDING))
+        least = least_variance(measured, ROUNDING)
+        bodies, x, simple = linear_start(registered, few, sampled, path.prior, least, lasting)
         start = Start(
             path,
             interpolated(path.at, path.frequency, tracks.time),
@@ -199,11 +202,12 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             measured,
             observations,
             inliers,
+            lasting,
             errors,
             simple,
             slips=options.process_noise == "auto" and trajectory.kind == "polynomial",
         )
-        found = refined(start, options)
+        found = _refined(start, options)
         if not is_cut_short(found):
             break
     found, fewer = without_strays(found, start, options)
@@ -214,6 +218,26 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     return replace(found, converged=found.converged or is_at_rest(found), findings=findings)
+
+
+def _lasting(registered: Registered, observations: Observations) -> float:
+    """How many frames have the same errors of the features, before there is a path."""
+    origin = np.zeros((len(observations.position), 3))
+    for body, own in zip(registered.bodies, registered.origins, strict=True):
+        origin[body.frames] = own
+    return frames_per_error(registered.bodies, observations, origin)
+
+
+def _refined(start: Start, options: PathOptions) -> Pivot:
+    """The refined solution, with covariances at once with the path's own prior.
+
+    They make the start so good that to begin anew from a simple path would spoil it, unless it leads nowhere.
+    """
+    if start.measured.precision is not None and start.first_prior is not None:
+        found = refined(replace(start, first_prior=None), options)
+        if found.converged:
+            return found
+    return refined(start, options)
 
 
 def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:

@@ -23,7 +23,15 @@ from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import Finding
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
+from baryscope.estimator.pivot.free_attitudes import (
+    MOST_HALVINGS,
+    Linearised,
+    Solution,
+    StepStart,
+    linearised,
+    squares_of_used,
+)
+from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
 from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
@@ -43,7 +51,6 @@ SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weight
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
-LOST = 0.1  # share of a body's weight that is left where a path has lost it
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
@@ -55,6 +62,7 @@ class Start:
     path, and sampled at the tracks' times (n,) in s; shapes: the points (m, 3) of each body as registered, m from their
     centroid; bodies with points from the centre of mass, and the path's x;
     measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
+    lasting: how many frames have the same errors of the features, as the registered bodies tell;
     errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
     slips: whether the position may have white noise, as that of a pivot that slips.
     """
@@ -68,6 +76,7 @@ class Start:
     measured: Observations
     observations: Observations
     inliers: BoolArray
+    lasting: float = 1.0
     errors: SharedErrors | None = None
     first_prior: Prior | None = None
     slips: bool = False
@@ -172,10 +181,11 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     bodies, x = start.bodies, start.x
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
-    simple, slip, lasting, brought_back = start.first_prior, 0.0, 1.0, False
+    simple, slip, lasting, brought_back = start.first_prior, 0.0, start.lasting, False
     scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     stereo = varies_with_range(measured, options.noise)
+    here, halvings = None, 0
     while not converged and rounds < MAX_ROUNDS:
         rounds += 1
         if stereo:
@@ -183,6 +193,12 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         told = lasting * max(options.sigma**2 if options.sigma else variance, floor)
         shift = _shift(start.errors, sampled.position(x), slip, told)
         problem = linearised(bodies, observations, sampled, x, shift)
+        if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
+            # The linearised problem does not hold as far as the step went.
+            halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
+            sampled = as_seen(path, sampled.itself, start.errors, x)
+            continue
+        halvings = 0
         cost = float(problem.squares.sum())
         if np.isnan(variance):
             variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
@@ -194,6 +210,9 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         sampled = as_seen(path, sampled.itself, start.errors, x)
         dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
         variance = (cost + problem.noise_cost) / dof
+        if measured.precision is not None:
+            precision = held(scaled(problem, together), prior, theta)[0]
+            here = StepStart(problem, observations.weight, max(variance, floor), lasting, precision)
         weight = reweighted(solution.squares, observations.weight, dof, floor)
         if rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
             weight = np.sqrt(weight * observations.weight)
@@ -211,18 +230,20 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         scan, converged = settled, settled and simple is None and (scan or len(prior.hyperparameters) < 2)
         if simple is not None:
             scan = settled or rounds >= SIMPLE_ROUNDS
-            simple = None if scan else simple
+            simple, here = (None, None) if scan else (simple, here)
         if converged and not brought_back and rounds < MAX_ROUNDS:
-            near = _brought_back(bodies, observations.weight, start, sampled.position(x))
+            near = brought_back_bodies(
+                bodies, observations.weight, (start.bodies, start.shapes), start.observations, sampled.position(x)
+            )
             if near is not None:
-                (bodies, weight), brought_back, converged = near, True, False
+                (bodies, weight), brought_back, converged, here = near, True, False, None
                 observations = observations.weighted(weight)
         if (
             converged
             and rounds < MAX_ROUNDS
             and (richer := _richer(path, solution, theta, together, sampled)) is not None
         ):
-            path, converged = richer, False
+            path, converged, here = richer, False, None
             x = np.pad(x, (0, path.size - len(x)))
             sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
         if converged and start.slips:
@@ -232,6 +253,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         if converged:
             found_lasting = frames_per_error(bodies, observations, sampled.position(x))
             converged = abs(found_lasting - lasting) <= LASTING_TOLERANCE * max(found_lasting, lasting)
+            here = here if converged else None
             lasting = found_lasting
         if converged and shift is not None and options.sigma is None:
             converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
@@ -266,28 +288,6 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     )
 
 
-def _brought_back(
-    bodies: tuple[Body, ...], weight: FloatArray, start: Start, origin: FloatArray
-) -> tuple[tuple[Body, ...], FloatArray] | None:
-    """The bodies and weights (n, m) with those bodies at the path again of which all is rejected; None if none is.
-
-    A body whose offset was badly known at first is far from a path that others tell, all its observations are rejected,
-    and nothing draws it back. Their median tells its offset from the path. origin (n, 3) in C, m: the path.
-    """
-    moved, weight, lost = list(bodies), weight.copy(), False
-    for index, (body, first, shape) in enumerate(zip(bodies, start.bodies, start.shapes, strict=True)):
-        block = np.ix_(body.frames, body.features)
-        before = start.observations.weight[block]
-        if weight[block].sum() > LOST * before.sum():
-            continue
-        seen = start.measured.position[block] - origin[body.frames][:, None]
-        apart = (seen @ first.attitude - shape)[before >= LOST]
-        if len(apart):
-            moved[index] = replace(first, points=shape + np.median(apart, axis=0))
-            weight[block], lost = before, True
-    return (tuple(moved), weight) if lost else None
-
-
 def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float) -> FloatArray | None:
     """The covariance (n, 3, 3) of the frames' shifts, over a variance in m² or 1.
 
@@ -308,11 +308,6 @@ def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: floa
 def scaled(problem: Linearised, variance: float) -> Linear:
     """The reduced problem in the unknowns of the path, for a variance of an observation of weight 1."""
     return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
-
-
-def squares_of_used(problem: Linearised, weight: FloatArray) -> FloatArray:
-    """The squared residuals (k,) of the observations of any weight (n, m), in the units of the weights."""
-    return np.asarray(problem.squares[weight > 0] / weight[weight > 0])
 
 
 def bounded_cost(

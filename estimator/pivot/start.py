@@ -10,19 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import maximise
+from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MEDIAN, reweighted
 from baryscope.estimator.dynamics.paths import DECAY, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
-from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_weights
-from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
+from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.refinement import (
     Subsample,
     bounded_cost,
     scaled,
-    squares_of_used,
     stepped,
     values_for_path,
 )
@@ -49,46 +48,54 @@ class _Trial:
 
 
 def linear_start(
-    registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float
+    registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float, lasting: float
 ) -> tuple[tuple[Body, ...], FloatArray, Prior | None]:
     """Initial bodies and x (p,): the best of several solutions, of linear least squares and some steps.
 
     And the simple prior from which it began; None if that is the path's own.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
-    of an observation of weight 1.
+    of an observation of weight 1; lasting: how many frames have the same errors of the features.
     """
     own = _in_subsample(registered, few)
     quiet = prior.fixed(DENSITY, NO_NOISE)
     smooth = prior.index(DECAY) is not None
     simple = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if smooth else [quiet]
     priors = [*simple, prior] if prior.hyperparameters else [prior]
-    trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled)
+    trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled, own.noise)
     for one in priors:
         bodies, x = _linear_solution(own, few.observations, sampled, one, even)
         trials.append(_Trial(bodies, x, few.observations))
     index = 0
     if len(trials) > 1:
         both = zip(trials, priors, strict=True)
-        trials = [_stepped(trial, sampled, one, least, STEPS) for trial, one in both]
-        trials = [_stepped(trial, sampled, prior, least, SETTLING) for trial in trials]
-        index = _best(trials, sampled, prior, least)
+        trials = [_stepped(trial, sampled, one, least, lasting, STEPS) for trial, one in both]
+        trials = [_stepped(trial, sampled, prior, least, lasting, SETTLING) for trial in trials]
+        index = _best(trials, sampled, prior, least, lasting)
     found = trials[index]
     pairs = zip(registered.bodies, found.bodies, strict=True)
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
     return bodies, found.x, None if priors[index] is prior else priors[index]
 
 
-def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, steps: int) -> _Trial:
+def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, lasting: float, steps: int) -> _Trial:
     """The trial after steps with robust weights, until they are small."""
     bodies, x, observations = trial.bodies, trial.x, trial.observations
     dof = max(values_for_path(bodies, observations), 1.0)
     theta: FloatArray | None = None
+    here, halvings = None, 0
     for _ in range(steps):
         problem = linearised(bodies, observations, sampled, x)
-        variance = max(float(problem.squares.sum()) / dof, least)
+        if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
+            halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
+            continue
+        halvings = 0
+        variance = lasting * max(float(problem.squares.sum()) / dof, least)
         theta = maximise(scaled(problem, variance), prior, theta)
         solution = stepped(problem, prior, theta, variance)
+        if observations.precision is not None:
+            precision = held(scaled(problem, variance), prior, theta)[0]
+            here = StepStart(problem, observations.weight, variance / lasting, lasting, precision)
         if solution.step <= SETTLED * variance:
             break
         bodies, x = solution.bodies, solution.x
@@ -96,7 +103,7 @@ def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, st
     return _Trial(bodies, x, observations, theta)
 
 
-def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float) -> int:
+def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float, lasting: float) -> int:
     """The trial of the greatest marginal likelihood, with outliers of a bounded cost, for the least variance of any."""
     problems, variances = [], []
     for trial in trials:
@@ -106,7 +113,7 @@ def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float
         share = max(values_for_path(trial.bodies, trial.observations) / (3 * float(weight.sum())), 1e-3)
         variances.append(max(float(np.median(squares_of_used(problem, weight))) / (MEDIAN * share), least))
     scores = [
-        bounded_cost(problem, trial.observations.weight, min(variances), prior, trial.theta)
+        bounded_cost(problem, trial.observations.weight, lasting * min(variances), prior, trial.theta)
         for trial, problem in zip(trials, problems, strict=True)
     ]
     return int(np.argmin(scores))
@@ -122,7 +129,8 @@ def _linear_solution(
     registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior, even: DriftEquations
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted (even), weighted."""
-    weights = frame_weights(registered.bodies, observations.weight, even.solved(prior).offsets)
-    drift = drift_equations(registered, weights, sampled).solved(prior)
+    roots = frame_roots(registered.bodies, observations, even.solved(prior).offsets)
+    noise = registered.noise if observations.precision is None else 1.0
+    drift = drift_equations(registered, roots, sampled, noise).solved(prior)
     moved = zip(registered.bodies, drift.offsets, strict=True)
     return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x

@@ -12,7 +12,7 @@ from baryscope.models.orbit import Orbit
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.information import Watched, unknowns_bound
 from baryscope.study.population.sensing import sampled
-from baryscope.study.world.scenes import RATE, scene
+from baryscope.study.world.scenes import RATE, memory, scene
 from baryscope.study.world.worlds import WORLDS
 
 FloatArray = NDArray[np.float64]
@@ -66,7 +66,10 @@ def flight(suite: str, seed: int, draw: int) -> Flight:
 
 def _of_world(name: str, seed: int, draw: int) -> Flight:
     made = scene(WORLDS[name], seed, draw)
-    n, m, sigma, own = len(made.time), len(made.points), made.world.noise, made.jacobian.shape[2]
+    n, m, own = len(made.time), len(made.points), made.jacobian.shape[2]
+    # Errors that last count as white ones of as great a spectrum at frequency zero: the filter takes them for that.
+    keep = memory(made.time, made.world.error_time)[0]
+    sigma = made.world.noise * float(np.sqrt((1 + keep) / (1 - keep)))
     jacobian = np.concatenate([made.jacobian, made.disturbance.columns], axis=2)
     tumbles = not made.world.eddy and not made.world.slip
     return Flight(

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
-from baryscope.estimator.pivot.drift import drift_equations, frame_weights
+from baryscope.estimator.pivot.drift import drift_equations, frame_roots
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from synthetic import Orbit
@@ -44,8 +45,8 @@ def test_exact_without_noise_for_any_weights(kind):
         ),
         strict=True,
     )
-    weights = [np.random.default_rng(1).uniform(0.1, 10, len(body.frames)) for body in bodies]
-    found = drift_equations(Registered(bodies, origins, 0.0), weights, sampled).solved(Prior.none(sampled.size))
+    roots = [np.random.default_rng(1).uniform(0.3, 3, len(body.frames)) for body in bodies]
+    found = drift_equations(Registered(bodies, origins, 0.0), roots, sampled, 0.0).solved(Prior.none(sampled.size))
     np.testing.assert_allclose(found.x, x, atol=1e-8)
     np.testing.assert_allclose(found.offsets, OFFSETS, atol=1e-8)
 
@@ -56,14 +57,15 @@ def test_agrees_with_numpys_least_squares():
     rng = np.random.default_rng(0)
     origin = sampled.position(rng.normal(size=6)) + 0.1 * rng.normal(size=(40, 3))
     body, translation = registered(np.arange(40), OFFSETS[0], origin, 3)
-    weight = rng.uniform(0.1, 10, 40)
-    root = np.repeat(np.sqrt(weight), 3)
-    rows = np.concatenate([body.attitude, sampled.jacobian], axis=2).reshape(120, -1) * root[:, None]
-    expected = np.linalg.lstsq(rows, translation.ravel() * root, rcond=None)[0]
-    equations = drift_equations(Registered((body,), (translation,), 0.0), [weight], sampled)
-    found = equations.solved(Prior.none(sampled.size))
-    np.testing.assert_allclose(found.offsets[0], expected[:3], atol=1e-10)
-    np.testing.assert_allclose(found.x, expected[3:], atol=1e-10)
+    rows = np.concatenate([body.attitude, sampled.jacobian, translation[:, :, None]], axis=2)
+    alike, all_axes = rng.uniform(0.3, 3, 40), rng.normal(size=(40, 3, 3))
+    for root, weighted in ((alike, alike[:, None, None] * rows), (all_axes, all_axes @ rows)):
+        *_, wanted = flat = weighted.reshape(120, -1).T
+        expected = np.linalg.lstsq(flat[:-1].T, wanted, rcond=None)[0]
+        equations = drift_equations(Registered((body,), (translation,), 0.0), [root], sampled, 0.0)
+        found = equations.solved(Prior.none(sampled.size))
+        np.testing.assert_allclose(found.offsets[0], expected[:3], atol=1e-9)
+        np.testing.assert_allclose(found.x, expected[3:], atol=1e-9)
 
 
 @pytest.mark.parametrize("offset", [[0.0, 0, 0], [1.0, -2, 0.5], [30.0, 0, 10]])
@@ -81,5 +83,9 @@ def test_weight_of_a_frame_is_the_inverse_variance_of_its_pivot(offset, weight):
     pivot = fitted.translation - fitted.rotation @ np.array(offset)
     variance = np.var(pivot, axis=0).mean() / noise**2
     body = Body(np.arange(5), np.zeros(1, dtype=int), points, np.eye(3)[None])
-    found = frame_weights((body,), weight[None], (np.array(offset),))
-    assert 1 / found[0][0] == pytest.approx(variance, rel=0.05)
+    observations = Observations(np.zeros((1, 5, 3)), weight[None])
+    found = frame_roots((body,), observations, (np.array(offset),))
+    assert found[0][0] ** -2 == pytest.approx(variance, rel=0.05)
+    with_precisions = Observations(np.zeros((1, 5, 3)), weight[None], np.broadcast_to(np.eye(3), (1, 5, 3, 3)))
+    (root,) = frame_roots((body,), with_precisions, (np.array(offset),))[0]
+    np.testing.assert_allclose(np.linalg.inv(root.T @ root), np.cov(pivot.T) / noise**2, atol=0.1 * variance)
