@@ -246,7 +246,8 @@ def test_a_stereo_rig_with_outliers_from_simulate_to_estimate(tmp_path, capsys):
         error = np.sqrt(np.mean((path_of(rows(output)) - truth) ** 2) * 3)
         facts = json.loads(output.with_suffix(".json").read_text(encoding="utf-8"))
         assert error < 4 * bound  # one draw of six numbers; pivot has three and four features to find attitudes from
-        assert facts["noise"] == {"a_priori": None, "a_posteriori": pytest.approx(1, abs=0.075), "unit": "1"}
+        noise = {"a_priori": None, "a_posteriori": pytest.approx(1, abs=0.075), "unit": "1", "lasting": 1.0}
+        assert facts["noise"] == noise
         # Of 1,311 observations 131 ± 11 are off by 3 m rms; of these some are too near to tell from the rig's 0.15 m.
         assert facts["rejected"]["share"] == pytest.approx(0.095, abs=0.03)
     assert "times that of the tracks' covariances" in capsys.readouterr().out
