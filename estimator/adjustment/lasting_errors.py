@@ -7,6 +7,7 @@ or in the body's; those of the camera's tell of its path, those of the body's of
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
 
+MOST_FRAMES = 10_000  # of a body, that are looked at
 OF_A_POSE = 6  # values of a frame, that its pose takes
 
 
@@ -30,7 +32,7 @@ def frames_per_error(bodies: Sequence[Body], observations: Observations, origin:
     in_C: list[FloatArray] = []
     in_B: list[FloatArray] = []
     values, frames, features = 0.0, 0.0, 0
-    for body in (one for one in bodies if len(one.frames)):
+    for body in (_in_the_middle(one) for one in bodies if len(one.frames)):
         own = observations.frames(body.frames).features(body.features)
         left = _whitened(body, own, origin[body.frames])
         weight = own.weight.sum()
@@ -45,6 +47,15 @@ def frames_per_error(bodies: Sequence[Body], observations: Observations, origin:
     if values <= 0:
         return 1.0
     return max(growth_by_lasting(series, values, frames / features) for series in (in_C, in_B))
+
+
+def _in_the_middle(body: Body) -> Body:
+    """The body in its middle frames, if it has more than MOST_FRAMES: these tell as well how long errors last."""
+    more = len(body.frames) - MOST_FRAMES
+    if more <= 0:
+        return body
+    kept = slice(more // 2, more // 2 + MOST_FRAMES)
+    return replace(body, frames=body.frames[kept], attitude=body.attitude[kept])
 
 
 def _whitened(body: Body, own: Observations, origin: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from baryscope.estimator import PathOptions, estimate
+from baryscope.estimator.adjustment import lasting_errors
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.registration.body import Body
@@ -85,6 +86,15 @@ def test_precisions_whiten_the_errors():
     expected = 1 + 2 / 3 * (true_growth(keep) - 1)
     assert frames_per_error([body], weighted, origin) == pytest.approx(expected, rel=0.25)
     assert frames_per_error([body], observations, origin) < 2
+
+
+def test_the_middle_of_long_tracks_tells_as_well(monkeypatch):
+    rng = np.random.default_rng(6)
+    errors = NOISE * first_order(rng, (2000, 8, 3), 0.8)
+    errors[:500] = errors[1500:] = 0.0
+    body, observations, origin = body_and_observations(errors)
+    monkeypatch.setattr(lasting_errors, "MOST_FRAMES", 1000)
+    assert frames_per_error([body], observations, origin) == pytest.approx(true_growth(0.8), rel=0.25)
 
 
 def test_no_frames_tell_nothing():
