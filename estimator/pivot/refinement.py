@@ -60,11 +60,11 @@ class Start:
     """The initial solution of the refinement.
 
     path, and sampled at the tracks' times (n,) in s; shapes: the points (m, 3) of each body as registered, m from their
-    centroid; bodies with points from the centre of mass, and the path's x;
-    measured: all observations; observations: those of bodies in their frames; inliers (n, m): which passed screening.
-    lasting: how many frames have the same errors of the features, as the registered bodies tell;
-    errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
-    slips: whether the position may have white noise, as that of a pivot that slips.
+    centroid; bodies with points from the centre of mass, and the path's x; measured: all observations; observations:
+    those of bodies in their frames; inliers (n, m): which passed screening. lasting: how many frames have the same
+    errors of the features, as the registered bodies tell; errors: of the camera at the times; first_prior: of a simple
+    path, which holds until the weights have settled; slips: whether the position may have white noise, as that of a
+    pivot that slips.
     """
 
     path: Path
@@ -193,7 +193,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         told = lasting * max(options.sigma**2 if options.sigma else variance, floor)
         shift = _shift(start.errors, sampled.position(x), slip, told)
         problem = linearised(bodies, observations, sampled, x, shift)
-        if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
+        last_one = halvings == MOST_HALVINGS or rounds == MAX_ROUNDS  # which ends with a step
+        if here is not None and not last_one and here.is_worse(problem, observations.weight):
             # The linearised problem does not hold as far as the step went.
             halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
             sampled = as_seen(path, sampled.itself, start.errors, x)
