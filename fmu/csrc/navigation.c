@@ -139,6 +139,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     write_tumble(model, values, time);
     if (model->filter.frames == 0.0) return true;
     Online filter = model->filter;
+    look_and_keep(&filter);
     go_through(model, &filter, time);
     mean_push(model, filter.time, time, push);
     if (time > filter.time) advance(&filter, time, push);

@@ -72,7 +72,7 @@ static double part_of(const Member *member, double seems[3][3]) {
 /* Take the first nodes again if all are kept and the offset is known so much better; 1 if the bank is another. */
 static int take_again(Online *filter) {
     Member before[MEMBERS];
-    const Member known = filter->bank[likeliest(filter)];
+    const Member known = filter->bank[likeliest(filter->bank)];
     double wrong[STAGES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density;
     double variance = (known.P[6][6] + known.P[7][7] + known.P[8][8]) / 3.0;
     int count = (int)filter->stages, sound = 1;
@@ -94,7 +94,7 @@ static int take_again(Online *filter) {
         level_again(&filter->stage[k], wrong[k], of_offset, &level);
         sound = update_again(filter, &filter->stage[k], &level, seems);
     }
-    if (sound && part_of(&filter->bank[likeliest(filter)], seems) < SEEMS) return 1;
+    if (sound && part_of(&filter->bank[likeliest(filter->bank)], seems) < SEEMS) return 1;
     for (int m = 0; m < MEMBERS; m++) filter->bank[m] = before[m];
     filter->density = density;
     return 0;

@@ -48,20 +48,17 @@ static void carry(const double F[6][6], double P[6][6]) {
         for (int j = 0; j < 6; j++) P[i][j] = dot(A[i], F[j]) + dot(&A[i][3], &F[j][3]);
 }
 
-/* The state at a time, its covariance, and the transition to there from the time of the filter's covariances. */
-static void go_ahead(const Online *filter, double time, const double *acceleration, double x[6], double P[6][6],
-                     double F[6][6]) {
-    double more[LEVEL], wider[LEVEL][LEVEL], factor = noise_ratio(filter), all[6][6];
-    mixture(filter, more, wider);
+/* The state at a time, its covariance, and the transition to there, from what is known now. */
+static void go_ahead(const Online *filter, const Now *now, double time, const double *acceleration, double x[6],
+                     double P[6][6], double F[6][6]) {
+    double factor = noise_ratio(filter), all[6][6];
     for (int i = 0; i < 6; i++) {
-        x[i] = filter->x[i] + dot(filter->F[i], more) + dot(&filter->F[i][3], &more[3]);
+        x[i] = filter->x[i] + now->x[i];
         for (int j = 0; j < 6; j++) {
-            F[i][j] = filter->F[i][j];
-            P[i][j] = factor * (filter->P[PLACE + i][PLACE + j] + wider[i][j]);
+            F[i][j] = i == j;
+            P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
         }
     }
-    carry(F, P);
-    add_noise(filter->density, filter->elapsed, &P[0][0], 6);
     int count = time > filter->time ? steps_between(&filter->options, filter->time, time) : 0;
     for (int s = 0; s < count; s++) {
         double step[6][6], T = (time - filter->time) / count, from = filter->time + s * T;
@@ -76,8 +73,10 @@ static void go_ahead(const Online *filter, double time, const double *accelerati
 int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
     if (!isfinite(time) || time < filter->time) return BAD_TIME;
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
+    Now now;
     double x[6], P[6][6], F[6][6];
-    go_ahead(filter, time, acceleration, x, P, F);
+    look(filter, &now);
+    go_ahead(filter, &now, time, acceleration, x, P, F);
     state->time = time;
     state->features = filter->used;
     state->density = filter->density;
@@ -123,17 +122,20 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
-    double x[6], P[6][6], F[6][6], more[LEVEL], wider[LEVEL][LEVEL], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
-    double X[3][3], of_b[3][3], factor = noise_ratio(filter);
+    Now now;
+    double x[6], P[6][6], F[6][6], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
+    double X[3][3], of_b[3][3], all[6][6], factor = noise_ratio(filter);
     int at = BODY + 3 * slot;
-    go_ahead(filter, time, acceleration, x, P, F);
-    mixture(filter, more, wider);
+    look(filter, &now);
+    go_ahead(filter, &now, time, acceleration, x, P, F);
+    multiplied(F, filter->F, all);
     for (int i = 0; i < 3; i++) {
-        b[i] = filter->b[slot][i] + more[6 + i];
+        b[i] = filter->b[slot][i] + now.x[6 + i];
         for (int j = 0; j < 3; j++) {
-            of_b[i][j] = factor * (filter->P[at + i][at + j] + wider[6 + i][6 + j]);
+            of_b[i][j] = factor * (filter->P[at + i][at + j] + now.wider[6 + i][6 + j]);
             X[i][j] = 0.0; /* of r, then, and b */
-            for (int k = 0; k < 6; k++) X[i][j] += factor * F[i][k] * (filter->P[PLACE + k][at + j] + wider[k][6 + j]);
+            for (int k = 0; k < 6; k++)
+                X[i][j] += factor * (all[i][k] * filter->P[PLACE + k][at + j] + F[i][k] * now.wider[k][6 + j]);
         }
     }
     times(tumble.R, b, arm);
@@ -150,15 +152,16 @@ int online_point(const Online *filter, double time, const double *acceleration, 
 }
 
 int online_features(const Online *filter, long long *names, double *positions, double *covariances) {
-    double factor = noise_ratio(filter), more[LEVEL], wider[LEVEL][LEVEL];
-    mixture(filter, more, wider);
+    double factor = noise_ratio(filter);
+    Now now;
+    look(filter, &now);
     for (int f = 0; f < (int)filter->used; f++) {
         names[f] = filter->feature[f].name;
         for (int i = 0; i < 3; i++) {
-            positions[3 * f + i] = filter->b[f][i] + more[6 + i];
+            positions[3 * f + i] = filter->b[f][i] + now.x[6 + i];
             for (int j = 0; j < 3; j++)
                 covariances[9 * f + 3 * i + j] =
-                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + wider[6 + i][6 + j]);
+                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + now.wider[6 + i][6 + j]);
         }
     }
     return (int)filter->used;

@@ -94,11 +94,11 @@ static void advance_member(Member *member, double q, double T, const double step
     add_noise(q, T, &member->P[0][0], LEVEL);
 }
 
-static void advance_bank(Online *filter, double T, const double step[6], const double F[6][6]) {
+/* All members, the shadow with its own density. */
+static void advance_bank(Member bank[MEMBERS + 1], double density, double T, const double step[6], const double F[6][6]) {
     for (int m = 0; m <= SHADOW; m++) {
-        Member *member = &filter->bank[m];
-        double q = m == SHADOW ? filter->density : DENSITY[(int)member->steady];
-        if (is_alive(member)) advance_member(member, q, T, step, F);
+        double q = m == SHADOW ? density : DENSITY[(int)bank[m].steady];
+        if (is_alive(&bank[m])) advance_member(&bank[m], q, T, step, F);
     }
 }
 
@@ -144,9 +144,9 @@ static int update_member(Member *member, const Level *level) {
     return 1;
 }
 
-static int likeliest(const Online *filter) {
+static int likeliest(const Member bank[MEMBERS]) {
     int best = 0;
     for (int m = 1; m < MEMBERS; m++)
-        if (filter->bank[m].weight > filter->bank[best].weight) best = m;
+        if (bank[m].weight > bank[best].weight) best = m;
     return best;
 }

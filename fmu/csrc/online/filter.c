@@ -59,13 +59,19 @@ static int steps_between(const OnlineOptions *options, double begin, double end)
     return arcs < 1.0 ? 1 : arcs > 200.0 ? 200 : (int)arcs;
 }
 
+/* By what (r, v) went from the time of the covariances on, besides the transition. */
+static void step_since(const Online *filter, double step[6]) {
+    for (int i = 0; i < 6; i++)
+        step[i] = filter->x[i] - (dot(filter->F[i], filter->from) + dot(&filter->F[i][3], &filter->from[3]));
+}
+
 /* Bring the covariances, and the bank, to the time of the state. */
 static void settle(Online *filter) {
     int n = size_of(filter);
     double A[6][MOST_ERRORS], step[6];
     if (filter->elapsed == 0.0) return;
+    step_since(filter, step);
     for (int i = 0; i < 6; i++) {
-        step[i] = filter->x[i] - (dot(filter->F[i], filter->from) + dot(&filter->F[i][3], &filter->from[3]));
         for (int j = 0; j < n; j++) A[i][j] = 0.0;
         for (int k = 0; k < 6; k++)
             for (int j = 0; j < n; j++) A[i][j] += filter->F[i][k] * filter->P[PLACE + k][j];
@@ -80,10 +86,26 @@ static void settle(Online *filter) {
             filter->P[PLACE + i][PLACE + j] = filter->P[PLACE + j][PLACE + i] = sum;
         }
     add_noise(filter->density, filter->elapsed, &filter->P[PLACE][PLACE], MOST_ERRORS);
-    advance_bank(filter, filter->elapsed, step, filter->F);
+    advance_bank(filter->bank, filter->density, filter->elapsed, step, filter->F);
     go_on(&filter->leg, filter->elapsed, step, filter->F);
     filter->span += filter->elapsed;
     start_interval(filter);
+}
+
+/* What is known goes on by the transition F over T s. */
+static void carry_now(Now *now, double density, double T, const double F[6][6]) {
+    static const double no_step[6];
+    Member own = {0}, wider = {0};
+    for (int a = 0; a < LEVEL; a++) {
+        wider.x[a] = now->x[a];
+        for (int b = 0; b < LEVEL; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
+    }
+    advance_member(&own, density, T, no_step, F);
+    advance_member(&wider, 0.0, T, no_step, F);
+    for (int a = 0; a < LEVEL; a++) {
+        now->x[a] = wider.x[a];
+        for (int b = 0; b < LEVEL; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
+    }
 }
 
 /* The state at a later time; the covariances follow where the noise's would no longer be that of a straight line. */
@@ -97,6 +119,7 @@ static void advance(Online *filter, double end, const double a[3]) {
             for (int j = 0; j < 6; j++) before[i][j] = filter->F[i][j];
         multiplied(F, before, filter->F);
         filter->elapsed += T;
+        if (filter->looked != 0.0) carry_now(&filter->now, filter->density, T, F);
         if (s + 1 < count || steps_between(&filter->options, end - filter->elapsed, end) > 1) settle(filter);
     }
     filter->time = end;

@@ -10,7 +10,7 @@ once, or nodes later, then by what the mixture says. */
 /* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
 static int jumped(Online *filter, const Level *level, double span, double *jump) {
     double e[3], L[9], B[LEVEL][3];
-    int best = likeliest(filter), found = -1;
+    int best = likeliest(filter->bank), found = -1;
     const Member *from = &filter->bank[best];
     if (!(span > 0.0) || !innovation(from, level, e, L, B)) return -1;
     double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
@@ -31,7 +31,7 @@ static int jumped(Online *filter, const Level *level, double span, double *jump)
 /* Members without a jump that are less likely than the most likely one, which has jumped, was before it, go on from
    that, with the weights that they had then. */
 static void adopt(Online *filter) {
-    const int best = likeliest(filter);
+    const int best = likeliest(filter->bank);
     const Member from = filter->bank[best];
     if (best < DENSITIES || from.pending != 0.0) return;
     for (int m = 0; m < DENSITIES; m++) {
@@ -46,7 +46,7 @@ static void adopt(Online *filter) {
 /* Weights against the best's, and the mean density. A member far less likely than the best without a jump goes on from
    that, so that no evidence is older than it has to be; one that has jumped ends. */
 static void weigh_members(Online *filter) {
-    double highest = filter->bank[likeliest(filter)].weight, sum = 0.0, mean = 0.0;
+    double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0;
     int best = 0;
     for (int m = 1; m < DENSITIES; m++)
         if (filter->bank[m].weight > filter->bank[best].weight) best = m;
@@ -83,8 +83,8 @@ static int update_members(Online *filter, const Level *level, double span, doubl
    taken. */
 static double update_bank(Online *filter, const Level *level, int *late) {
     double jump = 0.0;
-    int sound, parent = likeliest(filter), fresh = update_members(filter, level, filter->span, &jump, &sound);
-    int best = likeliest(filter);
+    int sound, parent = likeliest(filter->bank), fresh = update_members(filter, level, filter->span, &jump, &sound);
+    int best = likeliest(filter->bank);
     const Member *first = &filter->bank[best];
     int clear = fresh >= 0 && filter->bank[parent].weight < first->weight - CLEAR;
     if (fresh >= 0) filter->bank[fresh].pending = clear ? 0.0 : 1.0;

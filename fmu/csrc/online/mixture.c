@@ -1,18 +1,18 @@
 /* What the bank says together, and how the large filter follows it. */
 
 /* The mixture of the bank, against the shadow: its mean, and its covariance. */
-static void mixed(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL]) {
-    const Member *shadow = &filter->bank[SHADOW];
+static void mixed(const Member bank[MEMBERS + 1], double x[LEVEL], double P[LEVEL][LEVEL]) {
+    const Member *shadow = &bank[SHADOW];
     double weights[MEMBERS], sum = 0.0;
-    for (int m = 0; m < MEMBERS; m++) sum += weights[m] = exp(filter->bank[m].weight);
+    for (int m = 0; m < MEMBERS; m++) sum += weights[m] = exp(bank[m].weight);
     for (int a = 0; a < LEVEL; a++) {
         x[a] = 0.0;
-        for (int m = 0; m < MEMBERS; m++) x[a] += weights[m] / sum * (filter->bank[m].x[a] - shadow->x[a]);
+        for (int m = 0; m < MEMBERS; m++) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
     }
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) P[a][b] = 0.0;
     for (int m = 0; m < MEMBERS; m++) {
-        const Member *member = &filter->bank[m];
+        const Member *member = &bank[m];
         if (!(weights[m] > 0.0)) continue;
         for (int a = 0; a < LEVEL; a++)
             for (int b = 0; b < LEVEL; b++) {
@@ -79,18 +79,18 @@ static void eigen(double A[LEVEL][LEVEL], double U[LEVEL][LEVEL]) {
     }
 }
 
-/* What is to be added to the large filter's (r, v, offset) and to its covariance. With M M' the filter's, S S' the
+/* What is to be added to the large filter's (r, v, offset) and to its covariance `own`. With M M' the filter's, S S' the
    shadow's and S^-1 P S'^-1 = U D U' of the mixture's P: where D is less than 1 the filter's is to the mixture's as the
    shadow's is, M U D U' M'; where it is more, as much is added as the mixture has more than the shadow: `more`,
    S U (D - 1) U' S'. */
-static void mixture_of(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL], double more[LEVEL][LEVEL]) {
-    double own[LEVEL][LEVEL], M[LEVEL * LEVEL], S[LEVEL * LEVEL], back[LEVEL * LEVEL];
-    mixed(filter, x, P);
-    of_level(filter, own);
+static void mixture(const Member bank[MEMBERS + 1], double own[LEVEL][LEVEL], double x[LEVEL], double P[LEVEL][LEVEL],
+                    double more[LEVEL][LEVEL]) {
+    double M[LEVEL * LEVEL], S[LEVEL * LEVEL], back[LEVEL * LEVEL];
+    mixed(bank, x, P);
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) {
             M[LEVEL * a + b] = own[a][b];
-            S[LEVEL * a + b] = filter->bank[SHADOW].P[a][b];
+            S[LEVEL * a + b] = bank[SHADOW].P[a][b];
             more[a][b] = 0.0;
         }
     if (factored(LEVEL, M) && factored(LEVEL, S)) {
@@ -120,18 +120,13 @@ static void mixture_of(const Online *filter, double x[LEVEL], double P[LEVEL][LE
         for (int b = 0; b < LEVEL; b++) P[a][b] -= own[a][b];
 }
 
-static void mixture(const Online *filter, double x[LEVEL], double P[LEVEL][LEVEL]) {
-    double more[LEVEL][LEVEL];
-    mixture_of(filter, x, P, more);
-}
-
 #define UNTRUE 0.1     /* part of a late correction that may be wrong: the filter's gains are not quite the shadow's */
 #define ELSEWHERE 50.0 /* chi-square of 9 degrees of freedom, beyond any chance */
 
 /* Whether the mixture is where the shadow does not expect it. */
 static int is_elsewhere(const Online *filter) {
     double x[LEVEL], y[LEVEL], P[LEVEL][LEVEL], S[LEVEL * LEVEL], square = 0.0;
-    mixed(filter, x, P);
+    mixed(filter->bank, x, P);
     for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = filter->bank[SHADOW].P[k / LEVEL][k % LEVEL];
     if (!factored(LEVEL, S)) return 0;
     for (int k = 0; k < LEVEL; k++) y[k] = x[k];
@@ -144,9 +139,10 @@ static int is_elsewhere(const Online *filter) {
    this is added. */
 static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
-    double x[LEVEL], D[LEVEL][LEVEL], more[LEVEL][LEVEL];
+    double own[LEVEL][LEVEL], x[LEVEL], D[LEVEL][LEVEL], more[LEVEL][LEVEL];
     Member *shadow = &filter->bank[SHADOW];
-    mixture_of(filter, x, D, more);
+    of_level(filter, own);
+    mixture(filter->bank, own, x, D, more);
     for (int a = 0; a < LEVEL; a++) {
         shadow->x[a] += x[a];
         for (int b = 0; b < LEVEL; b++) more[a][b] += UNTRUE * UNTRUE * x[a] * x[b];

@@ -105,8 +105,10 @@ static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *p
 
 /* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
 static double place_deviation(const Online *filter, const OnlineTumble *tumble, double time, const double *acceleration) {
+    Now now;
     double x[6], P[6][6], F[6][6], square = 0.0;
-    go_ahead(filter, time, acceleration, x, P, F);
+    look(filter, &now);
+    go_ahead(filter, &now, time, acceleration, x, P, F);
     for (int k = 0; k < 3; k++)
         square += (P[k][k] + tumble->turn[k][k] * mean_square(filter->b, (int)filter->used)) / 3.0;
     return sqrt(square);
@@ -125,6 +127,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     foresee(filter, time, &tumble, &foreseen);
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
     if (refused) return refused;
+    filter->looked = 0.0;
     if (filter->frames == 0.0) {
         begin(filter, &frame, time);
         return ACCEPTED;

@@ -102,6 +102,12 @@ typedef struct {
     double moved[3];                            /* by which the offset was corrected after it, in B */
 } Stage;
 
+/* What is known from all frames: what the large filter's (r, v, offset) is wrong by, as the bank says, its covariance, and
+   by how much the true one is wider. */
+typedef struct {
+    double x[LEVEL], own[LEVEL][LEVEL], wider[LEVEL][LEVEL];
+} Now;
+
 /* A free tumble with white torque of one density. */
 typedef struct {
     double q[4], w[3], j[5]; /* attitude (w, x, y, z) B to C, rate in B, coefficients of an inertia of trace 1 */
@@ -145,6 +151,8 @@ typedef struct {
     Member first;      /* of the bank at the first frame */
     Stage stage[STAGES];
     Tumble tumble;
+    double looked; /* 1: `now` is what is known at `time`, as of the last frame */
+    Now now;
     double P[MOST_ERRORS][MOST_ERRORS];
 } Online;
 

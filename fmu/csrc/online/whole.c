@@ -43,5 +43,6 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 #include "features.c"
 #include "tumble.c"
 #include "node.c"
+#include "now.c"
 #include "answers.c"
 #include "online.c"

@@ -108,6 +108,27 @@ def test_fast_frames_claim_no_more_than_they_show():
     assert (np.sum(worst, axis=0) < chi2.ppf(1 - ALPHA, 24)).all()
 
 
+def test_frames_that_wait_in_a_node_are_in_the_answer():
+    """At 5 Hz the target turns a tenth of what a node takes between two frames."""
+    time = np.arange(FRAMES) / 5
+    path = straight(time)
+    narrower, nees = [], []
+    for draw in range(DRAWS):
+        filter = OnlineEstimator(SIGMA)
+        position = tracks(np.random.default_rng([12, draw]), time, path)
+        states, claims = [], []
+        for instant, points in zip(time, position, strict=True):
+            foreseen = filter.predict(instant) if states else None
+            states.append(filter.update(instant, points))
+            if foreseen is not None:
+                claims.append([np.trace(one.covariance[:3, :3]) for one in (foreseen, states[-1])])
+        before, after = np.array(claims[FRAMES // 2 :]).T
+        narrower.append(np.mean(after < before))
+        nees.append(errors(states[-1:], path[-1:])[1][0])
+    assert np.mean(narrower) > 0.7  # not in all: a frame may show that the mixture of densities is wider
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 3 * DRAWS)
+
+
 def test_features_come_and_go_and_return_under_other_names():
     time = np.arange(FRAMES, dtype=float)
     path = straight(time)
