@@ -75,16 +75,21 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
 /* What two attitudes of a node are apart at most: beyond it there was a gap. */
 static double widest_within(const Node *node) { return WIDEST + 8.0 * sqrt(node->variance / node->count); }
 
-/* Whether the node is far enough from the one before. */
-static int far_enough(const Online *filter, double R[3][3]) {
+/* The node's mean attitude; how far that is from the node before, and from where it is far beyond its noise, in rad. */
+static double turned_by(const Online *filter, double R[3][3], double *beyond) {
     const Node *node = &filter->node;
     double turn[3];
     for (int k = 0; k < 3; k++) turn[k] = node->turn[k] / node->count;
     copy(node->R, R);
     turn_left(turn, R);
-    double noise = sqrt(node->variance) / node->count;
-    double least = fmax(fmin(USUAL, sqrt(FAR * noise)), FAR * noise);
-    return angle_between(R, filter->R, turn) > fmin(least, WIDEST);
+    *beyond = FAR * sqrt(node->variance) / node->count;
+    return angle_between(R, filter->R, turn);
+}
+
+/* Whether the node, of the mean attitude R, is far enough from the one before. */
+static int far_enough(const Online *filter, double R[3][3]) {
+    double beyond, angle = turned_by(filter, R, &beyond);
+    return angle > fmin(fmax(fmin(USUAL, sqrt(beyond)), beyond), WIDEST);
 }
 
 /* The rate from how each feature moved between its own sightings: errors of its place, and of the centre of mass, have no

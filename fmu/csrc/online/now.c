@@ -1,6 +1,7 @@
 /* What is known now, from all frames: those of the open node, which the filter has not taken yet, too. */
 
-/* The bank takes the open node; 0 if it can't. A node with a jump has to be closed first. */
+/* The bank takes the open node; 0 if it can't. A node with a jump has to be closed first, and one that is not far beyond
+   its noise would seem to show too much. */
 static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     Frame frame;
     Pose pose;
@@ -8,8 +9,8 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     Level level;
     OnlineTumble tumble;
     Foreseen foreseen = {.variance = INFINITY};
-    double share[MOST_FEATURES][3][3], common[3][3], M[3][3], e[3], L[9], B[LEVEL][3];
-    far_enough(filter, foreseen.R);
+    double share[MOST_FEATURES][3][3], common[3][3], M[3][3], e[3], L[9], B[LEVEL][3], beyond;
+    if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);
     if (!registered(filter, &frame, &foreseen, &pose)) return 0;

@@ -6,6 +6,7 @@ prefer_one_thread()
 
 import argparse  # noqa: E402
 import sys  # noqa: E402
+from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from baryscope.models.errors import InputError  # noqa: E402
@@ -24,6 +25,9 @@ def main(arguments: list[str] | None = None) -> int:
     runner.add_argument("--seed", type=command.natural, default=1)
     runner.add_argument("--draws", type=command.natural, default=100)
     runner.add_argument("--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE")
+    runner.add_argument(
+        "--beside", nargs="+", default=[], choices=("pivot", "ml", "ekf"), metavar="METHOD", help="from the same frames"
+    )
     runner.add_argument("--workers", type=command.positive, default=1)
     runner.add_argument("--limit", type=float, default=120.0, help="s for a draw, then its process is killed")
     runner.add_argument("-o", "--output", type=Path, required=True)
@@ -39,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     groups = [[(suite, options.seed, draw)] for suite in options.suites for draw in range(options.draws)]
-    command.fill(options, judged, ("suite", "seed", "draw"), groups)
+    command.fill(options, partial(judged, beside=options.beside), ("suite", "seed", "draw"), groups)
 
 
 def _endure(options: argparse.Namespace) -> None:

@@ -14,30 +14,34 @@ TRACKING = "tracking"
 
 
 def table(lines: Sequence[Line]) -> Table:
-    """A row for each suite and mark, over the draws that track there: root mean squares, for the population medians."""
+    """A row for each suite and mark, over the draws that track there: root mean squares, for the population medians.
+
+    With a column for each method beside: the error over that method's, of the draws that it does not refuse.
+    """
     headings = "suite, rotations, draws, tracking, error mm, claimed mm, bound mm, free tumble mm, error/bound"
+    methods = list(
+        dict.fromkeys(name for line in lines for at in line["marks"].values() for name in at.get("beside", ()))
+    )
     groups: dict[tuple[str, str], list[Line]] = {
         (line["suite"], mark): [] for line in lines for mark in (*map(str, MARKS), END)
     }
     for line in lines:
         for mark, at in line["marks"].items():
             groups[line["suite"], mark].append(at)
-    rows = tuple(_row(suite, mark, group) for (suite, mark), group in groups.items() if group)
-    return Table(tuple(f"{headings}, NEES, 95 % band".split(", ")), rows, left=2)
+    rows = tuple(_row(suite, mark, group, methods) for (suite, mark), group in groups.items() if group)
+    beside = tuple(f"error/{method}" for method in methods)
+    return Table((*f"{headings}, NEES, 95 % band".split(", "), *beside), rows, left=2)
 
 
-def _row(suite: str, mark: str, group: list[Line]) -> tuple[str, ...]:
+def _row(suite: str, mark: str, group: list[Line], methods: Sequence[str]) -> tuple[str, ...]:
     right = [at for at in group if at["status"] == TRACKING]
     head = (suite, mark, str(len(group)), str(len(right)))
     if not right:
-        return (*head, *["-"] * 7)
+        return (*head, *["-"] * (7 + len(methods)))
     mean = np.median if suite == POPULATION else _rms
     values = [[at[key] for at in right] for key in ("error", "claimed")]
     values += [[at["bounds"][key] for at in right] for key in ("free", "tumble")]
-    if suite == POPULATION:
-        ratio = float(np.median(np.array(values[0]) / np.array(values[2])))
-    else:
-        ratio = _rms(values[0]) / _rms(values[2])
+    ratio = _ratio(suite, values[0], values[2])
     every = np.array([at["nees"] for at in right])
     low, high = band(len(right))
     return (
@@ -46,7 +50,19 @@ def _row(suite: str, mark: str, group: list[Line]) -> tuple[str, ...]:
         f"{ratio:.2f}",
         f"{float(np.median(every) if suite == POPULATION else every.mean()):.3g}",
         f"{low:.2f}–{high:.2f}",
+        *(_over(suite, right, method) for method in methods),
     )
+
+
+def _over(suite: str, right: list[Line], method: str) -> str:
+    both = [(at["error"], at["beside"][method]) for at in right if at.get("beside", {}).get(method) is not None]
+    return f"{_ratio(suite, *map(list, zip(*both, strict=True))):.2f}" if both else "-"
+
+
+def _ratio(suite: str, errors: list[float], others: list[float]) -> float:
+    if suite == POPULATION:
+        return float(np.median(np.array(errors) / np.array(others)))
+    return _rms(errors) / _rms(others)
 
 
 def ends(lines: Sequence[Line]) -> Table:

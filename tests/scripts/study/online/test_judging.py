@@ -52,9 +52,11 @@ def test_tables_have_a_row_for_each_mark(line, tmp_path, capsys):
     (row,) = ends([line, again]).rows
     assert row[:4] == ("as modelled", "2", "2", "0")
     path = str(tmp_path / "online.jsonl")
-    assert main(["run", "--draws", "1", "--suites", "pivot slips", "-o", path]) == 0
+    assert main(["run", "--draws", "1", "--suites", "pivot slips", "--beside", "pivot", "-o", path]) == 0
     assert main(["report", path]) == 0
-    assert capsys.readouterr().out.count("| pivot slips |") >= 4
+    printed = capsys.readouterr().out
+    assert printed.count("| pivot slips |") >= 4
+    assert "error/pivot" in printed
 
 
 @pytest.mark.parametrize(
