@@ -30,8 +30,8 @@ class OnlineStatus(StrEnum):
     WAITING = "waiting"
     """No frame yet with three features that are not in a line."""
     STARTING = "starting"
-    """The position of the centre of mass is less certain than the features are far from each other, or what is known of
-    it along some axis of the body is less than what only the noise of the attitudes seemed to show."""
+    """The position of the centre of mass is less certain than the features are far from each other, or what
+    only the noise of the attitudes seemed to show is more than a quarter of what is known of it along some axis."""
     TRACKING = "tracking"
     DOUBTFUL = "doubtful"
     """The residuals are larger than the told noise: it is wrong, or features are confused with each other. Or the path

@@ -1,6 +1,7 @@
 /* What the filter answers: noise and status, the state at a time, the tumble, a point, the map. */
 
 #define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
+#define SEEMING 0.25 /* what was taken back, over what is known of the offset, along some direction */
 
 static int are_finite(const double *values, int count) {
     for (int k = 0; k < count; k++)
@@ -15,7 +16,8 @@ static double noise_ratio(const Online *filter) {
     return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
 }
 
-/* Whether along some direction less is known of the offset than was taken back: then what is left is not to be trusted. */
+/* Whether what was taken back is a good part of what is known of the offset, along some direction: what is left is not to be
+   trusted then. */
 static int only_seems(const Online *filter) {
     double P[LEVEL][LEVEL], v[3] = {1.0, 0.7, 0.4}, size = 0.0;
     of_level(filter, P);
@@ -27,7 +29,7 @@ static int only_seems(const Online *filter) {
         if (!(size > 0.0)) return 0;
         for (int k = 0; k < 3; k++) v[k] /= size;
     }
-    return size > 1.0;
+    return size > SEEMING;
 }
 
 static double status_of(const Online *filter, double P[6][6]) {
@@ -36,8 +38,9 @@ static double status_of(const Online *filter, double P[6][6]) {
     double square = mean_square(filter->b, (int)filter->used), L[36];
     for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
-    if (!(P[0][0] + P[1][1] + P[2][2] < square) || only_seems(filter)) return STARTING;
-    return noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0 ? DOUBTFUL : TRACKING;
+    if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
+    if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
+    return only_seems(filter) ? STARTING : TRACKING;
 }
 
 /* P = F P F'. */
