@@ -46,7 +46,8 @@ class OnlineState:
 
     time in s; position (3,) in C, m; velocity (3,) in C, m/s; covariance (6, 6) of both, in m and m/s; attitude (3, 3),
     R_C_B in axes B that are those of C in the first frame, NaN at times without a frame that fits; status; density:
-    estimated, of white acceleration, m²/s³; noise_ratio: mean square of the residuals over that of the told noise.
+    estimated, of white acceleration, m²/s³; noise_ratio: mean square of the residuals over that of the told noise;
+    lasting: how many frames have the same errors of the features, 1 + 2 Σ ρ; the covariance allows for it.
     """
 
     time: float
@@ -57,6 +58,7 @@ class OnlineState:
     status: OnlineStatus
     density: float
     noise_ratio: float
+    lasting: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +91,7 @@ class OnlineEstimator:
     """A Kalman filter of the centre of mass, in C, with fixed memory; see online.h and docs/online.md.
 
     Args:
-        sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own, of errors that
-            are new in every frame. Where frames share them, √`Noise.lasting` of a recording's estimate times as much,
-            and of covariances `lasting` times.
+        sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own.
         orbit: the target's; None: the centre of mass moves in a straight line, but for the white acceleration.
         offset_radii: standard deviation of the centre of mass from the features' centroid before the first frame, per
             axis, in units of these features' rms distance from it.
@@ -196,7 +196,9 @@ class OnlineEstimator:
             raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
         status = list(OnlineStatus)[int(found.status)]
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
-        return OnlineState(time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, found.density, found.noise_ratio)
+        return OnlineState(
+            time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, found.density, found.noise_ratio, found.lasting
+        )
 
     def tumble(self, time: float) -> OnlineTumble | None:
         """The tumble at a time in s that is not before the last frame; None as long as no free tumble is known.

@@ -153,6 +153,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_VALID] = now.status == TRACKING;
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
+    values[AT_NOISE_LASTING] = now.lasting;
     write_features(&model->filter, values);
     memcpy(values + AT_PREDICTED, ahead.r, sizeof ahead.r);
     write_upper(ahead.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);

@@ -130,6 +130,7 @@ _PLACES = {
     "AT_SAMPLES": "samples",
     "AT_PROCESS_NOISE": "processNoise",
     "AT_NOISE_RATIO": "noiseRatio",
+    "AT_NOISE_LASTING": "noiseLasting",
     "AT_BODY_FEATURES": "body.features[1,1]",
     "AT_BODY_KNOWN": "body.known[1]",
     "AT_PREDICTED": "predicted.position[1]",

@@ -84,6 +84,7 @@ int online_predict(const Online *filter, double time, const double *acceleration
     state->features = filter->used;
     state->density = filter->density;
     state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
+    state->lasting = filter->frames_per_error;
     state->status = status_of(filter, P);
     for (int i = 0; i < 3; i++) {
         state->r[i] = x[i], state->v[i] = x[3 + i];

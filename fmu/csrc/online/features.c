@@ -58,6 +58,7 @@ static void forget(Online *filter, int slot) {
         if (filter->node.seen[s].name == filter->feature[slot].name)
             filter->node.seen[s] = filter->node.seen[(int)--filter->node.used];
     filter->feature[slot] = filter->feature[last];
+    filter->series[slot] = filter->series[last];
     filter->used = last;
 }
 
@@ -122,6 +123,7 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
             filter->P[at + a][at + b] = filter->P[at + b][at + a] = a == b ? sum + ROUNDING * sum : sum;
         }
     filter->feature[slot] = (Feature){frame->name[i], filter->time, 0.0, 0.0, {{0}}};
+    filter->series[slot] = (Series){.last = 0.0};
     inform(&filter->feature[slot], frame, i, arm, R, V);
 }
 

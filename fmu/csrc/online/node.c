@@ -82,7 +82,7 @@ static double turned_by(const Online *filter, double R[3][3], double *beyond) {
     for (int k = 0; k < 3; k++) turn[k] = node->turn[k] / node->count;
     copy(node->R, R);
     turn_left(turn, R);
-    *beyond = FAR * sqrt(node->variance) / node->count;
+    *beyond = FAR * sqrt(filter->frames_per_error * node->variance) / node->count;
     return angle_between(R, filter->R, turn);
 }
 
@@ -211,7 +211,8 @@ static double as_frame(const Online *filter, const OnlineTumble *tumble, const d
         for (int a = 0; a < 3; a++) {
             frame->y[i][a] = filter->x[a] + passage->y[a] - passage->later * sweep->drift[a] - (there[a] - arm[a]);
             for (int b = 0; b < 3; b++) {
-                frame->noise[i][a][b] = sum->noise[a][b] / (sum->count * sum->count) + unsteady * dot(K[a], K[b]);
+                frame->noise[i][a][b] = filter->frames_per_error * sum->noise[a][b] / (sum->count * sum->count);
+                frame->noise[i][a][b] += unsteady * dot(K[a], K[b]);
                 more[a][b] = passage->swept * passage->swept * dot(S[a], K[b]);
             }
         }
@@ -225,7 +226,9 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Frame frame;
     Pose pose;
     Sweep sweep;
-    double turn[3], before[3][3], noise[3][3], lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
+    double turn[3], before[3][3], noise[3][3];
+    note_lasting(filter);
+    double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
     filter->node.count = 0.0;
     Foreseen foreseen = {.variance = INFINITY};
     copy(R, foreseen.R);

@@ -46,7 +46,10 @@ static int spread_out(const Frame *frame) {
 /* The first frame defines the body's axes, and puts the centre of mass at the features' centroid. */
 static void begin(Online *filter, Frame *frame, double time) {
     OnlineOptions options = filter->options;
+    Lasting lasting = filter->lasting;
+    double frames_per_error = fmax(filter->frames_per_error, 1.0);
     online_start(filter, &options);
+    filter->lasting = lasting, filter->frames_per_error = frames_per_error;
     filter->time = filter->turned = filter->registered = time;
     if (frame->count < 3 || !spread_out(frame)) return;
     double variance = options.offset * options.offset * mean_square(frame->y, frame->count);
@@ -142,7 +145,9 @@ int online_update(Online *filter, double time, int count, const long long *names
     settle_names(filter, &frame);
     filter->squares += pose.squares;
     filter->freedom += 3.0 * pose.count - 6.0;
+    filter->sightings += pose.count;
     filter->frames += 1.0;
+    note_residuals(filter, &frame, &pose);
     filter->lost = 0.0;
     copy(pose.R, filter->attitude);
     filter->registered = time;

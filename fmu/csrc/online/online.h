@@ -37,6 +37,7 @@ enum {
     MEMBERS = DENSITIES + JUMPS,
     SHADOW = MEMBERS,
     STAGES = 32, /* nodes that are kept */
+    SCALES = 14, /* blocks of 1, 2, 4 ... sightings */
     LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the features seen is wrong by */
     N_ELEMENTS = 7,
     TORQUES = 5
@@ -62,6 +63,16 @@ typedef struct {
     double refused; /* sightings in a row that did not fit */
     double information[3][3]; /* of its place in B, as if its sightings were independent, 1/m2 */
 } Feature;
+
+/* Sums of a feature's residuals over blocks that wait for their other halves, along C and B; and the number of its last frame. */
+typedef struct {
+    double half[SCALES][2][3], waits[SCALES], last;
+} Series;
+
+/* Of all features: how many blocks there were, and their squared sums over the numbers of sightings. */
+typedef struct {
+    double blocks[SCALES], power[2][SCALES];
+} Lasting;
 
 /* What frames of nearly the same attitude saw of a feature: sums over its sightings. */
 typedef struct {
@@ -139,9 +150,13 @@ typedef struct {
     double span;    /* from the last node to the one before, s */
     double density; /* of white acceleration, m2/s3 */
     double squares, freedom; /* of the residuals of frames, in units of the noise */
+    double sightings; /* that these are of */
+    double frames_per_error; /* how many frames have the same errors of the features, as far as it was allowed for */
+    Lasting lasting;
     double used;             /* features */
     Node node;
     Feature feature[MOST_FEATURES];
+    Series series[MOST_FEATURES];
     double b[MOST_FEATURES][3];
     double share[MOST_FEATURES][3][3]; /* of a feature's error in the offset that the last node saw, in B */
     Member bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
@@ -157,7 +172,7 @@ typedef struct {
 } Online;
 
 typedef struct {
-    double time, status, features, density, noise_ratio;
+    double time, status, features, density, noise_ratio, lasting;
     double r[3], v[3], R[3][3];
     double covariance[6][6]; /* of r and v */
 } OnlineState;

@@ -42,6 +42,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 #include "update.c"
 #include "features.c"
 #include "tumble.c"
+#include "lasting.c"
 #include "node.c"
 #include "now.c"
 #include "answers.c"

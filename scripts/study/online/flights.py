@@ -67,14 +67,14 @@ def flight(suite: str, seed: int, draw: int) -> Flight:
 def _of_world(name: str, seed: int, draw: int) -> Flight:
     made = scene(WORLDS[name], seed, draw)
     n, m, own = len(made.time), len(made.points), made.jacobian.shape[2]
-    # Errors that last count as white ones of as great a spectrum at frequency zero: the filter takes them for that.
+    # In the bound, errors that last count as white ones of as great a spectrum at frequency zero.
     keep = memory(made.time, made.world.error_time)[0]
-    sigma = made.world.noise * float(np.sqrt((1 + keep) / (1 - keep)))
+    white = made.world.noise * float(np.sqrt((1 + keep) / (1 - keep)))
     jacobian = np.concatenate([made.jacobian, made.disturbance.columns], axis=2)
     tumbles = not made.world.eddy and not made.world.slip
     return Flight(
         made.tracks,
-        sigma,
+        made.world.noise,
         made.orbit,
         made.world.attitude_noise,
         made.path,
@@ -84,7 +84,7 @@ def _of_world(name: str, seed: int, draw: int) -> Flight:
         Watched(
             made.attitude,
             made.points,
-            np.broadcast_to(np.eye(3) / sigma**2, (n, m, 3, 3)),
+            np.broadcast_to(np.eye(3) / white**2, (n, m, 3, 3)),
             np.ones((n, m), dtype=bool),
             made.turn if tumbles else None,
         ),

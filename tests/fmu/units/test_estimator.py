@@ -94,6 +94,7 @@ def test_it_is_the_filter_that_python_calls(watched, started):
             "predicted.positionCovariance": ahead.covariance[:3, :3][UPPER],
             "processNoise": now.density,
             "noiseRatio": now.noise_ratio,
+            "noiseLasting": now.lasting,
             "samples": k + 1,
         }.items():
             # The unit goes through communication points, whose white acceleration is that of a straight line.

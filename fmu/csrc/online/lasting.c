@@ -1,0 +1,114 @@
+/* Errors of features that last: in how many frames they are the same, 1 + 2 sum of their autocorrelations.
+
+The residuals of each feature in the best pose of each frame are added up over blocks of 1, 2, 4 ... sightings that follow one
+another. The mean square of a block's sum is that of white noise times the number, where nothing lasts. Along the axes of C
+and of B, as errors may be slow in either. */
+
+#define PLENTY 4.0      /* sightings in the map for each of a block: its own error is the same in all of them */
+#define SIGNIFICANT 4.0 /* standard deviations of white noise, beyond which errors last */
+#define LEAST 1.25      /* and at least this */
+#define GROWING 1.3     /* times what blocks of half the length show, from which longer ones will show more */
+#define OTHERWISE 1.2   /* ratio from which on what is known is put right */
+
+/* z is the residual of a feature in standard deviations, along C and B. */
+static void add_residual(Lasting *lasting, Series *series, double sightings, double z[2][3]) {
+    double sum[2][3];
+    for (int a = 0; a < 2; a++)
+        for (int k = 0; k < 3; k++) sum[a][k] = z[a][k];
+    for (int j = 0; j < SCALES && sightings >= PLENTY * (1 << j); j++) {
+        lasting->blocks[j] += 1.0;
+        for (int a = 0; a < 2; a++) lasting->power[a][j] += dot(sum[a], sum[a]) / (1 << j);
+        if (sightings < PLENTY * (2 << j)) return;
+        for (int a = 0; a < 2; a++)
+            for (int k = 0; k < 3; k++) {
+                double half = sum[a][k];
+                sum[a][k] += series->half[j][a][k];
+                series->half[j][a][k] = series->waits[j] != 0.0 ? 0.0 : half;
+            }
+        series->waits[j] = series->waits[j] == 0.0;
+        if (series->waits[j] != 0.0) return;
+    }
+}
+
+/* Blocks that are shorter than a gap in the sightings do not go on after it. */
+static void drop_halves(Series *series, double gap) {
+    for (int j = 0; j < SCALES && (1 << j) <= gap; j++) {
+        series->waits[j] = 0.0;
+        for (int a = 0; a < 2; a++)
+            for (int k = 0; k < 3; k++) series->half[j][a][k] = 0.0;
+    }
+}
+
+/* The residuals of a registered frame. */
+static void note_residuals(Online *filter, const Frame *frame, const Pose *pose) {
+    for (int i = 0; i < frame->count; i++) {
+        double arm[3], e[3], L[9], z[2][3];
+        if (!frame->fits[i]) continue;
+        Series *series = &filter->series[frame->slot[i]];
+        drop_halves(series, filter->frames - series->last - 1.0);
+        series->last = filter->frames;
+        residual(filter, frame, pose, i, arm, e);
+        for (int k = 0; k < 9; k++) L[k] = frame->noise[i][k / 3][k % 3];
+        if (!factored(3, L)) continue;
+        whitened(L, e);
+        for (int k = 0; k < 3; k++) z[0][k] = e[k];
+        transposed_times(pose->R, z[0], z[1]);
+        add_residual(&filter->lasting, series, filter->feature[frame->slot[i]].sightings, z);
+    }
+}
+
+/* How many frames have the same errors, 1 where that does not show: from the blocks for which it is surely most, and what
+   those of half their length say of longer ones. Noise that was told too large counts less. */
+static double frames_per_error(const Online *filter) {
+    const Lasting *lasting = &filter->lasting;
+    double most = 1.0, surely = 0.0;
+    if (!(lasting->blocks[0] > 0.0)) return most;
+    double square = filter->squares / filter->freedom, share = fmin(filter->freedom / (3.0 * filter->sightings), 1.0);
+    for (int a = 0; a < 2; a++) {
+        double before = 1.0;
+        for (int j = 1; j < SCALES && lasting->blocks[j] > 0.0; j++) {
+            double ratio = lasting->power[a][j] / lasting->blocks[j] * lasting->blocks[0] / lasting->power[a][0];
+            double by_chance = sqrt(2.0 / (3.0 * share * lasting->blocks[j])), least = ratio * (1.0 - by_chance);
+            if (ratio > LEAST && ratio > 1.0 + SIGNIFICANT * by_chance && least > surely)
+                surely = least, most = ratio > GROWING * before ? 2.0 * ratio - before : ratio;
+            before = ratio;
+        }
+    }
+    return fmax(most * fmin(square, 1.0), 1.0);
+}
+
+static void scale_block(double *values, int count, double factor) {
+    for (int k = 0; k < count; k++) values[k] *= factor;
+}
+
+/* All frames so far were taken for better than they are: what is known is that much less certain. What was before the first
+   frame matters little by then. */
+static void put_right(Online *filter, double factor) {
+    int n = size_of(filter);
+    for (int i = 0; i < n; i++) scale_block(filter->P[i], n, factor);
+    for (int m = 0; m <= SHADOW; m++) {
+        Member *member = &filter->bank[m];
+        if (!is_alive(member)) continue;
+        scale_block(member->P[0], LEVEL * LEVEL, factor);
+        member->weight /= factor;
+    }
+    for (int k = 0; k < (int)filter->stages; k++) {
+        Stage *stage = &filter->stage[k];
+        scale_block(stage->change[0], 9, factor);
+        scale_block(stage->noise[0], 9, factor);
+        scale_block(stage->turn[0], 9, factor);
+        scale_block(stage->both[0], 9, factor);
+    }
+    for (int f = 0; f < (int)filter->used; f++) scale_block(filter->feature[f].information[0], 9, 1.0 / factor);
+    for (int m = 0; m < TORQUES; m++) scale_block(filter->tumble.spin[m].P[0], 11 * 11, factor);
+    scale_block(filter->tumble.N, 64, 1.0 / factor);
+    scale_block(filter->tumble.rhs, 8, 1.0 / factor);
+}
+
+/* Before a node: how long errors last, as is known by now. */
+static void note_lasting(Online *filter) {
+    double found = frames_per_error(filter), factor = found / filter->frames_per_error;
+    if (factor < OTHERWISE && factor * OTHERWISE > 1.0) return;
+    put_right(filter, factor);
+    filter->frames_per_error = found;
+}
