@@ -65,6 +65,14 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
     return np.asarray(scale[:, None, None] * inverse)
 
 
+def are_definite(matrix: FloatArray) -> bool:
+    """Whether all matrices (n, 3, 3) are positive definite in double precision; infinite ones and NaN are not."""
+    try:
+        return bool(np.isfinite(np.linalg.cholesky(matrix)).all())
+    except np.linalg.LinAlgError:
+        return False
+
+
 def is_covariance(matrix: FloatArray) -> BoolArray:
     """Whether matrices (..., 3, 3) are symmetric and positive semidefinite, up to rounding; NaN is not.
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
+from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
@@ -155,6 +156,16 @@ def test_a_solution_as_uncertain_as_nothing_can_be_has_diverged(monkeypatch, tum
     case = make_case(TIME[:30], tumbling[:30], np.tile(START, (30, 1)), FEATURES, noise=0.02)
     assert estimate(case.tracks, method="pivot").predicted_rmse > 1e-4
     monkeypatch.setattr("baryscope.estimator.pivot.method.MAX_LENGTH", 1e-4)
+    with pytest.raises(ComputationError, match="diverge"):
+        estimate(case.tracks, method="pivot")
+
+
+def test_a_covariance_that_is_not_definite_is_no_answer(monkeypatch, tumbling):
+    """Tenths of a millimetre across and a hundred kilometres along cannot stand in one matrix of double precision."""
+    case = make_case(TIME[:30], tumbling[:30], np.tile(START, (30, 1)), FEATURES, noise=0.02)
+    along = np.array([1.0, 1.0, 0.5])
+    thin = 1e10 * np.outer(along, along) + 1e-8 * np.eye(3)
+    monkeypatch.setattr(SampledPath, "covariance", lambda path, of_x: np.tile(thin, (30, 1, 1)))
     with pytest.raises(ComputationError, match="diverge"):
         estimate(case.tracks, method="pivot")
 
