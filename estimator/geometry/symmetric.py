@@ -12,6 +12,7 @@ BoolArray = NDArray[np.bool_]
 
 UPPER = np.triu_indices(3)  # rows and columns of the six elements that make a symmetric 3 × 3 matrix
 FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # which of them stands where in the matrix
+DIGITS = 1e-14  # of the trace: what is added to a covariance that rounding leaves indefinite
 RANK_TOLERANCE = 1e-13  # eigenvalue of the scaled matrix up to which a direction belongs to the null space
 
 
@@ -65,12 +66,17 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
     return np.asarray(scale[:, None, None] * inverse)
 
 
-def are_definite(matrix: FloatArray) -> bool:
-    """Whether all matrices (n, 3, 3) are positive definite in double precision; infinite ones and NaN are not."""
+def made_definite(covariance: FloatArray) -> FloatArray:
+    """Covariances (n, 3, 3) that are positive definite in double precision, wider by rounding where they are not.
+
+    Kilometres along one axis and micrometres across cannot stand in one matrix.
+    """
     try:
-        return bool(np.isfinite(np.linalg.cholesky(matrix)).all())
+        np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        return False
+        rounding = DIGITS * np.trace(covariance, axis1=1, axis2=2)
+        return np.asarray(covariance + rounding[:, None, None] * np.eye(3))
+    return covariance
 
 
 def is_covariance(matrix: FloatArray) -> BoolArray:

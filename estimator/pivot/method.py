@@ -34,7 +34,7 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, smooth_in, trajectory_of
 from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, Finding
-from baryscope.estimator.geometry.symmetric import are_definite
+from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
@@ -93,8 +93,9 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     if errors is not None and errors.scale is not None:
         offsets = _of_true_size(found, errors_in(found.path).start + errors.scale, of_x, offsets)
     covariance = path.covariance(of_x)
-    if not (np.abs(covariance).max() <= MAX_LENGTH**2 and are_definite(covariance)):
+    if not np.abs(covariance).max() <= MAX_LENGTH**2:
         raise diverged()
+    covariance = made_definite(covariance)
     clusters = tuple(
         cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
     )
