@@ -15,7 +15,7 @@ from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import inverse_across
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 
@@ -121,6 +121,5 @@ def _change_of_points(body: Body, origin: FloatArray, own: Observations) -> Floa
         matrix -= coupling.reshape(-1, 3 * m).T @ solved.reshape(-1, 3 * m)
         rhs += found.point_rhs.ravel() - np.einsum("kip,ki->p", solved, own_rhs)
     turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)
-    gauge, _ = np.linalg.qr(np.concatenate([turns, np.tile(np.eye(3), (m, 1))], axis=1))
-    inverse = symmetric_pseudo_inverse(matrix + float(sizes.mean()) * gauge @ gauge.T, np.maximum(sizes, 1e-300))
-    return np.asarray(inverse @ (rhs - gauge @ (gauge.T @ rhs))).reshape(-1, 3)
+    own_pose = np.concatenate([turns, np.tile(np.eye(3), (m, 1))], axis=1)
+    return np.asarray(inverse_across(matrix, own_pose, sizes) @ rhs).reshape(-1, 3)

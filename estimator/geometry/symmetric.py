@@ -23,6 +23,21 @@ def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None
     return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))
 
 
+def inverse_across(matrix: FloatArray, along: FloatArray, sizes: FloatArray) -> FloatArray:
+    """The inverse (p, p) of a matrix that is singular along (p, k): zero there, and as of a change across it elsewhere.
+
+    First that of a change across it in units of 1/√sizes: the weights of two unknowns may have a ratio of 1e10, and in
+    the other units rounding in the great ones would be more than the small ones are.
+    """
+    scale = np.sqrt(np.where(sizes > 0, sizes, 1.0))[:, None]
+    scaled, _ = np.linalg.qr(scale * along)
+    tied, back = scale * scaled, scaled / scale
+    inverse = symmetric_pseudo_inverse(matrix + tied @ tied.T, sizes) - back @ back.T
+    along, _ = np.linalg.qr(along)
+    left = inverse @ along
+    return np.asarray(inverse - left @ along.T - along @ left.T + along @ (along.T @ left) @ along.T)
+
+
 def null_space_of(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
     """A basis (p, k) of the null space in which `symmetric_pseudo_inverse` is zero; its columns are not normalised."""
     scale, values, vectors = _scaled(matrix, sizes)

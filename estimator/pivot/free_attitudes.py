@@ -22,7 +22,7 @@ from baryscope.estimator.adjustment.reweighting import GATE
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.elimination import AllFrames, eliminated
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
@@ -214,7 +214,8 @@ def linearised(
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
     inverses, by_paths = [], []
     for body, own_sums in zip(turned, sums, strict=True):
-        inverse = _points_inverse(body.points, own_sums.points, own_sums.points_sizes)
+        turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)  # δb = φ × b, of S
+        inverse = inverse_across(own_sums.points, turns, own_sums.points_sizes)
         sizes += own_sums.path_sizes
         by_path = inverse @ own_sums.path_points.T
         matrix += own_sums.path - own_sums.path_points @ by_path
@@ -226,12 +227,3 @@ def linearised(
     return Linearised(
         tuple(turned), x, matrix, rhs, sizes, tuple(inverses), tuple(by_paths), points_rhs, squares, noise_cost
     )
-
-
-def _points_inverse(points: FloatArray, matrix: FloatArray, sizes: FloatArray) -> FloatArray:
-    """The inverse of the points' matrix (3 m, 3 m) with zero change along rotations of S, for which it is singular."""
-    turns = np.swapaxes(cross_matrices(points), 1, 2).reshape(-1, 3)  # δb = φ × b
-    turns, _ = np.linalg.qr(turns)
-    weight = float(sizes.mean())
-    inverse = symmetric_pseudo_inverse(matrix + weight * turns @ turns.T, sizes)
-    return np.asarray(inverse - turns @ turns.T / weight)

@@ -1,8 +1,10 @@
 """Pseudo-inverses, against numpy's."""
 
 import numpy as np
+import pytest
 
-from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
 
 
 def test_pseudo_inverse_is_independent_of_scale():
@@ -34,3 +36,20 @@ def test_rounding_left_by_elimination_belongs_to_the_null_space():
     assert null_space.shape == (2, 1)
     assert null_space[0, 0] == 0
     np.testing.assert_allclose(symmetric_pseudo_inverse(matrix), np.diag([1e-8, 1e7]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e-5, 1e-10])
+def test_an_inverse_across_rotations_holds_for_points_of_any_weights(ratio):
+    """W − W T (Tᵀ W T)⁻¹ Tᵀ W is singular along T, and W⁻¹ inverts it across: with no change along T it is P W⁻¹ P."""
+    points = np.random.default_rng(5).uniform(-1, 1, (6, 3))
+    weight = np.repeat([1.0, 2.0, 1.0, 3.0, 1.0, ratio], 3)
+    turns = np.swapaxes(cross_matrices(points), 1, 2).reshape(-1, 3)
+    root = np.sqrt(weight)
+    whitened, _ = np.linalg.qr(root[:, None] * turns)
+    matrix = np.outer(root, root) * (np.eye(18) - whitened @ whitened.T)
+    along, _ = np.linalg.qr(turns)
+    across = np.eye(18) - along @ along.T
+    exact = across @ np.diag(1 / weight) @ across
+    found = inverse_across(matrix, turns, weight)
+    size = np.sqrt(np.diag(exact))
+    np.testing.assert_allclose(found / np.outer(size, size), exact / np.outer(size, size), atol=1e-9)
