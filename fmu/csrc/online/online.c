@@ -43,6 +43,34 @@ static int spread_out(const Frame *frame) {
     return 0;
 }
 
+#define BETTER 4.0 /* times less is the variance of an attitude, of a frame that is a better first one */
+
+/* The variance of the attitude that a frame shows by itself, rad2 over all axes; INFINITY where it shows none. */
+static double own_attitude(const Frame *frame) {
+    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3], total = 0.0;
+    for (int i = 0; i < frame->count; i++) {
+        double weight = 3.0 / (frame->noise[i][0][0] + frame->noise[i][1][1] + frame->noise[i][2][2]);
+        total += weight;
+        for (int k = 0; k < 3; k++) mean[k] += (frame->y[i][k] - mean[k]) * weight / total;
+    }
+    for (int i = 0; i < frame->count; i++) {
+        double weight = 3.0 / (frame->noise[i][0][0] + frame->noise[i][1][1] + frame->noise[i][2][2]), arm[3], K[3][3];
+        for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - mean[k];
+        moved_by_turn(arm, K);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) J[a][b] += weight * dot(K[a], K[b]);
+    }
+    return inverted(J, inverse) ? inverse[0][0] + inverse[1][1] + inverse[2][2] : INFINITY;
+}
+
+/* Whether nothing is lost if the filter begins with this frame: it shows the attitude much better than the first did, and of
+   the offset hardly anything is known yet. What comes into the map by a bad attitude has errors that are not small. */
+static int is_better_first(const Online *filter, const Frame *frame) {
+    const Member *best = &filter->bank[likeliest(filter->bank)];
+    double variance = (best->P[6][6] + best->P[7][7] + best->P[8][8]) / 3.0;
+    return variance > 0.5 * filter->widest && own_attitude(frame) * BETTER < filter->first_attitude;
+}
+
 /* The first frame defines the body's axes, and puts the centre of mass at the features' centroid. */
 static void begin(Online *filter, Frame *frame, double time) {
     OnlineOptions options = filter->options;
@@ -54,6 +82,7 @@ static void begin(Online *filter, Frame *frame, double time) {
     if (frame->count < 3 || !spread_out(frame)) return;
     double variance = options.offset * options.offset * mean_square(frame->y, frame->count);
     filter->widest = variance;
+    filter->first_attitude = own_attitude(frame);
     for (int k = 0; k < 3; k++) {
         filter->R[k][k] = filter->attitude[k][k] = 1.0;
         for (int i = 0; i < frame->count; i++) filter->x[k] += frame->y[i][k] / frame->count;
@@ -131,7 +160,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
     if (refused) return refused;
     filter->looked = 0.0;
-    if (filter->frames == 0.0) {
+    if (filter->frames == 0.0 || is_better_first(filter, &frame)) {
         begin(filter, &frame, time);
         return ACCEPTED;
     }

@@ -146,6 +146,7 @@ typedef struct {
     double x[6];                       /* r, v at `time` */
     double from[6], F[6][6], elapsed;  /* r, v at the time of the covariances, the transition since, s */
     double widest;        /* variance of the offset before the first frame, m2 */
+    double first_attitude; /* variance of the attitude that the first frame shows by itself, rad2 */
     double seeming[3][3]; /* information on the offset that was taken back so far, in B, 1/m2 */
     double span;    /* from the last node to the one before, s */
     double density; /* of white acceleration, m2/s3 */

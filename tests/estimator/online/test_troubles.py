@@ -92,3 +92,18 @@ def test_the_first_nodes_count_when_the_offset_is_known():
         nees.append(found[1][-1])
     assert np.sqrt(np.mean(np.square(distance))) < 1.3 * batch_bound(time)
     assert sum(nees) < chi2.ppf(1 - ALPHA, 192)
+
+
+def test_a_first_frame_that_hardly_shows_the_attitude_is_soon_another():
+    """Three points nearly in a line, then all: it goes on as one that has never seen the first."""
+    time = np.arange(60.0)
+    path = straight(time)
+    points = np.concatenate([POINTS, [[0.0, 0.0, 0.0], [1.0, 0.05, 0.0], [2.0, -0.06, 0.02]]])
+    seen = tracks(np.random.default_rng(31), time, path, points)
+    seen[0, : len(POINTS)] = np.nan
+    both = [OnlineEstimator(SIGMA), OnlineEstimator(SIGMA)]
+    both[0].update(time[0], seen[0])
+    for instant, frame in zip(time[1:], seen[1:], strict=True):
+        states = [filter.update(instant, frame) for filter in both]
+    assert both[0].save() == both[1].save()
+    assert (states[0].position == states[1].position).all()
