@@ -144,6 +144,12 @@ static int update_member(Member *member, const Level *level) {
     return 1;
 }
 
+/* The offset that a node sees is of other features than the one before: uncertain by as much more. */
+static void add_change(Member *member, const Level *level) {
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) member->P[6 + a][6 + b] += level->change[a][b];
+}
+
 static int likeliest(const Member bank[MEMBERS]) {
     int best = 0;
     for (int m = 1; m < MEMBERS; m++)

@@ -70,8 +70,7 @@ static void weigh_members(Online *filter) {
    left a covariance indefinite. */
 static int update_members(Online *filter, const Level *level, double span, double *jump, int *sound) {
     for (int m = 0; m < MEMBERS; m++)
-        for (int a = 0; a < 3 && is_alive(&filter->bank[m]); a++)
-            for (int b = 0; b < 3; b++) filter->bank[m].P[6 + a][6 + b] += level->change[a][b];
+        if (is_alive(&filter->bank[m])) add_change(&filter->bank[m], level);
     int fresh = jumped(filter, level, span, jump);
     *sound = 1;
     for (int m = 0; m < MEMBERS; m++)
@@ -92,8 +91,7 @@ static double update_bank(Online *filter, const Level *level, int *late) {
     *late = first->pending != 0.0 && filter->bank[(int)first->parent].weight < first->weight - CLEAR;
     if (!*late) adopt(filter);
     Member *shadow = &filter->bank[SHADOW];
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) shadow->P[6 + a][6 + b] += level->change[a][b];
+    add_change(shadow, level);
     add_noise(jump, filter->span, &shadow->P[0][0], LEVEL);
     sound = update_member(shadow, level) && sound;
     shadow->weight = 0.0;

@@ -25,14 +25,14 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     if (dot(e, e) > GATE) return 0;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) bank[m].P[6 + a][6 + b] += level.change[a][b];
+        add_change(&bank[m], &level);
         if (!update_member(&bank[m], &level)) return 0;
         take_back_of_member(&bank[m], M, filter->widest);
     }
     return 1;
 }
 
+/* At the filter's time. */
 static void look(const Online *filter, Now *now) {
     Member large = {0}, bank[MEMBERS + 1], further[MEMBERS + 1];
     double step[6], more[LEVEL][LEVEL];
@@ -47,8 +47,11 @@ static void look(const Online *filter, Now *now) {
         advance_member(&large, filter->density, filter->elapsed, step, filter->F);
         advance_bank(bank, filter->density, filter->elapsed, step, filter->F);
     }
-    for (int m = 0; m <= SHADOW; m++) further[m] = bank[m];
-    int taken = filter->node.count > 0.0 && take_open_node(filter, further);
+    int taken = 0;
+    if (filter->node.count > 0.0) {
+        for (int m = 0; m <= SHADOW; m++) further[m] = bank[m];
+        taken = take_open_node(filter, further);
+    }
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) now->own[a][b] = large.P[a][b];
     mixture(taken ? further : bank, now->own, now->x, now->wider, more);

@@ -47,18 +47,18 @@ static int spread_out(const Frame *frame) {
 
 /* The variance of the attitude that a frame shows by itself, rad2 over all axes; INFINITY where it shows none. */
 static double own_attitude(const Frame *frame) {
-    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3], total = 0.0;
+    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3], weight[MOST_FEATURES], total = 0.0;
     for (int i = 0; i < frame->count; i++) {
-        double weight = 3.0 / (frame->noise[i][0][0] + frame->noise[i][1][1] + frame->noise[i][2][2]);
-        total += weight;
-        for (int k = 0; k < 3; k++) mean[k] += (frame->y[i][k] - mean[k]) * weight / total;
+        weight[i] = 3.0 / (frame->noise[i][0][0] + frame->noise[i][1][1] + frame->noise[i][2][2]);
+        total += weight[i];
+        for (int k = 0; k < 3; k++) mean[k] += (frame->y[i][k] - mean[k]) * weight[i] / total;
     }
     for (int i = 0; i < frame->count; i++) {
-        double weight = 3.0 / (frame->noise[i][0][0] + frame->noise[i][1][1] + frame->noise[i][2][2]), arm[3], K[3][3];
+        double arm[3], K[3][3];
         for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - mean[k];
         moved_by_turn(arm, K);
         for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) J[a][b] += weight * dot(K[a], K[b]);
+            for (int b = 0; b < 3; b++) J[a][b] += weight[i] * dot(K[a], K[b]);
     }
     return inverted(J, inverse) ? inverse[0][0] + inverse[1][1] + inverse[2][2] : INFINITY;
 }
