@@ -1,7 +1,8 @@
 """From tracks of features to the path of the centre of mass; the arrows name modules in the order of the data.
 
 - screws: tracks → intervals → procrustes → screws of a method → low_pass → intersection → polynomial → result.
-- pivot: tracks → screening → clusters → start → refinement → tie_points → unexplained → lack_of_fit → result.
+- pivot: tracks → screening → clusters → start → refinement → tie_points → unexplained → lack_of_fit
+  → joint_covariance → ridge → result.
 - ml: pivot → relabelling → initial_tumble → maximum → result.
 - ekf: tracks → screening → clusters → initial_tumble → passes → bank → filter → solution → spurious → result.
 - score: tracks → screening → clusters → least squares of a fixed centre → result.

@@ -134,6 +134,12 @@ class SampledPath:
             None if self.turn is None else np.concatenate([self.turn, np.zeros_like(columns)], axis=2),
         )
 
+    def frames_at(self, index: IntArray) -> "SampledPath":
+        """The path at some of its times, by their indices (k,)."""
+        seen_of = None if self.seen_of is None else self.seen_of.frames_at(index)
+        turn = None if self.turn is None else self.turn[index]
+        return SampledPath(self.jacobian[index], lambda x: self.position(x)[index], seen_of, turn)
+
     def moved(self, by: FloatArray) -> "SampledPath":
         """The path moved by (n, 3) in m."""
         seen_of = None if self.seen_of is None else self.seen_of.moved(by)

@@ -38,7 +38,8 @@ from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
-from baryscope.estimator.pivot.lack_of_fit import is_at_rest, lack_of_fit, without_spurious_information
+from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
+from baryscope.estimator.pivot.lack_of_fit import lack_of_fit
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
     SUBSAMPLE_FRAMES,
@@ -49,6 +50,7 @@ from baryscope.estimator.pivot.refinement import (
     refined,
     subsampled,
 )
+from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.start import linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
@@ -89,7 +91,8 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     """
     errors, x = errors_of(tracks), found.solution.x
     seen, path = found.sampled.position(x), found.sampled.itself
-    of_x, offsets = without_spurious_information(found)
+    joint = with_ridges(found, without_spurious_information(found))
+    of_x, offsets = joint.of_x, joint.of_offsets
     if errors is not None and errors.scale is not None:
         offsets = _of_true_size(found, errors_in(found.path).start + errors.scale, of_x, offsets)
     covariance = path.covariance(of_x)

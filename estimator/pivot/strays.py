@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import strays
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.lack_of_fit import SPURIOUS
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.refinement import Pivot, Start, refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError

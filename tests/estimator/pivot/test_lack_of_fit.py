@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.lack_of_fit import is_at_rest
+from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.pivot.refinement import LastStep
 from synthetic import make_case

@@ -1,0 +1,113 @@
+"""The joint covariance of a solution's path and bodies, without spurious information from the attitudes' noise."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from baryscope.estimator.adjustment.attitude_noise import excess_noise
+from baryscope.estimator.adjustment.spurious import (
+    farthest,
+    implausible_columns,
+    spurious_information_columns,
+    untold_decrease,
+)
+from baryscope.estimator.geometry.symmetric import factor_of
+from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, Pivot
+
+FloatArray = NDArray[np.float64]
+
+SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which the attitudes are looked at
+
+
+@dataclass(frozen=True, eq=False)
+class JointCovariance:
+    """A covariance (3 k + p, 3 k + p) of the offsets of k bodies, m, and of the path's x (p,)."""
+
+    matrix: FloatArray
+    bodies: int
+
+    @property
+    def of_x(self) -> FloatArray:
+        """That of x, (p, p)."""
+        return self.matrix[3 * self.bodies :, 3 * self.bodies :]
+
+    @property
+    def of_offsets(self) -> FloatArray:
+        """Those of each body's offset by itself, (k, 3, 3) in m²."""
+        each = np.arange(self.bodies)
+        own = self.matrix[: 3 * self.bodies, : 3 * self.bodies]
+        return np.asarray(own.reshape(self.bodies, 3, self.bodies, 3)[each, :, each])
+
+    @property
+    def offsets_x(self) -> FloatArray:
+        """That of the offsets with x, (3 k, p)."""
+        return self.matrix[: 3 * self.bodies, 3 * self.bodies :]
+
+    def grown(self, columns: FloatArray) -> "JointCovariance":
+        """The covariance with A Aᵀ added, for columns A (3 k + p, d)."""
+        return replace(self, matrix=self.matrix + columns @ columns.T)
+
+
+def without_spurious_information(found: Pivot) -> JointCovariance:
+    """The joint covariance of a solution without spurious information.
+
+    The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
+    information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, with a margin of three standard
+    deviations; what remains is that of `farthest`. Where it matters, products of errors are counted, too. Directions
+    without any information get a standard deviation of the path's greatest distance.
+    """
+    variance, solution = found.variance, found.solution
+    distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
+    crossed = solution.offset_path
+    joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
+    least = variance / max(farthest(body.points) for body in found.bodies) ** 2
+    columns = np.concatenate(
+        spurious_information_columns(solution.offset_covariance, crossed, _spurious(found), least), axis=0
+    )
+    unseen = np.concatenate([solution.offset_null_space, solution.null_space])
+    unseen = unseen * (distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300))
+    far = implausible_columns([body.points for body in found.bodies], solution.offset_covariance, crossed)
+    whole = JointCovariance(variance * (joint + columns @ columns.T) + unseen @ unseen.T, len(found.bodies))
+    whole = whole.grown(np.concatenate(far, axis=0))
+    if found.spurious_share < SPURIOUS:
+        return whole
+    # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
+    return whole.grown(joint @ factor_of(_products(found, whole.of_offsets)))
+
+
+def is_at_rest(found: Pivot) -> bool:
+    """Whether the last step is small to the covariance without spurious information; the weights must have settled.
+
+    Where nothing tells the centre of mass, steps follow the noise of the attitudes, slowly and far, but within it.
+    """
+    last, offset = found.last, found.solution.offset_covariance
+    least = found.variance / max(farthest(body.points) for body in found.bodies) ** 2
+    untold = untold_decrease(last.offsets, offset, _spurious(found), least)
+    return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
+
+
+def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
+    """The variance (3 k + p, 3 k + p) of the cost's gradient from products of errors, for the offsets' covariances.
+
+    Errors of the attitudes last as long as those of the features that make them.
+    """
+    k, size = 3 * len(found.bodies), len(found.solution.x)
+    total = np.zeros((k + size, k + size))
+    for index, (noisy, offset) in enumerate(zip(found.noisy_attitudes, offsets, strict=True)):
+        own = np.r_[3 * index : 3 * index + 3, k : k + size]
+        total[np.ix_(own, own)] += found.lasting * noisy.product_gradient(found.sampled, offset)
+    return total
+
+
+def _spurious(found: Pivot) -> FloatArray:
+    """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as their attitudes show it.
+
+    Jointly for all bodies: spurious information of one body on the path would propagate to the others.
+    """
+    spurious = found.spurious
+    if found.spurious_share >= SPURIOUS:
+        shown = (excess_noise(body, found.observations, found.frame_variance) for body in found.bodies)
+        spurious = tuple(excess * own for excess, own in zip(shown, spurious, strict=True))
+    return np.asarray(block_diag(*spurious))

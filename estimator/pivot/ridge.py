@@ -1,0 +1,168 @@
+"""What a covariance leaves out where it is wide: the likeliest solutions along a direction lie on a curve.
+
+A spin axis that is known to half a degree is off by centimetres at a place metres along it, and the path and the bodies
+that fit best with a centre of mass there follow. The covariance has the tangent of this ridge of the posterior density
+only. So the ridge is followed either way, as far as the outer nodes of a Gaussian quadrature, and the distances of its
+points from the tangent are added (the points of Julier and Uhlmann, Proc. IEEE 92, 2004, that are optimal instead of
+transformed). It is a curve in path and offsets with all other unknowns at their best, but for the place along wider
+directions, which stays; weights and hyperparameters are as found.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import held
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.geometry.symmetric import factor_of
+from baryscope.estimator.observability import UNOBSERVABLE
+from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.joint_covariance import JointCovariance
+from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, SUBSAMPLE_FRAMES, Pivot, scaled, subsampled
+from baryscope.estimator.registration.body import Body
+from baryscope.models.errors import ComputationError
+
+FloatArray = NDArray[np.float64]
+
+NODE, NODE_WEIGHT = np.sqrt(3.0), 1 / 6  # the outer two of three nodes of a quadrature for a unit Gaussian
+MOST_RIDGES = 3  # that are followed: those of the widest directions
+MOST_STRETCHES = 6  # in which a ridge is followed to its node, with those that were too long
+MOST_STEPS = 12  # at the end of a stretch
+HELD = 1e6  # information on the place along a direction, in its standard deviations, that holds it
+
+
+@dataclass(frozen=True, eq=False)
+class _Directions:
+    """Principal directions of the path's covariance where frames show an attitude, the widest first.
+
+    widths (d,): rms deviations of the path, m; along (3 k + p, d): one standard deviation of the bodies' offsets and x;
+    measures (d, p): their products with a change of x are its standard deviations along the directions.
+    """
+
+    widths: FloatArray
+    along: FloatArray
+    measures: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A solution on a ridge: bodies, with points from the centre of mass, and x (p,)."""
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+
+    def from_other(self, other: "_Place") -> FloatArray:
+        """The change (3 k + p,) of offsets and x from another solution, in axes attached to its points."""
+        pairs = zip(self.bodies, other.bodies, strict=True)
+        changes = [_turned_centroid(one, own) - own.points.mean(axis=0) for one, own in pairs]
+        return np.concatenate([*changes, self.x - other.x])
+
+
+def with_ridges(found: Pivot, covariance: JointCovariance) -> JointCovariance:
+    """The covariance of a solution, wider by how the ridges of its widest directions depart from their tangents.
+
+    Those are directions that are not observable. Where a ridge can't be followed to the node, it departs as much more
+    there as the node is farther. What departs by more than the width of the direction is as long as that.
+    """
+    frames = np.unique(np.concatenate([body.frames for body in found.bodies]))
+    square = found.sampled.itself.gram(frames, np.broadcast_to(np.eye(3), (len(frames), 3, 3))) / len(frames)
+    wide = _wide_directions(found, covariance, square)
+    if not len(wide.widths):
+        return covariance
+    few, size, columns = _Few.of(found, wide), len(found.solution.x), []
+    for index, width in enumerate(wide.widths):
+        for sign in (-1.0, 1.0):
+            departure = few.departure(index, sign)
+            length = np.sqrt(max(float(departure[-size:] @ square @ departure[-size:]), 0.0))
+            columns.append(departure * min(1.0, NODE * width / max(length, 1e-300)))
+    return covariance.grown(np.sqrt(NODE_WEIGHT) * np.transpose(columns))
+
+
+def _wide_directions(found: Pivot, covariance: JointCovariance, square: FloatArray) -> _Directions:
+    """Those that are not observable, at most MOST_RIDGES; square (p, p): the mean of JᵀJ over the frames."""
+    points = max(found.bodies, key=lambda body: len(body.frames)).points
+    radius = float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
+    factor = factor_of(covariance.of_x)
+    squares, axes = np.linalg.eigh(factor.T @ square @ factor)
+    widths, axes = np.sqrt(np.maximum(squares, 0.0))[: -MOST_RIDGES - 1 : -1], axes[:, : -MOST_RIDGES - 1 : -1]
+    wide = widths > UNOBSERVABLE * radius
+    measures = axes[:, wide].T @ np.linalg.pinv(factor)
+    along = np.concatenate([covariance.offsets_x @ measures.T, factor @ axes[:, wide]])
+    return _Directions(widths[wide], along, measures)
+
+
+@dataclass(frozen=True, eq=False)
+class _Few:
+    """A solution with some of its frames, each with the weight of those it stands for."""
+
+    found: Pivot
+    wide: _Directions
+    start: _Place
+    observations: Observations
+    path: SampledPath
+    shift: FloatArray | None
+
+    @classmethod
+    def of(cls, found: Pivot, wide: _Directions) -> "_Few":
+        """Those of a solution."""
+        few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
+        weight, steps = few.observations.weight.copy(), np.ones(len(few.rows))
+        for body, step in zip(few.bodies, few.steps, strict=True):
+            weight[np.ix_(body.frames, body.features)] *= step
+            steps[body.frames] = np.maximum(steps[body.frames], step)
+        shift = None if found.shift is None else found.shift[few.rows] / steps[:, None, None]
+        path = found.sampled.frames_at(few.rows)
+        return cls(found, wide, _Place(few.bodies, found.solution.x), few.observations.weighted(weight), path, shift)
+
+    def departure(self, index: int, sign: float) -> FloatArray:
+        """The departure (3 k + p,) from a tangent at the node on one side; zero where the ridge can't be followed."""
+        unit = sign * np.eye(index + 1)[index]
+        begin = place = self._settled(0 * unit, self.start)
+        reached, stretch = 0.0, NODE
+        for _ in range(MOST_STRETCHES):
+            if place is None or reached >= NODE:
+                break
+            there = min(reached + stretch, NODE)
+            further = self._settled(there * unit, place)
+            if further is None:
+                stretch /= 2
+            else:
+                reached, place = there, further
+        tangent = sign * self.wide.along[:, index]
+        if begin is None or place is None or not reached > 0:
+            return np.zeros_like(tangent)
+        return np.asarray((place.from_other(begin) - reached * tangent) * (NODE / reached))
+
+    def _settled(self, target: FloatArray, place: _Place) -> _Place | None:
+        """The best solution so many standard deviations (d,) along the widest directions, from one nearby.
+
+        None if none is found.
+        """
+        found, variance, measures = self.found, self.found.variance, self.wide.measures[: len(target)]
+        holding = HELD * variance * measures.T
+        for step in range(MOST_STEPS):
+            problem = linearised(place.bodies, self.observations, self.path, place.x, self.shift)
+            precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
+            there = replace(
+                problem,
+                matrix=problem.matrix + holding @ measures,
+                rhs=problem.rhs + holding @ (target - measures @ (place.x - found.solution.x)),
+                sizes=problem.sizes + np.einsum("pd,dp->p", holding, measures),
+            )
+            try:
+                solution = there.step(variance * precision)
+            except ComputationError:
+                return None
+            place = _Place(solution.bodies, solution.x)
+            if step and solution.step <= STEP_TOLERANCE * variance:
+                return place
+        return None
+
+
+def _turned_centroid(body: Body, like: Body) -> FloatArray:
+    """The centroid of a body's points from the centre of mass, in the axes of a similar body, (3,) in m."""
+    axes = align(like.points[None], body.points[None], np.ones((1, len(body.points)))).rotation[0]
+    return np.asarray(axes @ body.points.mean(axis=0))

@@ -1,0 +1,94 @@
+"""Covariances along directions that the tracks hardly tell: the ridge of the posterior, against independent minima."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
+from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
+from baryscope.estimator.pivot.refinement import Pivot
+from baryscope.estimator.pivot.ridge import with_ridges
+from baryscope.study.population.cases import drawn
+from baryscope.study.population.judging import of_estimate, wrong
+from baryscope.study.population.sensing import sampled
+from synthetic import make_case
+
+FloatArray = NDArray[np.float64]
+
+FIXED = PathOptions(trajectory="fixed", process_noise="none")
+AXIS = np.array([0.6, 0.0, 0.8])
+CENTRE = np.array([4.0, -19.0, 3.0])
+
+
+def turned(noise: float, degrees: float, wobble: float = 0.0, frames: int = 12, seed: int = 2) -> Pivot:
+    """Four features on a body that turns by so many degrees in a minute, about AXIS or one that wobbles."""
+    time = np.linspace(0.0, 60.0, frames)
+    about = Rotation.from_rotvec(np.outer(np.deg2rad(wobble) * np.sin(time / 7), [0.0, 1.0, 0.0]))
+    attitude = about * Rotation.from_rotvec(np.outer(np.deg2rad(degrees) * time / 60, AXIS))
+    points = np.random.default_rng(3).normal(size=(4, 3))
+    case = make_case(time, attitude.as_matrix(), np.tile(CENTRE, (frames, 1)), points, noise=noise, seed=seed)
+    return solve_pivot(case.tracks, None, FIXED)
+
+
+def test_what_is_observable_has_no_ridge():
+    found = turned(noise=0.01, degrees=150, wobble=40)
+    covariance = without_spurious_information(found)
+    assert with_ridges(found, covariance) is covariance
+
+
+@pytest.mark.parametrize("frames", [60, 7000])  # all, and every other one
+def test_the_ridge_of_an_exact_spin_is_straight(frames: int):
+    """Any place on the axis fits exactly, with path and offsets on it."""
+    exact = turned(noise=1e-6, degrees=150, frames=frames)
+    in_body = [-body.attitude[0].T @ AXIS for body in exact.bodies]
+    column = 3.0 * np.concatenate([*in_body, AXIS])[:, None]
+    straight = JointCovariance(1e-12 * np.eye(len(column)), len(exact.bodies)).grown(column)
+    assert np.abs(with_ridges(exact, straight).matrix - straight.matrix).max() < 1e-6  # m² of 9
+
+
+@pytest.mark.parametrize(("degrees", "noise", "seed"), [(150, 0.1, 2), (60, 0.1, 2), (150, 0.2, 4)])
+def test_departures_are_those_of_the_least_squares_of_all_unknowns(degrees: float, noise: float, seed: int):
+    """The widest direction's, by scipy's trust region over positions, points and rotations, held at the nodes."""
+    found = turned(noise, degrees, seed=seed)
+    covariance = without_spurious_information(found)
+    values, axes = np.linalg.eigh(covariance.of_x)
+    width, axis = np.sqrt(values[-1]), axes[:, -1]
+    middle = held_at(found, axis, 0.0)
+    departures = [held_at(found, axis, sign * np.sqrt(3) * width) - middle for sign in (-1, 1)]
+    across = np.array([departure - axis * (axis @ departure) for departure in departures])
+    grown = with_ridges(found, covariance).of_x - covariance.of_x
+    expected = across.T @ across / 6
+    np.testing.assert_allclose(grown, expected, atol=0.05 * np.trace(expected))  # its steps end before they are zero
+
+
+def held_at(found: Pivot, axis: FloatArray, place: float) -> FloatArray:
+    """The best centre of mass (3,) from that of a solution, m, with so many metres along an axis."""
+    (body,), x = found.bodies, found.solution.x
+    seen = found.observations.frames(body.frames).features(body.features)
+    frames, features = seen.weight.shape
+    weight = np.sqrt(seen.weight / found.variance)[..., None]
+
+    def residuals(y: FloatArray) -> FloatArray:
+        points = body.points + y[3 : 3 + 3 * features].reshape(-1, 3)
+        attitude = body.attitude @ Rotation.from_rotvec(y[3 + 3 * features :].reshape(-1, 3)).as_matrix()
+        off = weight * (seen.position - x - y[:3] - points @ np.swapaxes(attitude, 1, 2))
+        return np.append(off.ravel(), 1e3 * (axis @ y[:3] - place))
+
+    start = np.zeros(3 + 3 * features + 3 * frames)
+    return np.asarray(least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x[:3])
+
+
+def test_covariances_of_hardly_observable_cases_hold():
+    """Case 70 of the population's seed 60: with other noise, a quarter of the estimates were off by 4 to 20 deviations.
+
+    An estimate is wrong where p < 0.001, at the first, middle or last time: of 24 true ones, more than one by 0.003.
+    """
+    case = drawn(60, 70)
+    others = [replace(case, seed=10_000 + k) for k in range(24)]
+    found = [estimate_by_pivot(sampled(one).tracks, case.orbit, PathOptions()) for one in others]
+    assert sum(wrong(of_estimate(one, case.path)) for one in found) <= 1
