@@ -157,6 +157,7 @@ def passes(problem: Problem) -> Passes:
     last = _pass(problem, reference, shift, observations, variance, None)
     count, sought = 1, 0
     while count < MAX_PASSES:
+        refuse_lost(last.after.origin, observations.position)
         if last.final:
             theta = problem.theta if sought == MAX_SOUGHT else _likeliest(problem, reference, last)
             if np.allclose(theta, problem.theta, rtol=0.0, atol=THETA_TOLERANCE):

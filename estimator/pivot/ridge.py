@@ -77,7 +77,8 @@ def with_ridges(found: Pivot, covariance: JointCovariance) -> JointCovariance:
         for sign in (-1.0, 1.0):
             departure = few.departure(index, sign)
             length = np.sqrt(max(float(departure[-size:] @ square @ departure[-size:]), 0.0))
-            columns.append(departure * min(1.0, NODE * width / max(length, 1e-300)))
+            longest = NODE * width
+            columns.append(departure * (longest / length) if length > longest else departure)
     return covariance.grown(np.sqrt(NODE_WEIGHT) * np.transpose(columns))
 
 
