@@ -51,6 +51,13 @@ def page_file(name: str) -> str:
     return (files("baryscope.report") / "page" / name).read_text(encoding="utf-8")
 
 
+@cache
+def palette() -> tuple[str, ...]:
+    """The colours of curves on light paper, as #rrggbb: those of the page's style."""
+    light = page_file(STYLE).partition("}")[0]
+    return tuple(re.findall(r"--c\d+: (#[0-9a-f]{6});", light))
+
+
 def html_of(report: Report) -> str:
     """The text of a report's file."""
     data = json.dumps(data_of(report), ensure_ascii=False, allow_nan=False, separators=(",", ":"))

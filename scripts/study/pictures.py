@@ -10,6 +10,7 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.words import length
 from baryscope.report.charts import blackouts, expected_error
+from baryscope.report.page import palette
 from baryscope.study.comparison import Comparison, Outcome
 from baryscope.study.flight import Flight
 from baryscope.study.methods import COLOURS
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, _ESTIMATE, _SHADE = "#333333", "#d1495b", "#e9e9ee"
-PALETTE = ("#8a8f9c", "#5f7396", "#b86e00", "#c62f3d", "#128073", "#2350dd", "#8a4fd0", "#c0489f")  # the report's
+PALETTE = palette()
 
 
 def pictures_possible() -> bool:

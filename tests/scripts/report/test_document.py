@@ -11,8 +11,10 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.report import html_of, report_of_estimate
 from baryscope.report.charts import expected_error, nees_of
 from baryscope.report.document import data_of, plain
+from baryscope.report.page import page_file, palette
 from baryscope.report.scene import Body, Shown, scene_of
 from baryscope.report.thinning import evenly, extremes, shares
+from baryscope.study.methods import COLOURS
 from synthetic import attitude, box_features, make_case
 
 HOSTILE = [
@@ -167,3 +169,10 @@ def test_numbers_are_short_and_gaps_are_null():
     assert plain(np.array([1.23456789, np.nan, 2.0, 1e-12])) == [1.2346, None, 2, 1e-12]
     assert plain({"x": 1}) == {"x": 1}
     json.dumps(plain((np.inf, "a", (1.5,))), allow_nan=False)
+
+
+def test_every_method_has_its_own_colour_in_pictures():
+    """Those of the page on light paper, of which no two are alike."""
+    colours = [palette()[place] for place in COLOURS.values()]
+    assert len(set(colours)) == len(COLOURS)
+    assert all(colour in page_file("page.css").partition("}")[0] for colour in colours)
