@@ -60,6 +60,11 @@ class Body:
         return attitude_covariances(turn_information(self.weights, cross_matrices(self.markers)), variance)
 
     @property
+    def radius(self) -> float:
+        """The rms distance of the markers from their centroid, m."""
+        return float(np.sqrt(np.mean(np.sum(self.markers**2, axis=1))))
+
+    @property
     def own_variance(self) -> float:
         """That of markers which move each by itself, m² per coordinate: six of their coordinates go into a pose."""
         seen = float(self.weights.sum(axis=1).mean())

@@ -30,6 +30,7 @@ CLEAR = 1000.0  # power of the turn over that of the attitudes' noise, in a coef
 LEAST_COEFFICIENTS = 4
 SMALLEST = 0.03  # singular value of a function of the motion over that of the greatest
 LOOSE = 1 / 3  # of the markers' radius: a centre that is less certain in a direction is one of a hinge
+LARGEST_SLIDE = 0.3  # rms of what keeps time with the motion, at most, in the markers' radius
 MOST_SQUARES = 8  # functions that are products of angles and rates
 
 
@@ -37,12 +38,13 @@ def maximum_likelihood(pair: Pair) -> Centre:
     """The centre, of bodies that turn about more than one axis, if by their noise alone."""
     design, wanted = pair.equations
     kept = clear_coefficients(pair)
+    largest = LARGEST_SLIDE * pair.child.radius
     fits: list[Fit] = []
     for axes in (pair.parent_pose[0], pair.child.rotation):
         back = np.swapaxes(axes, 1, 2)
         functions = motion_functions(pair.relative, [back @ pair.parent_pose[0], back @ pair.child.rotation])
         moved = np.einsum("kij,kj->ki", back, wanted)
-        fits.append(restricted_likelihood(back @ design, moved, functions, kept))
+        fits.append(restricted_likelihood(back @ design, moved, functions, kept, largest))
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
     fit = fits[in_child]
     spurious = three_sigma_factor(len(kept)) * float(np.sum(1 / fit.spectrum)) * _spurious(pair, in_child)

@@ -5,7 +5,9 @@ so that its spectrum is a variance for each band of frequencies. What keeps time
 against it: it is a random combination of given functions of time. All variances are those of the greatest restricted
 likelihood (Patterson and Thompson, Biometrika 58, 1971), by MacKay's fixed point (Neural Computation 4, 1992): the
 squares of what is left, or of a coefficient, over how many of them are free. A band counts as one coefficient more, of
-the variance of itself and its neighbours, so that none is taken for silent that the unknowns explain.
+the variance of itself and its neighbours, so that none is taken for silent that the unknowns explain. The variance of a
+group of functions may hang on the few combinations of them that the unknowns can't explain: the covariance is that over
+its posterior, log-uniform up to functions as large as anything can be.
 """
 
 from collections.abc import Sequence
@@ -25,6 +27,11 @@ ROUNDING = 1e-24  # of the squares of what is given: a variance below is roundin
 AT_FIRST = 0.3  # share of the residuals' variance that a group of functions has at first
 QUIETEST = 0.5  # variance of a band over the mean beyond the last one that is used
 NEGLIGIBLE = 1e-6  # of the variance at first: a smaller one of a function counts as none
+STEP, MOST_STEPS, LEAST_SHARE = (
+    2.0,
+    24,
+    1e-4,
+)  # ratio of variances over which a group's is integrated, and their weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +76,7 @@ def bands(count: int) -> IntArray:
 
 
 def restricted_likelihood(
-    design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray
+    design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray, largest: float
 ) -> Fit:
     """Solve design @ x + noise = wanted from some coefficients along time.
 
@@ -79,6 +86,7 @@ def restricted_likelihood(
         functions: groups (n, c, q) of functions of time, each of which may be in the noise with any coefficient; those
             of a group have one variance.
         kept: (k,), ascending, which coefficients of the transform are used.
+        largest: rms that a group of functions may have in a coordinate at most, as wanted.
     """
     c, p = design.shape[1:]
     b, F = transformed(wanted), transformed(design)
@@ -122,13 +130,70 @@ def restricted_likelihood(
             size[k] = value
         if change < CONVERGED:
             break
-    _, determinant = np.linalg.slogdet(normal)
-    likelihood = -0.5 * (c * float(np.log(spectrum).sum()) + determinant - float(np.log(penalty[penalty > 0]).sum()))
+    reduced = _Reduced.of(X, b, spectrum, group)
+    likelihood = reduced.posterior(size)[2] - 0.5 * c * float(np.log(spectrum).sum())
     locked = np.zeros_like(wanted)
     for k, functions_k in enumerate(functions):
         locked = locked + functions_k @ found[group == k]
+    ceiling = largest**2 / np.array([float(np.sum(one**2)) / wanted.size + 1e-300 for one in functions])
+    covariance = covariance[:p, :p] + sum(
+        (reduced.growth(size, k, float(ceiling[k]), p) for k in range(len(slides))), start=np.zeros((p, p))
+    )
     wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
-    return Fit(found[:p], wider * covariance[:p, :p], kept, spectrum, locked, likelihood)
+    return Fit(found[:p], wider * covariance, kept, spectrum, locked, likelihood)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """Normal equations of unknowns and coefficients (q,), for a spectrum, without what is known of coefficients.
+
+    group (q,): whose coefficient it is, −1 for an unknown.
+    """
+
+    matrix: FloatArray
+    rhs: FloatArray
+    group: IntArray
+
+    @classmethod
+    def of(cls, X: FloatArray, b: FloatArray, spectrum: FloatArray, group: IntArray) -> "_Reduced":
+        """Those of X (k, c, q) and b (k, c)."""
+        flat = X.reshape(-1, X.shape[2])
+        weighted = (X / spectrum[:, None, None]).reshape(flat.shape)
+        return cls(weighted.T @ flat, weighted.T @ b.ravel(), group)
+
+    def posterior(self, size: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Mean (q,) and covariance (q, q) for variances (g,) of the groups, and the logarithm of their restricted
+        likelihood, up to a constant of the spectrum.
+        """
+        penalty = np.where(self.group >= 0, 1 / size[self.group], 0.0) if len(size) else np.zeros(len(self.group))
+        normal = self.matrix + np.diag(penalty)
+        covariance = np.linalg.inv(normal)
+        mean = covariance @ self.rhs
+        determinant = float(np.linalg.slogdet(normal)[1]) - float(np.log(penalty[penalty > 0]).sum())
+        return mean, covariance, 0.5 * (float(mean @ self.rhs) - determinant)
+
+    def growth(self, size: FloatArray, index: int, ceiling: float, p: int) -> FloatArray:
+        """By how much the covariance (p, p) of the unknowns grows as the variance of a group is not known.
+
+        ceiling: its greatest variance.
+        """
+        middle, own, at_best = self.posterior(size)
+        found = [(1.0, middle[:p], own[:p, :p])]
+        for ratio in (STEP, 1 / STEP):
+            other = size.copy()
+            for _ in range(MOST_STEPS):
+                other[index] *= ratio
+                if other[index] > ceiling:
+                    break
+                mean, covariance, likelihood = self.posterior(other)
+                weight = float(np.exp(min(likelihood - at_best, 0.0)))
+                if weight < LEAST_SHARE:
+                    break
+                found.append((weight, mean[:p], covariance[:p, :p]))
+        total = sum(weight for weight, _, _ in found)
+        second = sum(w * (of + np.outer(mean - middle[:p], mean - middle[:p])) for w, mean, of in found) / total
+        values, vectors = np.linalg.eigh(second - own[:p, :p])
+        return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _pooled(values: FloatArray) -> FloatArray:
