@@ -13,7 +13,6 @@ from baryscope.estimator.joint.result import HingeAxis
 from baryscope.estimator.tracks import FloatArray
 
 CLEAR = 10.0  # least power of the turn over that of the attitudes' noise, which harms an axis less than a centre
-LARGEST = 0.3  # rad, rms of what keeps time with the motion
 STEPS = 3  # of Gauss and Newton
 
 
@@ -30,7 +29,7 @@ def hinge_axis(pair: Pair) -> HingeAxis:
         design = np.concatenate([np.broadcast_to(np.eye(2), (len(R), 2, 2)), -P.T @ R @ C], axis=2)
         wanted = (R @ in_child - in_parent) @ P
         functions = motion_functions(R, [np.broadcast_to(np.eye(2), (len(R), 2, 2))])
-        fit = restricted_likelihood(design, wanted, functions, kept, LARGEST)
+        fit = restricted_likelihood(design, wanted, functions, kept)
         in_parent, in_child = in_parent + P @ fit.found[:2], in_child + C @ fit.found[2:]
         in_parent, in_child = in_parent / np.linalg.norm(in_parent), in_child / np.linalg.norm(in_child)
     return HingeAxis(

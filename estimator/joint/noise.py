@@ -76,7 +76,11 @@ def bands(count: int) -> IntArray:
 
 
 def restricted_likelihood(
-    design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray, largest: float
+    design: FloatArray,
+    wanted: FloatArray,
+    functions: Sequence[FloatArray],
+    kept: IntArray,
+    largest: float | None = None,
 ) -> Fit:
     """Solve design @ x + noise = wanted from some coefficients along time.
 
@@ -86,7 +90,8 @@ def restricted_likelihood(
         functions: groups (n, c, q) of functions of time, each of which may be in the noise with any coefficient; those
             of a group have one variance.
         kept: (k,), ascending, which coefficients of the transform are used.
-        largest: rms that a group of functions may have in a coordinate at most, as wanted.
+        largest: rms that a group of functions may have in a coordinate at most, as wanted; None: the likeliest
+            variances are taken for true.
     """
     c, p = design.shape[1:]
     b, F = transformed(wanted), transformed(design)
@@ -135,10 +140,11 @@ def restricted_likelihood(
     locked = np.zeros_like(wanted)
     for k, functions_k in enumerate(functions):
         locked = locked + functions_k @ found[group == k]
-    ceiling = largest**2 / np.array([float(np.sum(one**2)) / wanted.size + 1e-300 for one in functions])
-    covariance = covariance[:p, :p] + sum(
-        (reduced.growth(size, k, float(ceiling[k]), p) for k in range(len(slides))), start=np.zeros((p, p))
-    )
+    covariance = covariance[:p, :p]
+    if largest is not None:
+        for k, one in enumerate(functions):
+            ceiling = largest**2 / (float(np.sum(one**2)) / wanted.size + 1e-300)
+            covariance = covariance + reduced.growth(size, k, ceiling, p)
     wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
     return Fit(found[:p], wider * covariance, kept, spectrum, locked, likelihood)
 

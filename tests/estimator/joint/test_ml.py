@@ -119,7 +119,7 @@ def test_oscillating_noise_widens_what_it_masks():
     for seed in range(80):
         white = np.random.default_rng(seed).normal(size=(1800, 3))
         noise = lfilter([1], [1, -2 * damping * np.cos(turn), damping**2], white, axis=0)[-900:]
-        fit = restricted_likelihood(np.stack(waves, axis=2), noise, [], np.arange(900), 1.0)
+        fit = restricted_likelihood(np.stack(waves, axis=2), noise, [], np.arange(900))
         squares.append(fit.found @ np.linalg.solve(fit.covariance, fit.found))
         widths.append(np.sqrt(np.diag(fit.covariance)))
     assert 1.1 < np.mean(squares) < 3.5, np.mean(squares)
