@@ -18,7 +18,7 @@ from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.burn_equations import BurnFit, burn_equations
+from baryscope.estimator.pivot.burn_equations import BurnEquations, BurnFit, burn_equations
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
 from baryscope.estimator.pivot.refinement import (
@@ -62,20 +62,30 @@ def with_unknown_burns(
     equations = burn_equations(registered, few, start.time[few.rows], path.base, found.solution, on_orbit)
     if on_orbit is None and equations.width > equations.longest:
         return none
-    equations, fit = likeliest(equations)
+    try:
+        return _with_likeliest(found, registered, start, options, *likeliest(equations)) or none
+    except ComputationError:  # the search has led off
+        return none
+
+
+def _with_likeliest(
+    found: Pivot, registered: Registered, start: Start, options: PathOptions, equations: BurnEquations, fit: BurnFit
+) -> tuple[Pivot, Start] | None:
+    """The solution with the burns of a fit that are needed, and its start; None if it is no likelier.
+
+    Raises:
+        ComputationError: a solution with burns diverges.
+    """
     while fit.burns:
-        again = _start(start, registered, fit, on_orbit)
-        try:
-            burned = refined(again, options)
-        except ComputationError:
-            return none
+        again = _start(start, registered, fit, equations.orbit)
+        burned = refined(again, options)
         gains = np.array(_gains(burned))
         idle = np.flatnonzero(gains < price(len(gains)) - price(len(gains) - 1))
         if not len(idle):
-            return (burned, again) if burned.converged and _likelier(burned, found) else none
+            return (burned, again) if burned.converged and _likelier(burned, found) else None
         # Without one of them others may be needed: half of them, so that even many soon come to an end.
         fit = without(equations, fit, idle[np.argsort(gains[idle])[: (len(idle) + 1) // 2]])
-    return none
+    return None
 
 
 def _left_out(found: Pivot, start: Start) -> float:

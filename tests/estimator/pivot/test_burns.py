@@ -198,3 +198,11 @@ def test_a_passage_of_the_periapsis_is_no_burn():
 @pytest.mark.parametrize("orbit", [ORBIT, None])
 def test_no_burn_is_found_in_free_flight(orbit):
     assert burns_in(estimate(case(()).tracks, orbit=orbit)) == ()
+
+
+def test_a_search_that_leads_off_finds_none():
+    """Case 42 of the population's seed 90, with outliers: it led to a relative orbit millions of kilometres away."""
+    made = drawn(90, 42)
+    found = estimate(sampled(made).tracks, orbit=made.orbit, options=PathOptions(sigma=1.0))
+    assert found.status is Status.GOOD
+    assert np.linalg.norm(found.position - made.path, axis=1).max() < 0.05
