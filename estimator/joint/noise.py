@@ -136,7 +136,8 @@ def restricted_likelihood(
         if change < CONVERGED:
             break
     reduced = _Reduced.of(X, b, spectrum, group)
-    likelihood = reduced.posterior(size)[2] - 0.5 * c * float(np.log(spectrum).sum())
+    of_noise = c * float(np.log(spectrum).sum()) + float(np.sum(b**2 / spectrum[:, None]))
+    likelihood = reduced.posterior(size)[2] - 0.5 * of_noise
     locked = np.zeros_like(wanted)
     for k, functions_k in enumerate(functions):
         locked = locked + functions_k @ found[group == k]

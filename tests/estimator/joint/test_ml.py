@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.joint import joint
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.noise import bands, restricted_likelihood
+from baryscope.estimator.joint.noise import bands, restricted_likelihood, transformed
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.scripts.examples.walking import walk
 from joints import SHAPE, TIME, recording
@@ -125,6 +125,19 @@ def test_oscillating_noise_widens_what_it_masks():
     assert 1.1 < np.mean(squares) < 3.5, np.mean(squares)
     slow, ringing = np.median(widths, axis=0)
     assert 2 < ringing / slow < 6
+
+
+def test_the_restricted_likelihood():
+    """Without functions it is −½ (ln det S + ln det FᵀS⁻¹F + rᵀS⁻¹r), S the spectrum and r the residuals."""
+    rng = np.random.default_rng(3)
+    design, wanted, kept = rng.normal(size=(50, 3, 4)), rng.normal(size=(50, 3)), np.arange(40)
+    fit = restricted_likelihood(design, wanted, [], kept)
+    F, b = transformed(design)[kept].reshape(-1, 4), transformed(wanted)[kept].ravel()
+    variance = np.repeat(fit.spectrum, 3)
+    normal = F.T @ (F / variance[:, None])
+    left = b - F @ np.linalg.solve(normal, F.T @ (b / variance))
+    expected = np.log(variance).sum() + np.linalg.slogdet(normal)[1] + np.sum(left**2 / variance)
+    assert fit.likelihood == pytest.approx(-expected / 2, rel=1e-9)
 
 
 def test_a_variance_that_hangs_on_few_functions_is_not_believed():
