@@ -17,6 +17,7 @@ from baryscope.estimator.details import Details
 from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.findings import MISFITS, FewFrames, Finding, FreeAttitudes
 from baryscope.estimator.formats.dataset import dataset
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import Options
 from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, Widening, times_of
@@ -70,7 +71,7 @@ class Cluster:
     @property
     def radius(self) -> float:
         """The rms distance of the features from their centroid, m."""
-        return float(np.sqrt((self.points**2).sum() / len(self.points)))
+        return rms_radius(self.points)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
 from baryscope.estimator.registration.body import Body
 
@@ -37,8 +38,7 @@ def farthest(points: FloatArray) -> float:
 
 def _distance_and_radius(points: FloatArray) -> tuple[float, float]:
     """The distance of the centroid of points (m, 3) from their origin, and their rms distance from it."""
-    centroid = points.mean(axis=0)
-    return float(np.linalg.norm(centroid)), float(np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=1))))
+    return float(np.linalg.norm(points.mean(axis=0))), rms_radius(points)
 
 
 def implausible_columns(

@@ -157,7 +157,6 @@ def passes(problem: Problem) -> Passes:
     last = _pass(problem, reference, shift, observations, variance, None)
     count, sought = 1, 0
     while count < MAX_PASSES:
-        refuse_lost(last.after.origin, observations.position)
         if last.final:
             theta = problem.theta if sought == MAX_SOUGHT else _likeliest(problem, reference, last)
             if np.allclose(theta, problem.theta, rtol=0.0, atol=THETA_TOLERANCE):
@@ -169,7 +168,6 @@ def passes(problem: Problem) -> Passes:
             reference = replace(reference, path=problem.process(shift), x=np.zeros_like(shift), deviation=still)
         last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
         count += 1
-    refuse_lost(last.after.origin, observations.position)
     return Passes(problem, reference, shift, last, count)
 
 
@@ -230,6 +228,7 @@ def _pass(
     residual_variance = max(parameters.squares / dof, problem.floor)
     used = problem.sigma or residual_variance
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
+    refuse_lost(after.origin, observations.position)
     seen = observations.position - after.seen_at(problem.start.nodes)
     squares = observations.weight * observations.squares(seen)
     turn = np.linalg.norm(solution.state[system.seen, TURN], axis=1)

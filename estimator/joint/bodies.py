@@ -6,6 +6,7 @@ import numpy as np
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, turn_information
 from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
@@ -62,7 +63,7 @@ class Body:
     @property
     def radius(self) -> float:
         """The rms distance of the markers from their centroid, m."""
-        return float(np.sqrt(np.mean(np.sum(self.markers**2, axis=1))))
+        return rms_radius(self.markers)
 
     @property
     def own_variance(self) -> float:

@@ -27,11 +27,8 @@ ROUNDING = 1e-24  # of the squares of what is given: a variance below is roundin
 AT_FIRST = 0.3  # share of the residuals' variance that a group of functions has at first
 QUIETEST = 0.5  # variance of a band over the mean beyond the last one that is used
 NEGLIGIBLE = 1e-6  # of the variance at first: a smaller one of a function counts as none
-STEP, MOST_STEPS, LEAST_SHARE = (
-    2.0,
-    24,
-    1e-4,
-)  # ratio of variances over which a group's is integrated, and their weights
+STEP = 2.0  # ratio of one variance of a group to the next, over which the covariance is integrated
+MOST_STEPS, LEAST_SHARE = 24, 1e-4  # of them either way, and the share of the greatest likelihood at which they end
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,16 +107,11 @@ def restricted_likelihood(
     width = np.diff(ends)
     spectrum = np.full(len(kept), start)
     size = np.array([AT_FIRST * start * wanted.size / max(float(np.sum(one**2)), 1e-300) for one in functions])
-    begun = size.copy()
+    begun, flat = size.copy(), X.reshape(-1, X.shape[2])
     for _ in range(ROUNDS):
-        penalty = np.where(group >= 0, 1 / size[group], 0.0) if len(slides) else np.zeros(p)
-        weighted = X / spectrum[:, None, None]
-        flat, flat_weighted = X.reshape(-1, X.shape[2]), weighted.reshape(-1, X.shape[2])
-        normal = flat_weighted.T @ flat + np.diag(penalty)
-        covariance = np.linalg.inv(normal)
-        found = covariance @ (flat_weighted.T @ b.ravel())
+        found, covariance = _Reduced.of(flat, b, spectrum, group).posterior(size)
         left = ((flat @ found).reshape(b.shape) - b) ** 2
-        leverage = np.sum((flat @ covariance) * flat_weighted, axis=1).reshape(b.shape)
+        leverage = np.sum((flat @ covariance) * flat, axis=1).reshape(b.shape) / spectrum[:, None]
         free = np.add.reduceat(np.maximum(1 - leverage, 0).sum(axis=1), ends[:-1])
         squares = np.add.reduceat(left.sum(axis=1), ends[:-1])
         around = _pooled(squares) / np.maximum(_pooled(free), 0.1 * c)
@@ -135,9 +127,9 @@ def restricted_likelihood(
             size[k] = value
         if change < CONVERGED:
             break
-    reduced = _Reduced.of(X, b, spectrum, group)
+    reduced = _Reduced.of(flat, b, spectrum, group)
     of_noise = c * float(np.log(spectrum).sum()) + float(np.sum(b**2 / spectrum[:, None]))
-    likelihood = reduced.posterior(size)[2] - 0.5 * of_noise
+    likelihood = reduced.likelihood(size, *reduced.posterior(size)) - 0.5 * of_noise
     locked = np.zeros_like(wanted)
     for k, functions_k in enumerate(functions):
         locked = locked + functions_k @ found[group == k]
@@ -162,29 +154,30 @@ class _Reduced:
     group: IntArray
 
     @classmethod
-    def of(cls, X: FloatArray, b: FloatArray, spectrum: FloatArray, group: IntArray) -> "_Reduced":
-        """Those of X (k, c, q) and b (k, c)."""
-        flat = X.reshape(-1, X.shape[2])
-        weighted = (X / spectrum[:, None, None]).reshape(flat.shape)
+    def of(cls, flat: FloatArray, b: FloatArray, spectrum: FloatArray, group: IntArray) -> "_Reduced":
+        """Those of flat (k c, q), b (k, c) and variances (k,) of the rows."""
+        weighted = flat / np.repeat(spectrum, b.shape[1])[:, None]
         return cls(weighted.T @ flat, weighted.T @ b.ravel(), group)
 
-    def posterior(self, size: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """Mean (q,) and covariance (q, q) for variances (g,) of the groups, and the logarithm of their restricted
-        likelihood, up to a constant of the spectrum.
-        """
-        penalty = np.where(self.group >= 0, 1 / size[self.group], 0.0) if len(size) else np.zeros(len(self.group))
-        normal = self.matrix + np.diag(penalty)
-        covariance = np.linalg.inv(normal)
-        mean = covariance @ self.rhs
-        determinant = float(np.linalg.slogdet(normal)[1]) - float(np.log(penalty[penalty > 0]).sum())
-        return mean, covariance, 0.5 * (float(mean @ self.rhs) - determinant)
+    def posterior(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean (q,) and covariance (q, q) for variances (g,) of the groups."""
+        known = np.zeros(len(self.group))
+        known[self.group >= 0] = 1 / size[self.group[self.group >= 0]]
+        covariance = np.linalg.inv(self.matrix + np.diag(known))
+        return covariance @ self.rhs, np.asarray(covariance)
+
+    def likelihood(self, size: FloatArray, mean: FloatArray, covariance: FloatArray) -> float:
+        """The logarithm of their restricted likelihood, up to a constant of the spectrum, for the posterior."""
+        of_groups = float(np.log(size[self.group[self.group >= 0]]).sum())
+        return 0.5 * (float(mean @ self.rhs) + float(np.linalg.slogdet(covariance)[1]) - of_groups)
 
     def growth(self, size: FloatArray, index: int, ceiling: float, p: int) -> FloatArray:
         """By how much the covariance (p, p) of the unknowns grows as the variance of a group is not known.
 
         ceiling: its greatest variance.
         """
-        middle, own, at_best = self.posterior(size)
+        middle, own = self.posterior(size)
+        at_best = self.likelihood(size, middle, own)
         found = [(1.0, middle[:p], own[:p, :p])]
         for ratio in (STEP, 1 / STEP):
             other = size.copy()
@@ -192,8 +185,8 @@ class _Reduced:
                 other[index] *= ratio
                 if other[index] > ceiling:
                     break
-                mean, covariance, likelihood = self.posterior(other)
-                weight = float(np.exp(min(likelihood - at_best, 0.0)))
+                mean, covariance = self.posterior(other)
+                weight = float(np.exp(min(self.likelihood(other, mean, covariance) - at_best, 0.0)))
                 if weight < LEAST_SHARE:
                     break
                 found.append((weight, mean[:p], covariance[:p, :p]))

@@ -17,6 +17,7 @@ from baryscope.estimator.adjustment.evidence import held
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.alignment import align
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.free_attitudes import linearised
@@ -68,24 +69,22 @@ def with_ridges(found: Pivot, covariance: JointCovariance) -> JointCovariance:
     there as the node is farther. What departs by more than the width of the direction is as long as that.
     """
     frames = np.unique(np.concatenate([body.frames for body in found.bodies]))
-    square = found.sampled.itself.gram(frames, np.broadcast_to(np.eye(3), (len(frames), 3, 3))) / len(frames)
+    square = found.sampled.itself.frames_at(frames).mean_square()
     wide = _wide_directions(found, covariance, square)
     if not len(wide.widths):
         return covariance
     few, size, columns = _Few.of(found, wide), len(found.solution.x), []
     for index, width in enumerate(wide.widths):
-        for sign in (-1.0, 1.0):
-            departure = few.departure(index, sign)
+        for departure in few.departures(index):
             length = np.sqrt(max(float(departure[-size:] @ square @ departure[-size:]), 0.0))
             longest = NODE * width
             columns.append(departure * (longest / length) if length > longest else departure)
-    return covariance.grown(np.sqrt(NODE_WEIGHT) * np.transpose(columns))
+    return covariance.grown(np.sqrt(NODE_WEIGHT) * np.transpose(columns)) if columns else covariance
 
 
 def _wide_directions(found: Pivot, covariance: JointCovariance, square: FloatArray) -> _Directions:
     """Those that are not observable, at most MOST_RIDGES; square (p, p): the mean of JᵀJ over the frames."""
-    points = max(found.bodies, key=lambda body: len(body.frames)).points
-    radius = float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
+    radius = rms_radius(max(found.bodies, key=lambda body: len(body.frames)).points)
     factor = factor_of(covariance.of_x)
     squares, axes = np.linalg.eigh(factor.T @ square @ factor)
     widths, axes = np.sqrt(np.maximum(squares, 0.0))[: -MOST_RIDGES - 1 : -1], axes[:, : -MOST_RIDGES - 1 : -1]
@@ -118,13 +117,20 @@ class _Few:
         path = found.sampled.frames_at(few.rows)
         return cls(found, wide, _Place(few.bodies, found.solution.x), few.observations.weighted(weight), path, shift)
 
-    def departure(self, index: int, sign: float) -> FloatArray:
-        """The departure (3 k + p,) from a tangent at the node on one side; zero where the ridge can't be followed."""
+    def departures(self, index: int) -> list[FloatArray]:
+        """The departures (3 k + p,) from a tangent at the nodes on either side, where the ridge can be followed."""
+        begin = self._settled(np.zeros(index + 1), self.start)
+        if begin is None:
+            return []
+        both = (self._departure(begin, index, sign) for sign in (-1.0, 1.0))
+        return [departure for departure in both if departure is not None]
+
+    def _departure(self, begin: _Place, index: int, sign: float) -> FloatArray | None:
+        """That on one side, from the middle of the ridge; None where it can't be followed."""
         unit = sign * np.eye(index + 1)[index]
-        begin = place = self._settled(0 * unit, self.start)
-        reached, stretch = 0.0, NODE
+        place, reached, stretch = begin, 0.0, NODE
         for _ in range(MOST_STRETCHES):
-            if place is None or reached >= NODE:
+            if reached >= NODE:
                 break
             there = min(reached + stretch, NODE)
             further = self._settled(there * unit, place)
@@ -132,9 +138,9 @@ class _Few:
                 stretch /= 2
             else:
                 reached, place = there, further
+        if not reached > 0:
+            return None
         tangent = sign * self.wide.along[:, index]
-        if begin is None or place is None or not reached > 0:
-            return np.zeros_like(tangent)
         return np.asarray((place.from_other(begin) - reached * tangent) * (NODE / reached))
 
     def _settled(self, target: FloatArray, place: _Place) -> _Place | None:
