@@ -7,12 +7,16 @@ prefer_one_thread()
 import argparse  # noqa: E402
 import json  # noqa: E402
 import sys  # noqa: E402
+from collections.abc import Iterator  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from baryscope.estimator import METHODS, Estimate  # noqa: E402
 from baryscope.study.population import command  # noqa: E402
+from baryscope.study.population.cases import Case  # noqa: E402
 from baryscope.study.population.judging import judged, of_estimate, prepared, tried  # noqa: E402
-from baryscope.study.population.report import failing, refusals, table  # noqa: E402
+from baryscope.study.population.report import draws, failing, refusals, table  # noqa: E402
+from baryscope.study.population.running import Line  # noqa: E402
+from baryscope.study.population.sensing import sampled  # noqa: E402
 
 USUAL = ("pivot", "ml", "ekf", "score")
 BOTH = (True, False)  # with the orbit, and without
@@ -31,6 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
     one.add_argument("--index", type=command.natural, required=True)
     one.add_argument("--method", default="pivot", choices=METHODS)
     one.add_argument("--orbit", action="store_true")
+    one.add_argument("--draws", type=command.positive, help="this many estimates instead, each with other noise")
     one.add_argument("--tracks", type=Path, help="also write the tracks to this CSV file")
     one.set_defaults(run=_case)
     reporter = command.add_report(commands, "the tables")
@@ -49,6 +54,9 @@ def _run(options: argparse.Namespace) -> None:
 
 def _case(options: argparse.Namespace) -> None:
     case, sample, facts = prepared(options.seed, options.index)
+    if options.draws:
+        print(draws(list(_redrawn(case, options))))
+        return
     if options.tracks:
         sample.tracks.write_csv(options.tracks)
     found = tried(case, sample, options.method, options.orbit)
@@ -56,6 +64,16 @@ def _case(options: argparse.Namespace) -> None:
     seen = sample.tracks.seen
     facts |= {"observations": int(seen.sum()), "frames of 3": int((seen.sum(axis=1) > 2).sum())}
     print(json.dumps(facts | {"orbit": vars(case.orbit), "sensor": vars(case.sensor)} | answer, indent=1))
+
+
+def _redrawn(case: Case, options: argparse.Namespace) -> Iterator[Line]:
+    """The answers of a case with other noise."""
+    for draw in range(1, options.draws + 1):
+        found = tried(case, sampled(case, draw), options.method, options.orbit)
+        answer = of_estimate(found, case.path) if isinstance(found, Estimate) else {"failure": found.reason}
+        yield {"draw": draw} | answer
+        print(f"\r{draw} of {options.draws}", end="", file=sys.stderr, flush=True)
+    print(file=sys.stderr)
 
 
 def _report(options: argparse.Namespace) -> None:

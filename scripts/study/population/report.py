@@ -86,6 +86,21 @@ def refusals(lines: Sequence[Line]) -> Table:
     return Table(("method", "reason", "refused", "of them clear"), rows, left=2)
 
 
+def draws(lines: Sequence[Line]) -> Table:
+    """A row for each answer to one case with other noise: the worst of its three times; their count as title."""
+    silent = [line for line in lines if "nees" in line and not line["announced"]]
+    bad = sum(map(wrong, silent))
+    title = f"{len(lines)} draws, {len(silent)} of them answered without a remark; of these wrong: {bad}"
+    return Table(("draw", "answer", "path", "error, m", "claimed, m", "NEES"), tuple(map(_drawn, lines)), title, left=3)
+
+
+def _drawn(line: Line) -> tuple[str, ...]:
+    if "nees" not in line:
+        return str(line["draw"]), line.get("failure") or line["status"], *4 * ("-",)
+    numbers = (f"{max(line[name]):.3g}" for name in ("error", "claimed", "nees"))
+    return str(line["draw"]), line["status"], line["path"], *numbers
+
+
 def failing(lines: Sequence[Line]) -> list[str]:
     """A line of text for each wrong answer, indefinite covariance, clear refusal, crash and slow estimate."""
     return [f"{fault:<13} {_named(line)}" for line in lines for fault in _faults(line)]

@@ -23,9 +23,9 @@ class Sample:
     precision: FloatArray
 
 
-def sampled(case: Case) -> Sample:
-    """The tracks of a case, from its seed and index alone."""
-    rng = np.random.default_rng(np.random.SeedSequence([case.seed, case.index, 1]))
+def sampled(case: Case, draw: int = 0) -> Sample:
+    """The tracks of a case, from its seed and index alone; draw: another number gives other noise and blunders."""
+    rng = np.random.default_rng(np.random.SeedSequence([case.seed, case.index, 1, draw]))
     n, m = case.seen.shape
     noise = rng.standard_normal((n, m, 3))
     kept = case.seen & (rng.random((n, m)) >= case.sensor.dropout)

@@ -91,3 +91,15 @@ def test_a_wrong_argument_is_one_line(arguments, message, tmp_path, monkeypatch,
         main(arguments)
     assert caught.value.code == 2
     assert message in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_draws_of_a_case_differ_by_their_noise_alone(capsys):
+    main(["case", "--seed", "2", "--index", "3", "--draws", "3"])
+    title, _, *rows = capsys.readouterr().out.splitlines()
+    assert title.startswith("3 draws, 3 of them answered without a remark; of these wrong: ")
+    found = [row.split() for row in rows]
+    assert [row[:3] for row in found] == [[str(k), *found[0][1:3]] for k in (1, 2, 3)]
+    assert len({row[-3] for row in found}) == 3
+    errors, claims = np.array([row[-3:-1] for row in found], dtype=float).T
+    assert claims.max() < 2 * claims.min()
+    assert errors.max() < 4 * claims.max()
