@@ -18,7 +18,8 @@ from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, Pivot
 
 FloatArray = NDArray[np.float64]
 
-SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which the attitudes are looked at
+SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which it matters
+LOOKED_AT = 1e-4  # the same, as weights and residuals have it, from which the rotation shows whether it is more
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     far = implausible_columns([body.points for body in found.bodies], solution.offset_covariance, crossed)
     whole = JointCovariance(variance * (joint + columns @ columns.T) + unseen @ unseen.T, len(found.bodies))
     whole = whole.grown(np.concatenate(far, axis=0))
-    if found.spurious_share < SPURIOUS:
+    if shown_spurious_share(found) < SPURIOUS:
         return whole
     # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
     return whole.grown(joint @ factor_of(_products(found, whole.of_offsets)))
@@ -86,6 +87,20 @@ def is_at_rest(found: Pivot) -> bool:
     least = found.variance / max(farthest(body.points) for body in found.bodies) ** 2
     untold = untold_decrease(last.offsets, offset, _spurious(found), least)
     return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
+
+
+def shown_spurious_share(found: Pivot) -> float:
+    """The spurious information over that on the offsets, as the rotation shows the attitudes' noise.
+
+    A few attitudes that are off by many deviations, as their frame's only features are displaced, may give most of it.
+    """
+    if found.spurious_share < LOOKED_AT:
+        return found.spurious_share
+    return found.spurious_share * max(_excesses(found))
+
+
+def _excesses(found: Pivot) -> list[float]:
+    return [excess_noise(body, found.observations, found.frame_variance) for body in found.bodies]
 
 
 def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
@@ -107,7 +122,6 @@ def _spurious(found: Pivot) -> FloatArray:
     Jointly for all bodies: spurious information of one body on the path would propagate to the others.
     """
     spurious = found.spurious
-    if found.spurious_share >= SPURIOUS:
-        shown = (excess_noise(body, found.observations, found.frame_variance) for body in found.bodies)
-        spurious = tuple(excess * own for excess, own in zip(shown, spurious, strict=True))
+    if found.spurious_share >= LOOKED_AT:
+        spurious = tuple(excess * own for excess, own in zip(_excesses(found), spurious, strict=True))
     return np.asarray(block_diag(*spurious))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import strays
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS, shown_spurious_share
 from baryscope.estimator.pivot.refinement import Pivot, Start, refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
@@ -22,7 +22,7 @@ MIN_FRAMES = 10  # of a body, that are left
 def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
     """The solution without the frames in which a body's attitude strays, if they matter, and its start."""
     for _ in range(REPEATS):
-        if found.spurious_share < SPURIOUS:
+        if shown_spurious_share(found) < SPURIOUS:
             break
         weight, bodies = start.observations.weight.copy(), []
         for body in found.bodies:

@@ -24,7 +24,7 @@ def seen(step, displaced, by, seed=0, count=400):
     return body, Observations(position, np.ones((count, 4)), None)
 
 
-@pytest.mark.parametrize("step", [0.002, 0.02, 0.1])
+@pytest.mark.parametrize("step", [0.002, 0.02, 0.1, 0.3])
 def test_displaced_features_turn_a_body_away_from_its_rotation(step):
     displaced = np.arange(7, 400, 19)
     found = np.nonzero(strays(*seen(step, displaced, 0.6), NOISE**2))[0]
