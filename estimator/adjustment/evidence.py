@@ -33,12 +33,6 @@ TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its ma
 SCAN = 12  # values of each hyperparameter in the search for a start
 SWEEPS = 2  # of it, where there are several
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
-GRID_STEP = 0.7  # in the integration over a hyperparameter's uncertainty: of its logarithm, or of a standard deviation
-MOST_STEPS = 60  # of it, either way
-DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
-MOST_DEVIATION = 3.0  # of a combination of hyperparameters, for the length of a step
-GRID_END = 12.0  # increase of −2 ln p at which this integration ends
-NINETY = 1.645  # standard deviations either way that hold 90 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,31 +55,6 @@ class Linear:
         return self.x * self.x
 
 
-@dataclass(frozen=True, eq=False)
-class Posterior:
-    """Hyperparameters θ (h,) at the maximum, and the posterior of x: its mean (p,) for these, and its covariance (p, p)
-    about that mean, with the uncertainty of θ.
-
-    Of a hyperparameter that has its unknowns for itself, NaN of others: interval (h, 2) of a standard deviation either
-    way; significance (h,): 2 ln p of θ less that at the lower bound of the range, where it has no effect; expectation
-    (h,): the mean of exp θ.
-    """
-
-    theta: FloatArray
-    interval: FloatArray
-    significance: FloatArray
-    expectation: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
-
-    def bounds(self, index: int) -> tuple[float, float]:
-        """The bounds of exp θ of a hyperparameter that hold 90 %, and its value at the maximum."""
-        centre, deviation = self.interval[index].mean(), np.ptp(self.interval[index]) / 2
-        low, high = np.exp([centre - NINETY * deviation, centre + NINETY * deviation])
-        best = float(np.exp(self.theta[index]))
-        return min(float(low), best), max(float(high), best)
-
-
 def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
     """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
 
@@ -104,7 +73,7 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     least = cost(linear, prior, best)
 
     def excess(at: FloatArray) -> tuple[float, FloatArray]:
-        value, gradient = _objective(linear, prior, at)
+        value, gradient = objective(linear, prior, at)
         return value - least, gradient  # small numbers, so that a relative tolerance means what it says
 
     found = minimize(excess, best, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
@@ -118,12 +87,12 @@ def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray,
     """
     for index, one in enumerate(prior.hyperparameters):
         if one.optional and theta[index] > bounds[index, 0]:
-            without, least = _without(linear, prior, theta, index, bounds, scan=scan)
+            without, least = likeliest_without(linear, prior, theta, index, bounds, scan=scan)
             theta = theta if least - cost(linear, prior, theta) > 2 * np.log(BELOW / TYPICAL) else without
     return theta
 
 
-def _without(
+def likeliest_without(
     linear: Linear, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray, *, scan: bool = True
 ) -> tuple[FloatArray, float]:
     """The likeliest θ (h,) where one hyperparameter is at its lower bound, and its −2 ln p.
@@ -187,95 +156,6 @@ def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
     return _minimum(linear, prior, precision, *scaled_factor(linear.information, precision))[1] + float(
         prior.penalty(theta)[0]
     )
-
-
-def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
-    """The posterior of x, over the uncertainty of the hyperparameters about θ (h,), with the prior's scatter.
-
-    One that has its unknowns for itself is integrated alone, others along the principal axes of −2 ln p, on a grid
-    (Rue, Martino and Chopin 2009, J. R. Statist. Soc. B 71, § 4).
-    """
-    mean, covariance = conditional(linear, prior, theta)
-    bounds, total = ranges(linear, prior), covariance.copy()
-    interval = np.full((len(theta), 2), np.nan)
-    significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
-    shared = (prior.slopes != 0).sum(axis=1) > 1
-    joint = ((prior.slopes != 0) & shared[:, None]).any(axis=0)
-    for index in np.flatnonzero(~joint):
-        points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
-        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        lowest, none = _without(linear, prior, theta, int(index), bounds)
-        significance[index] = none - costs[0]  # the first is that of θ
-        if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
-            points.append(lowest)
-            weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
-        weight /= weight.sum()
-        values = np.array([at[index] for at in points])
-        centre = float(weight @ values)
-        deviation = float(np.sqrt(weight @ (values - centre) ** 2))
-        interval[index] = centre - deviation, centre + deviation
-        expectation[index] = weight @ np.exp(values)
-        total += _positive(_spread(linear, prior, points, weight, mean) - covariance, np.diag(covariance))
-    for step in _principal_steps(linear, prior, theta, np.flatnonzero(joint)):
-        points, costs = _along(linear, prior, theta, step, bounds)
-        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
-        total += _positive(grown, np.diag(covariance))
-    if np.any(prior.scatter):
-        untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
-        wider = conditional(linear, prior.scattered(untold), theta)[1]
-        total += _positive(wider - covariance, np.diag(covariance))
-    return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
-
-
-def _principal_steps(linear: Linear, prior: Prior, theta: FloatArray, joint: IntArray) -> list[FloatArray]:
-    """Steps (h,) along the principal axes of −2 ln p in some hyperparameters, of GRID_STEP standard deviations."""
-    hessian = np.empty((len(joint), len(joint)))
-    for row, index in enumerate(joint):
-        apart = DIFFERENCE * np.eye(len(theta))[index]
-        after, before = (_objective(linear, prior, at)[1][joint] for at in (theta + apart, theta - apart))
-        hessian[row] = (after - before) / (2 * DIFFERENCE)
-    values, vectors = np.linalg.eigh((hessian + hessian.T) / 4)
-    deviation = 1 / np.sqrt(np.clip(values, MOST_DEVIATION**-2, None))
-    steps = np.zeros((len(joint), len(theta)))
-    steps[:, joint] = GRID_STEP * (vectors * deviation).T
-    return list(steps)
-
-
-def _along(
-    linear: Linear, prior: Prior, theta: FloatArray, step: FloatArray, bounds: FloatArray
-) -> tuple[list[FloatArray], list[float]]:
-    """θ (h,), and points in steps (h,) either way as far as −2 ln p is not much greater, within bounds; and that."""
-    points, costs = [theta], [cost(linear, prior, theta)]
-    moved = step != 0
-    for sign in (-1, 1):
-        for k in range(1, MOST_STEPS):
-            at = theta + sign * k * step
-            if np.any((at < bounds[:, 0]) & moved) or np.any((at > bounds[:, 1]) & moved):
-                break  # the others were held within bounds of an earlier linearisation, which differ by rounding
-            value = cost(linear, prior, at)
-            if value > min(costs) + GRID_END:
-                break
-            points.append(at)
-            costs.append(value)
-    return points, costs
-
-
-def _spread(linear: Linear, prior: Prior, points: list[FloatArray], weight: FloatArray, mean: FloatArray) -> FloatArray:
-    """The second moment (p, p) of x about a mean (p,), of the mixture of the posteriors at points with weights."""
-    total = np.zeros((len(mean), len(mean)))
-    for share, at in zip(weight, points, strict=True):
-        other_mean, other = conditional(linear, prior, at)
-        total += share * (other + np.outer(other_mean - mean, other_mean - mean))
-    return total
-
-
-def _positive(matrix: FloatArray, variance: FloatArray) -> FloatArray:
-    """The positive semidefinite part (p, p) of a symmetric matrix, in units of variances (p,)."""
-    scale = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    half = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return np.asarray(half @ half.T)
 
 
 def ranges(linear: Linear, prior: Prior) -> FloatArray:
@@ -350,7 +230,7 @@ def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatA
     return linear.x + change, np.asarray(root.T @ root)
 
 
-def _objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
+def objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
     """−2 ln p up to a constant, and its gradient (h,)."""
     precision, loose = held(linear, prior, theta)
     scale, factor = scaled_factor(linear.information, precision)

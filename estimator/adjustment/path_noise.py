@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Posterior
+from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY, noise_in

@@ -236,7 +236,7 @@ class Smooth(Polynomial):
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
         slopes = _law(order)
         parameters = (
-            Hyperparameter("first coefficient"),
+            Hyperparameter("first coefficient", by_root=True),
             Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
             Hyperparameter("power", *POWERS),
         )

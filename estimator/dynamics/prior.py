@@ -20,7 +20,8 @@ class Hyperparameter:
 
     Bounds of None follow from the observations: from a variance without effect to one without a limit. optional: there
     may be nothing of it at all, so that its range goes on below, without an effect. typical: its root is not only
-    log-uniform, but exponentially improbable beyond this (Simpson et al. 2017, Statistical Science 32).
+    log-uniform, but exponentially improbable beyond this (Simpson et al. 2017, Statistical Science 32). by_root: its
+    root is uniform instead (Gelman 2006, Bayesian Analysis 1, § 3.2), so that none of it is no likelier than any other.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Hyperparameter:
     upper: float | None = None
     optional: bool = False
     typical: float | None = None
+    by_root: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +77,16 @@ class Prior:
     def penalty(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """−2 ln p (...) of the hyperparameters θ (..., h) themselves, up to a constant, and its gradient (..., h)."""
         each = self._rates * np.exp(np.where(self._rates > 0, theta, 0.0) / 2)
-        return 2 * each.sum(axis=-1), each
+        return 2 * each.sum(axis=-1) - theta @ self._by_root, each - self._by_root
 
     @cached_property
     def _rates(self) -> FloatArray:
         """Of the exponential priors of the roots (h,), 0 without one."""
         return np.array([0.0 if one.typical is None else 1 / one.typical for one in self.hyperparameters])
+
+    @cached_property
+    def _by_root(self) -> FloatArray:
+        return np.array([float(one.by_root) for one in self.hyperparameters])
 
     def joined(self, other: "Prior") -> "Prior":
         """The prior of the unknowns of both, with the hyperparameters of both."""

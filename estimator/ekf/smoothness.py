@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise, posterior
+from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise
+from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.linearised import INERTIA
 from baryscope.estimator.ekf.solution import Parameters, Prior

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
-from baryscope.estimator.adjustment.evidence import Linear, Posterior, conditional, held, maximise, posterior, ranges
+from baryscope.estimator.adjustment.evidence import Linear, conditional, held, maximise, ranges
+from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
 from baryscope.estimator.adjustment.stereo import moved_to, observations_of, varies_with_range

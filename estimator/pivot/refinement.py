@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.evidence import Linear, Posterior, complexity, held, maximise, posterior
+from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise
+from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance

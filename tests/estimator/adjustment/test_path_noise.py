@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.evidence import Posterior
+from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.path_noise import process_noise_of
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.dynamics.process_noise import Disturbed

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise, posterior
+from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise
+from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.dynamics.paths import Smooth
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.smoothness import Smoothness

@@ -1,0 +1,182 @@
+"""The posterior over the uncertainty of the hyperparameters, whose evidence is that of `evidence`."""
+
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import (
+    BELOW,
+    Linear,
+    conditional,
+    cost,
+    held,
+    likeliest_without,
+    objective,
+    ranges,
+)
+from baryscope.estimator.dynamics.prior import Prior
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+GRID_STEP = 0.7  # in the integration over a hyperparameter's uncertainty: of its logarithm, or of a standard deviation
+MOST_STEPS = 60  # of it, either way
+LATTICE_STEP = 1.2  # standard deviations, in the integration over several hyperparameters
+MOST_POINTS = 1500  # of that lattice
+EDGE = 1e-6  # of a logarithm: beyond a bound by rounding
+DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
+MOST_DEVIATION = 2.0  # of a combination of hyperparameters, for the length of a step
+GRID_END = 12.0  # increase of −2 ln p at which this integration ends
+NINETY = 1.645  # standard deviations either way that hold 90 %
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """Hyperparameters θ (h,) at the maximum, and the posterior of x: its mean (p,) for these, and its covariance (p, p)
+    about that mean, with the uncertainty of θ.
+
+    Of a hyperparameter that has its unknowns for itself, NaN of others: interval (h, 2) of a standard deviation either
+    way; significance (h,): 2 ln p of θ less that at the lower bound of the range, where it has no effect; expectation
+    (h,): the mean of exp θ.
+    """
+
+    theta: FloatArray
+    interval: FloatArray
+    significance: FloatArray
+    expectation: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+    def bounds(self, index: int) -> tuple[float, float]:
+        """The bounds of exp θ of a hyperparameter that hold 90 %, and its value at the maximum."""
+        centre, deviation = self.interval[index].mean(), np.ptp(self.interval[index]) / 2
+        low, high = np.exp([centre - NINETY * deviation, centre + NINETY * deviation])
+        best = float(np.exp(self.theta[index]))
+        return min(float(low), best), max(float(high), best)
+
+
+def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
+    """The posterior of x, over the uncertainty of the hyperparameters about θ (h,), with the prior's scatter.
+
+    One that has its unknowns for itself is integrated alone, others along the principal axes of −2 ln p, on a grid
+    (Rue, Martino and Chopin 2009, J. R. Statist. Soc. B 71, § 4).
+    """
+    mean, covariance = conditional(linear, prior, theta)
+    bounds, total = ranges(linear, prior), covariance.copy()
+    interval = np.full((len(theta), 2), np.nan)
+    significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
+    shared = (prior.slopes != 0).sum(axis=1) > 1
+    joint = ((prior.slopes != 0) & shared[:, None]).any(axis=0)
+    for index in np.flatnonzero(~joint):
+        points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
+        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
+        lowest, none = likeliest_without(linear, prior, theta, int(index), bounds)
+        significance[index] = none - costs[0]  # the first is that of θ
+        if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
+            points.append(lowest)
+            weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
+        weight /= weight.sum()
+        values = np.array([at[index] for at in points])
+        centre = float(weight @ values)
+        deviation = float(np.sqrt(weight @ (values - centre) ** 2))
+        interval[index] = centre - deviation, centre + deviation
+        expectation[index] = weight @ np.exp(values)
+        total += _positive(_spread(linear, prior, points, weight, mean) - covariance, np.diag(covariance))
+    if joint.any():
+        points, costs = _lattice(linear, prior, theta, _principal_steps(linear, prior, theta, joint, bounds), bounds)
+        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
+        grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
+        total += _positive(grown, np.diag(covariance))
+    if np.any(prior.scatter):
+        untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
+        wider = conditional(linear, prior.scattered(untold), theta)[1]
+        total += _positive(wider - covariance, np.diag(covariance))
+    return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
+
+
+def _principal_steps(
+    linear: Linear, prior: Prior, theta: FloatArray, joint: BoolArray, bounds: FloatArray
+) -> FloatArray:
+    """Steps (k, h) along the principal axes of −2 ln p in k hyperparameters, joint (h,), of LATTICE_STEP deviations.
+
+    One that is at a bound has its own, so that no axis leads out of its range at once.
+    """
+    at_bound = joint & ((theta <= bounds[:, 0]) | (theta >= bounds[:, 1]))
+    within = np.flatnonzero(joint & ~at_bound)
+    hessian = np.empty((len(within), len(within)))
+    for row, index in enumerate(within):
+        away = DIFFERENCE * np.eye(len(theta))[index]
+        after, before = (objective(linear, prior, at)[1][within] for at in (theta + away, theta - away))
+        hessian[row] = (after - before) / (2 * DIFFERENCE)
+    values, vectors = np.linalg.eigh((hessian + hessian.T) / 4)
+    deviation = 1 / np.sqrt(np.clip(values, MOST_DEVIATION**-2, None))
+    steps = np.zeros((len(within), len(theta)))
+    steps[:, within] = LATTICE_STEP * (vectors * deviation).T
+    width = np.ptp(bounds[at_bound], axis=1)
+    apart = width / np.ceil(width / (LATTICE_STEP * MOST_DEVIATION))
+    return np.concatenate([steps, apart[:, None] * np.eye(len(theta))[at_bound]])
+
+
+def _lattice(
+    linear: Linear, prior: Prior, theta: FloatArray, steps: FloatArray, bounds: FloatArray
+) -> tuple[list[FloatArray], list[float]]:
+    """θ (h,), and the points of a lattice of steps (k, h) about it, as far as −2 ln p is not much greater; and that."""
+    points, costs = [theta], [cost(linear, prior, theta)]
+    reached = {(0,) * len(steps)}
+    border, moved = list(reached), steps.any(axis=0)
+    while border and len(points) < MOST_POINTS:
+        beyond = sorted(set(chain.from_iterable(map(_neighbours, border))) - reached)
+        reached.update(beyond)
+        border = []
+        for node in beyond:
+            at = theta + np.array(node) @ steps
+            if np.any(moved & ((at < bounds[:, 0] - EDGE) | (at > bounds[:, 1] + EDGE))):
+                continue
+            value = cost(linear, prior, at)
+            if value <= min(costs) + GRID_END:
+                points.append(at)
+                costs.append(value)
+                border.append(node)
+    return points, costs
+
+
+def _neighbours(node: tuple[int, ...]) -> list[tuple[int, ...]]:
+    return [(*node[:k], node[k] + way, *node[k + 1 :]) for k in range(len(node)) for way in (-1, 1)]
+
+
+def _along(
+    linear: Linear, prior: Prior, theta: FloatArray, step: FloatArray, bounds: FloatArray
+) -> tuple[list[FloatArray], list[float]]:
+    """θ (h,), and points in steps (h,) either way as far as −2 ln p is not much greater, within bounds; and that."""
+    points, costs = [theta], [cost(linear, prior, theta)]
+    moved = step != 0
+    for sign in (-1, 1):
+        for k in range(1, MOST_STEPS):
+            at = theta + sign * k * step
+            if np.any((at < bounds[:, 0]) & moved) or np.any((at > bounds[:, 1]) & moved):
+                break  # the others were held within bounds of an earlier linearisation, which differ by rounding
+            value = cost(linear, prior, at)
+            if value > min(costs) + GRID_END:
+                break
+            points.append(at)
+            costs.append(value)
+    return points, costs
+
+
+def _spread(linear: Linear, prior: Prior, points: list[FloatArray], weight: FloatArray, mean: FloatArray) -> FloatArray:
+    """The second moment (p, p) of x about a mean (p,), of the mixture of the posteriors at points with weights."""
+    total = np.zeros((len(mean), len(mean)))
+    for share, at in zip(weight, points, strict=True):
+        other_mean, other = conditional(linear, prior, at)
+        total += share * (other + np.outer(other_mean - mean, other_mean - mean))
+    return total
+
+
+def _positive(matrix: FloatArray, variance: FloatArray) -> FloatArray:
+    """The positive semidefinite part (p, p) of a symmetric matrix, in units of variances (p,)."""
+    scale = np.sqrt(np.maximum(variance, np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    half = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(half @ half.T)
