@@ -19,8 +19,8 @@ BoolArray = NDArray[np.bool_]
 
 REACH = 6  # attitudes before and after to which a rotation is fitted
 FARTHEST = 12  # frames to them, at most
-MIN_NEIGHBOURS = 8
-DEGREE = 4  # in time, of the rotation vectors of as many: turns of half a radian from frame to frame follow it
+MORE_NEIGHBOURS = 4  # than the degree, at least
+DEGREES = 2, 4  # in time, of the rotation fitted: the next where the last does not describe it
 LIMIT = 22.0  # χ² of three degrees of freedom, beyond which an attitude strays: 1 in 15,000
 MEDIAN = 2.366  # of it
 ROUGH = 3.0  # times the median, from which the rotation is too fast to be fitted
@@ -54,8 +54,23 @@ def excess_noise(body: Body, observations: Observations, variance: float) -> flo
 def _departures(body: Body, observations: Observations, variance: float) -> tuple[FloatArray, BoolArray]:
     """χ² (n,) of each attitude's departure from a rotation fitted to those near; and which have enough of these, (n,).
 
-    The rotation vectors from the attitude to the others, less a median rate, are a polynomial of DEGREE in time, by
-    robust least squares, whose residuals say how well.
+    The fit is of the lowest degree that describes most attitudes, as it has the least noise.
+    """
+    found = np.zeros(len(body.frames)), np.zeros(len(body.frames), dtype=bool)
+    for degree in DEGREES:
+        squared, tested = found = _departures_from(body, observations, variance, degree)
+        if not tested.any() or np.median(squared[tested]) <= ROUGH * MEDIAN:
+            break
+    return found
+
+
+def _departures_from(
+    body: Body, observations: Observations, variance: float, degree: int
+) -> tuple[FloatArray, BoolArray]:
+    """Those from fits of one degree.
+
+    The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least
+    squares, whose residuals say how well.
     """
     n, size = len(body.frames), 2 * REACH + 1
     if n < size:
@@ -75,7 +90,7 @@ def _departures(body: Body, observations: Observations, variance: float) -> tupl
     there = there @ exp_rotation(-apart[:, :, None] * rate[:, None])
     turned = log_rotation(there.reshape(-1, 3, 3)).reshape(n, size, 3)
     step = apart / REACH
-    terms = np.stack([step**power for power in range(DEGREE + 1)], axis=2)
+    terms = np.stack([step**power for power in range(degree + 1)], axis=2)
     precision = np.where(used, deviation[near] ** -2.0, 0.0)
     total = precision.sum(axis=1)[:, None, None]
     ridge = np.where(total > 0, 1e-9 * total, 1.0) * np.eye(terms.shape[2])
@@ -90,6 +105,6 @@ def _departures(body: Body, observations: Observations, variance: float) -> tupl
     fitted = inverse[:, 0, 0] / 3 * np.maximum(3 * np.nan_to_num(scale) / MEDIAN, 1.0)  # each square is of three axes
     expected = covariance + fitted[:, None, None] * np.eye(3)
     off = coefficients[:, 0]
-    tested = used.sum(axis=1) >= MIN_NEIGHBOURS
+    tested = used.sum(axis=1) >= degree + MORE_NEIGHBOURS
     squared = np.einsum("ki,ki->k", off, np.linalg.solve(expected, off[:, :, None])[:, :, 0])
     return np.where(tested, squared, 0.0), tested
