@@ -30,7 +30,7 @@ FIRMEST = 1e6  # prior precision over information: that of an unknown that the p
 RIDGE = 1e-13  # added to the scaled information, for directions without information and without a prior
 BELOW = 8.0  # of the logarithm of an optional hyperparameter: its range without an effect
 TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its mass
-SCAN = 12  # values of each hyperparameter in the search for a start
+SCAN = 16  # values of each hyperparameter in the search for a start
 SWEEPS = 2  # of it, where there are several
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 

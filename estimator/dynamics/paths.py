@@ -21,6 +21,7 @@ Frames = slice | IntArray
 FIXED = "fixed"
 DECAY = "decay"
 LEAST_DECAY = 1e-8
+LONGEST = 1e6  # m, of a smooth path's coefficients: a bound on their law, which nothing comes near
 POWERS = (-6.0, 2.0)  # of a coefficient's number, in its variance
 SCATTER = 2.0  # of the logarithm of the variances from a coefficient on that the tracks do not tell: the law is a trend
 
@@ -236,7 +237,7 @@ class Smooth(Polynomial):
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
         slopes = _law(order)
         parameters = (
-            Hyperparameter("first coefficient", by_root=True),
+            Hyperparameter("first coefficient", upper=np.log(LONGEST**2), by_root=True),
             Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
             Hyperparameter("power", *POWERS),
         )
