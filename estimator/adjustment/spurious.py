@@ -22,7 +22,7 @@ IMPLAUSIBLE_RADII = 30.0  # of the features from their centroid: a centre of mas
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
-def three_sigma_factor(values: int) -> float:
+def three_sigma_factor(values: float) -> float:
     """The 3σ bound of a mean of squares of Gaussian values over its expectation, for the number of values."""
     return float(1 + 3 * np.sqrt(2 / values))
 
@@ -117,13 +117,12 @@ def _with_others(columns: FloatArray, offset: FloatArray, crossed: FloatArray) -
 class NoisyAttitudes:
     """What noise does to the attitudes of a body's frames, of which each of `every` is taken.
 
-    count: the number of all frames; frames (n,): those taken, and attitude (n, 3, 3) there; known (n, 3, 3): the
-    information Q on the frame's position in S, with the attitude unknown; covariance (n, 3, 3): C of the attitude,
-    rad², and greatest (n,): its greatest variance.
+    frames (n,): those taken, and attitude (n, 3, 3) there; known (n, 3, 3): the information Q on the frame's position
+    in S, with the attitude unknown; covariance (n, 3, 3): C of the attitude, rad², and greatest (n,): its greatest
+    variance.
     """
 
     every: int
-    count: int
     frames: IntArray
     attitude: FloatArray
     known: FloatArray
@@ -153,7 +152,7 @@ class NoisyAttitudes:
             known = known @ np.linalg.inv(np.eye(3) + noise @ known)
         covariance = attitude_covariances(found.turn, variance)
         greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)
-        return cls(every, len(body.frames), frames, attitude, known, covariance, greatest)
+        return cls(every, frames, attitude, known, covariance, greatest)
 
     def spurious_information(self) -> FloatArray:
         """The spurious information (3, 3) in S on the body's offset, in the weights' units.
@@ -161,12 +160,23 @@ class NoisyAttitudes:
         An attitude error φ changes the offset d in C by φ × d, so that the expected information is
         Σ tr([eᵢ]×ᵀ Q [eⱼ]× C). The next order of φ adds a share of about the greatest variance of φ, in rad².
         """
-        turned = (1 + self.greatest[:, None, None]) * self.covariance
-        return self.every * turned_information(self.known, turned)
+        return self.every * turned_information(self.known, self._turned)
 
     def likely_spurious_information(self) -> FloatArray:
-        """The same with a margin of three standard deviations."""
-        return three_sigma_factor(self.count) * self.spurious_information()
+        """The same with a margin of three standard deviations, of as many frames as give most of it.
+
+        These may be few: those of which little is seen. Of terms t they are (Σ t)² / Σ t² (Kish 1965, Survey Sampling).
+        """
+        known, turned = self.known, self._turned
+        traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
+        each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
+        frames = self.every * float(each.sum()) ** 2 / max(float(each @ each), np.finfo(float).tiny)
+        return three_sigma_factor(max(frames, 1.0)) * self.spurious_information()
+
+    @property
+    def _turned(self) -> FloatArray:
+        """The covariances (n, 3, 3) with the next order of φ."""
+        return np.asarray((1 + self.greatest[:, None, None]) * self.covariance)
 
     def product_gradient(self, path: SampledPath, offset: FloatArray) -> FloatArray:
         """The variance (3 + p, 3 + p) of the cost's gradient by offset and x from products of errors, in squared

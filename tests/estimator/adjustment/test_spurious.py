@@ -50,6 +50,23 @@ def test_spurious_information_along_other_axes_than_the_information():
     np.testing.assert_allclose(offset + columns @ columns.T, left @ np.linalg.inv(offset) @ left, rtol=1e-8, atol=1e-8)
 
 
+def test_the_margin_is_that_of_the_frames_which_give_most():
+    """Forty frames that see the same; one of them may have only three features, nearly in a line."""
+    time = np.linspace(0.0, 60.0, 40)
+    R = attitude(np.diag([1.0, 2.0, 2.5]), np.array([0.05, 0.0, 0.07]), time)
+    points = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.1, 0.02, 0.0], [0.0, 0.0, 1.0]])
+    position, weight = points @ np.swapaxes(R, 1, 2), np.ones((40, 4))
+    factors = []
+    for _ in range(2):
+        noisy = NoisyAttitudes.of(
+            Body(np.arange(4), np.arange(40), points, R), Observations(position, weight), np.zeros((40, 3)), 1e-8
+        )
+        factors.append(noisy.likely_spurious_information() / noisy.spurious_information())
+        weight[7, 3] = 0.0
+    np.testing.assert_allclose(np.diag(factors[0]), three_sigma_factor(40))
+    np.testing.assert_allclose(np.diag(factors[1]), three_sigma_factor(1), rtol=0.1)
+
+
 def test_products_of_errors_against_random_ones():
     """The gradient's covariance against that of 20,000 draws of attitude errors and errors of the offset.
 
