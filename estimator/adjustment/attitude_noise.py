@@ -102,7 +102,9 @@ def _departures_from(
         squares = np.sum((turned - terms @ coefficients) ** 2, axis=2) * precision
         scale = np.nanmedian(np.where(used | ~used.any(axis=1)[:, None], squares, np.nan), axis=1)
         weight = precision / (1 + squares / (9 * np.maximum(scale, 1e-300))[:, None])
-    fitted = inverse[:, 0, 0] / 3 * np.maximum(3 * np.nan_to_num(scale) / MEDIAN, 1.0)  # each square is of three axes
+    fitted = inverse[:, 0, 0] / 3
+    if degree > DEGREES[0]:  # at the ends it leads far off where it does not describe the rotation, as residuals show
+        fitted = fitted * np.maximum(3 * np.nan_to_num(scale) / MEDIAN, 1.0)  # each square is of three axes
     expected = covariance + fitted[:, None, None] * np.eye(3)
     off = coefficients[:, 0]
     tested = used.sum(axis=1) >= degree + MORE_NEIGHBOURS
