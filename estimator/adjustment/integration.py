@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import (
     BELOW,
+    NO_EFFECT,
     Linear,
     conditional,
     cost,
@@ -28,14 +29,17 @@ MOST_POINTS = 1500  # of that lattice
 EDGE = 1e-6  # of a logarithm: beyond a bound by rounding
 DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
 MOST_DEVIATION = 2.0  # of a combination of hyperparameters, for the length of a step
+LEAST_EFFECT = 1.0  # prior variance times information, from which an optional hyperparameter is not as good as none
+CLAIMED = 0.8  # probability that an optional hyperparameter is no greater than that of the claimed covariance
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
 NINETY = 1.645  # standard deviations either way that hold 90 %
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Hyperparameters θ (h,) at the maximum, and the posterior of x: its mean (p,) for these, and its covariance (p, p)
-    about that mean, with the uncertainty of θ.
+    """Hyperparameters θ (h,) at the maximum, and the posterior of x over their uncertainty.
+
+    mean (p,) and covariance (p, p) of x; likeliest (p,): x for θ itself.
 
     Of a hyperparameter that has its unknowns for itself, NaN of others: interval (h, 2) of a standard deviation either
     way; significance (h,): 2 ln p of θ less that at the lower bound of the range, where it has no effect; expectation
@@ -48,6 +52,13 @@ class Posterior:
     expectation: FloatArray
     mean: FloatArray
     covariance: FloatArray
+    likeliest: FloatArray
+
+    @property
+    def about_likeliest(self) -> FloatArray:
+        """The second moment (p, p) of x about that for θ itself."""
+        apart = self.mean - self.likeliest
+        return self.covariance + np.outer(apart, apart)
 
     def bounds(self, index: int) -> tuple[float, float]:
         """The bounds of exp θ of a hyperparameter that hold 90 %, and its value at the maximum."""
@@ -62,9 +73,13 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
 
     One that has its unknowns for itself is integrated alone, others along the principal axes of −2 ln p, on a grid
     (Rue, Martino and Chopin 2009, J. R. Statist. Soc. B 71, § 4).
+
+    What is optional is either nothing, or has an effect. Where the observations do not tell which, a mean of the two
+    covariances would be claimed in either case, and an error that one of them explains is beyond it too often: so the
+    covariance for given hyperparameters is that of their CLAIMED quantile.
     """
-    mean, covariance = conditional(linear, prior, theta)
-    bounds, total = ranges(linear, prior), covariance.copy()
+    at_best, covariance = conditional(linear, prior, theta)
+    mean, bounds, total = at_best.copy(), ranges(linear, prior), covariance.copy()
     interval = np.full((len(theta), 2), np.nan)
     significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
     shared = (prior.slopes != 0).sum(axis=1) > 1
@@ -74,7 +89,10 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
         lowest, none = likeliest_without(linear, prior, theta, int(index), bounds)
         significance[index] = none - costs[0]  # the first is that of θ
-        if prior.hyperparameters[index].optional:  # the room below, where all is as at the lower bound
+        optional = prior.hyperparameters[index].optional
+        if optional:  # the room below, where all is as at the lower bound
+            least = bounds[index, 0] + np.log(LEAST_EFFECT / NO_EFFECT)
+            weight[[at[index] < least for at in points]] = 0.0
             points.append(lowest)
             weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
         weight /= weight.sum()
@@ -83,17 +101,25 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         deviation = float(np.sqrt(weight @ (values - centre) ** 2))
         interval[index] = centre - deviation, centre + deviation
         expectation[index] = weight @ np.exp(values)
-        total += _positive(_spread(linear, prior, points, weight, mean) - covariance, np.diag(covariance))
+        mixture = _Mixture.of(linear, prior, points, weight)
+        of_x = mixture.within
+        if optional:
+            order = np.argsort(values)
+            claimed = order[int(np.searchsorted(weight[order].cumsum(), CLAIMED))]
+            of_x = conditional(linear, prior, points[claimed])[1]
+        total += _positive(of_x + mixture.between - covariance, np.diag(covariance))
+        mean += mixture.mean - at_best
     if joint.any():
         points, costs = _lattice(linear, prior, theta, _principal_steps(linear, prior, theta, joint, bounds), bounds)
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        grown = _spread(linear, prior, points, weight / weight.sum(), mean) - covariance
-        total += _positive(grown, np.diag(covariance))
+        mixture = _Mixture.of(linear, prior, points, weight / weight.sum())
+        total += _positive(mixture.within + mixture.between - covariance, np.diag(covariance))
+        mean += mixture.mean - at_best
     if np.any(prior.scatter):
         untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
         wider = conditional(linear, prior.scattered(untold), theta)[1]
         total += _positive(wider - covariance, np.diag(covariance))
-    return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2)
+    return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2, at_best)
 
 
 def _principal_steps(
@@ -165,13 +191,25 @@ def _along(
     return points, costs
 
 
-def _spread(linear: Linear, prior: Prior, points: list[FloatArray], weight: FloatArray, mean: FloatArray) -> FloatArray:
-    """The second moment (p, p) of x about a mean (p,), of the mixture of the posteriors at points with weights."""
-    total = np.zeros((len(mean), len(mean)))
-    for share, at in zip(weight, points, strict=True):
-        other_mean, other = conditional(linear, prior, at)
-        total += share * (other + np.outer(other_mean - mean, other_mean - mean))
-    return total
+@dataclass(frozen=True, eq=False)
+class _Mixture:
+    """Of the posteriors of x at several θ with weights: mean (p,), mean covariance (p, p), and that of their means."""
+
+    mean: FloatArray
+    within: FloatArray
+    between: FloatArray
+
+    @classmethod
+    def of(cls, linear: Linear, prior: Prior, points: list[FloatArray], weight: FloatArray) -> "_Mixture":
+        """That at the points; weights (k,) of sum 1."""
+        means, within = [], np.zeros_like(linear.information)
+        for share, at in zip(weight, points, strict=True):
+            own, covariance = conditional(linear, prior, at)
+            means.append(own)
+            within += share * covariance
+        mean = weight @ np.array(means)
+        apart = np.array(means) - mean
+        return cls(mean, within, (weight[:, None] * apart).T @ apart)
 
 
 def _positive(matrix: FloatArray, variance: FloatArray) -> FloatArray:

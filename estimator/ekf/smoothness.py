@@ -58,5 +58,5 @@ class Smoothness:
     def added(self, hyperparameters: FloatArray) -> FloatArray:
         """The covariance (q, q) that the uncertainty about hyperparameters (h,) adds, in the units of the weights."""
         own = conditional(self.linear, self.prior, hyperparameters)[1]
-        grown = posterior(self.linear, self.prior, hyperparameters).covariance - own
+        grown = posterior(self.linear, self.prior, hyperparameters).about_likeliest - own
         return np.asarray(self.by_path @ (grown / self.variance) @ self.by_path.T)

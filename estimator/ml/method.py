@@ -261,7 +261,7 @@ def _covariance_of_unknowns(best: Likelihood, distance: float, variance: float) 
     prior = variance * (own.information + np.diag(held(linear, own.own, found.theta)[0]))
     y = best.found.covariance(best.sampled.itself, distance / np.sqrt(variance), prior)
     if len(found.theta):
-        y = y + (found.covariance - conditional(linear, own.own, found.theta)[1]) / variance
+        y = y + (found.about_likeliest - conditional(linear, own.own, found.theta)[1]) / variance
     return np.asarray(y)
 
 

@@ -59,6 +59,12 @@ class Solution:
     squares: FloatArray
     step: float
 
+    def moved_to(self, x: FloatArray) -> "Solution":
+        """The solution with another x (p,), and the points that fit best with it."""
+        change = x - self.x
+        pairs = zip(self.bodies, self.points_path, strict=True)
+        return replace(self, x=x, bodies=tuple(body.moved(-by_path @ change) for body, by_path in pairs))
+
     def with_covariance(self, covariance: FloatArray, attached: tuple[Body, ...] | None = None) -> "Solution":
         """The solution with another covariance (p, p) of x, and what follows from it.
 

@@ -222,7 +222,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     found = with_corrected_orbit(found, orbit, start, options)
     findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
-    return replace(found, converged=found.converged or is_at_rest(found), findings=findings)
+    found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
+    return found.at_mean(errors)
 
 
 def _lasting(registered: Registered, observations: Observations) -> float:

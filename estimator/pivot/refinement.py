@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise
+from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise, solved
 from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
@@ -155,6 +155,17 @@ class Pivot:
     def spurious_share(self) -> float:
         """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
         return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())
+
+    def at_mean(self, errors: SharedErrors | None) -> "Pivot":
+        """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.
+
+        It has the least expected error, but it is not where the iteration would end.
+        """
+        change = self.posterior.mean - self.posterior.likeliest
+        if self.tie_points:  # which have told the path more since
+            change = self.solution.covariance @ solved(self.posterior.covariance, self.variance * change[:, None])[:, 0]
+        solution = self.solution.moved_to(self.solution.x + change)
+        return replace(self, solution=solution, sampled=as_seen(self.path, self.sampled.itself, errors, solution.x))
 
     def significance(self, name: str) -> float:
         """That of a hyperparameter of the path's prior; zero if it has none of this name."""

@@ -37,7 +37,7 @@ def test_elimination_changes_nothing(path, variance):
     linear = Linear(information, information @ rng.normal(size=q), at)
     theta = maximise(linear, everything)
     mean, covariance = conditional(linear, everything, theta)
-    expected = posterior(linear, everything, theta).covariance - covariance
+    expected = posterior(linear, everything, theta).about_likeliest - covariance
     gradient = information @ (mean - at) - linear.rhs
     parameters = Parameters(mean, covariance / variance, variance * information, variance * gradient, 0.0, 0.0)
     prior = Prior(np.zeros(q), variance * np.diag(others))
