@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baryscope.estimator.adjustment.evidence import Linear, objective
+from baryscope.estimator.adjustment.evidence import Linear, maximise, objective, ranges
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -43,3 +43,11 @@ def test_a_fixed_hyperparameter_is_none():
     assert fixed.hyperparameters == ()
     np.testing.assert_allclose(fixed.precision(np.zeros(0)), PRIOR.precision(np.array([0.7])))
     assert PRIOR.fixed("other", 1.0) is PRIOR
+
+
+def test_a_range_that_would_begin_above_its_end_is_that_end():
+    """Observations that tell next to nothing, and a variance with an upper bound: case 94/26 without its orbit."""
+    bounded = Prior.none(1).joined(Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale", upper=1.0),)))
+    linear = Linear(np.diag([1.0, 1e-9, 1e-9]), np.zeros(3), np.zeros(3))
+    assert ranges(linear, bounded).tolist() == [[pytest.approx(np.log(1e6)), pytest.approx(np.log(1e6))]]
+    assert maximise(linear, bounded) == pytest.approx(np.array([np.log(1e6)]))
