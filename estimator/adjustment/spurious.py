@@ -19,6 +19,7 @@ IntArray = NDArray[np.intp]
 FARTHEST_RADII = 3.0  # standard deviation of an unobserved centre of mass from the features' centroid, in their radii
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 IMPLAUSIBLE_RADII = 30.0  # of the features from their centroid: a centre of mass beyond is where errors have led it
+UNKNOWN = 0.3  # rad, standard deviation of an attitude about an axis, from which it is not known
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
@@ -54,32 +55,44 @@ def implausible_columns(
     return _with_others(np.diag(np.repeat(lengths, 3))[:, np.repeat(far, 3)], offset, crossed)
 
 
+@dataclass(frozen=True, eq=False)
+class OffsetPrior:
+    """A prior on k offsets: its information (3 k, 3 k), and held (3 k, 3 k), what the estimate was held by for it."""
+
+    information: FloatArray
+    held: FloatArray
+
+
 def spurious_information_columns(
-    offset: FloatArray, crossed: FloatArray, spurious: FloatArray, least: float
+    offset: FloatArray, crossed: FloatArray, spurious: FloatArray, least: float, prior: OffsetPrior | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """The increase of a joint covariance by spurious information.
 
     The noise of the attitudes does not make the cost steeper, on average, so that the information I of Gauss and Newton
     is too large by the spurious S; and it adds S to the variance of the cost's gradient. The variance is that of an
-    estimating equation, (I − S)⁻¹ I (I − S)⁻¹, but in no direction greater than that of the least information.
+    estimating equation, (I − S)⁻¹ I (I − S)⁻¹, with that of a prior: it is in no direction greater than that of the
+    least information.
 
     offset (3 k, 3 k): covariance of k offsets; crossed (3 k, p): their covariance with the other unknowns; spurious
-    (3 k, 3 k): the information on the offsets to subtract; least: the least information on an offset in a direction.
+    (3 k, 3 k): the information on the offsets to subtract; least: the least information on an offset in a direction;
+    prior: that of the offsets, with which they have this covariance.
     Returns columns A of the offsets (3 k, d) and B of the other unknowns (p, d): the covariances grow by A Aᵀ and B Bᵀ,
     the cross-covariance by A Bᵀ.
     """
-    found = _Directions.of(offset, spurious, least)
+    found = _Directions.of(offset, spurious, least, prior)
     return _with_others(found.columns * np.sqrt(np.maximum(found.remaining**-2.0 - 1, 0.0)), offset, crossed)
 
 
-def untold_decrease(change: FloatArray, offset: FloatArray, spurious: FloatArray, least: float) -> float:
+def untold_decrease(
+    change: FloatArray, offset: FloatArray, spurious: FloatArray, least: float, prior: OffsetPrior | None = None
+) -> float:
     """The predicted decrease of the cost by a change (3 k,) of the offsets where nothing but spurious information asks
     for it, less the square of what the change is to the covariance there.
 
     Steps in such a direction lead ever further, but not out of the standard deviation of the least information.
-    offset, spurious and least as of `spurious_information_columns`.
+    offset, spurious, least and prior as of `spurious_information_columns`.
     """
-    found = _Directions.of(offset, spurious, least)
+    found = _Directions.of(offset, spurious, least, prior)
     deviations = np.linalg.lstsq(found.columns, change, rcond=None)[0]
     return float(np.sum(np.where(found.untold, deviations**2 * (1 - found.remaining**2), 0.0)))
 
@@ -89,7 +102,7 @@ class _Directions:
     """Directions of offsets, columns (3 k, d) of one standard deviation each; spurious information is diagonal in them.
 
     remaining (d,): the inverse of the factor on the deviation that is left without it; untold (d,): where that is the
-    deviation of the least information.
+    deviation of the least information, or of the prior.
     """
 
     columns: FloatArray
@@ -97,7 +110,7 @@ class _Directions:
     untold: BoolArray
 
     @classmethod
-    def of(cls, offset: FloatArray, spurious: FloatArray, least: float) -> "_Directions":
+    def of(cls, offset: FloatArray, spurious: FloatArray, least: float, prior: OffsetPrior | None) -> "_Directions":
         values, axes = np.linalg.eigh((offset + offset.T) / 2)
         seen = values > RANK * values[-1]
         root = axes[:, seen] * np.sqrt(values[seen])
@@ -105,7 +118,14 @@ class _Directions:
         columns = root @ along
         length = np.sqrt((columns.reshape(-1, 3, columns.shape[1]) ** 2).sum(axis=1).max(axis=0))
         bounded = np.minimum(length * np.sqrt(least), 1.0)
-        return cls(columns, np.maximum(1 - share, bounded), 1 - share < bounded)
+        if prior is None:
+            return cls(columns, np.maximum(1 - share, bounded), 1 - share < bounded)
+        known, held = (
+            np.einsum("ad,ab,bd->d", columns, own, columns, optimize=True) for own in (prior.information, prior.held)
+        )
+        told = np.maximum(1 - share - held, 0.0)  # of I = 1, by the tracks
+        both = np.sqrt(told**2 / np.maximum(1 - held, RANK) + known)
+        return cls(columns, np.clip(both, bounded, 1.0), told < np.sqrt(known))
 
 
 def _with_others(columns: FloatArray, offset: FloatArray, crossed: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -172,6 +192,18 @@ class NoisyAttitudes:
         each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
         frames = self.every * float(each.sum()) ** 2 / max(float(each @ each), np.finfo(float).tiny)
         return three_sigma_factor(max(frames, 1.0)) * self.spurious_information()
+
+    def of_known(self) -> "NoisyAttitudes":
+        """Those of the frames whose attitude is known: of others, as where features are outliers, C says nothing."""
+        kept = self.greatest < UNKNOWN**2
+        return NoisyAttitudes(
+            self.every,
+            self.frames[kept],
+            self.attitude[kept],
+            self.known[kept],
+            self.covariance[kept],
+            self.greatest[kept],
+        )
 
     @property
     def _turned(self) -> FloatArray:

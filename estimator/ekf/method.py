@@ -31,8 +31,8 @@ from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.burns import SIGNIFICANT
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
-from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks

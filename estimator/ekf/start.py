@@ -19,7 +19,7 @@ from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
 from baryscope.estimator.ml.maximum import Likelihood
-from baryscope.estimator.pivot.refinement import Pivot
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.screening import screen

@@ -26,7 +26,8 @@ from baryscope.estimator.ml.jacobians import PHASE, Knots, worthwhile
 from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.refinement import Pivot, least_variance
+from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.refinement import least_variance
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 

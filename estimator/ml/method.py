@@ -40,8 +40,9 @@ from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
-from baryscope.estimator.pivot.refinement import Pivot, least_variance, values_for_path
+from baryscope.estimator.pivot.refinement import least_variance, values_for_path
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence

@@ -6,7 +6,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.pivot.refinement import Pivot
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.tracks import FeatureTracks
 
 FloatArray = NDArray[np.float64]

@@ -20,10 +20,10 @@ from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burn_equations import BurnEquations, BurnFit, burn_equations
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
 from baryscope.estimator.pivot.refinement import (
     SUBSAMPLE_FRAMES,
-    Pivot,
     Start,
     bounded_cost,
     refined,
@@ -146,7 +146,7 @@ def _cost_without(linear: Linear, prior: Prior, gone: NDArray[np.intp]) -> float
 
 
 def _problem(found: Pivot) -> Linearised:
-    return linearised(found.bodies, found.observations, found.sampled, found.solution.x, found.shift)
+    return linearised(found.bodies, found.observations, found.sampled, found.solution.x, found.shift, found.offsets)
 
 
 def _likelier(one: Pivot, other: Pivot) -> bool:

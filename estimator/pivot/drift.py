@@ -16,6 +16,7 @@ from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
+from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 
@@ -71,11 +72,12 @@ class DriftEquations:
 
 
 def drift_equations(registered: Registered, roots: list[FloatArray], path: SampledPath, noise: float) -> DriftEquations:
-    """Those of registered bodies.
+    """Those of registered bodies, with the prior of their offsets.
 
     roots has an array for the frames of each: (n,) or (n, 3, 3) in C, of the inverse covariances of c_k; noise: the
     standard deviation of c_k where that is 1.
     """
+    about_zero = noise**2 * a_priori_information(registered.bodies)
     p, d = path.size, 3 * len(registered.bodies)
     matrix, rhs, total, known = np.zeros((d + p, d + p)), np.zeros(d + p), 0.0, path.offset
     for index, (body, origin, root) in enumerate(zip(registered.bodies, registered.origins, roots, strict=True)):
@@ -84,7 +86,7 @@ def drift_equations(registered: Registered, roots: list[FloatArray], path: Sampl
         rows = np.concatenate([body.attitude, path.jacobian[body.frames], left[:, :, None]], axis=2)
         scaled = (root[:, None, None] * rows if root.ndim == 1 else root @ rows).reshape(-1, 4 + p)
         outer = scaled.T @ scaled
-        matrix[own, own] = outer[:3, :3]
+        matrix[own, own] = outer[:3, :3] + about_zero[index] * np.eye(3)
         matrix[own, d:] += outer[:3, 3:-1]
         matrix[d:, own] += outer[3:-1, :3]
         matrix[d:, d:] += outer[3:-1, 3:-1]

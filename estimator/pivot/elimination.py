@@ -47,6 +47,16 @@ class Sums:
             np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
         )
 
+    def know(self, information: FloatArray, by_points: FloatArray, offset: FloatArray) -> None:
+        """Add a prior of mean zero on a function of the points, an offset (3,) with the Jacobian A (3, 3 m).
+
+        information (3 m, 3): Aᵀ P for the information P of the prior.
+        """
+        added = information @ by_points
+        self.points += added
+        self.points_sizes += np.diag(added)
+        self.points_rhs -= information @ offset
+
     def eliminate(self, rows: FloatArray, solved: FloatArray) -> None:
         """Subtract from the points' equations what other unknowns of n frames take, three of each.
 

@@ -90,7 +90,8 @@ class Linearised:
     matrix (p, p) and rhs (p,) of the change of x, after the elimination of the points; sizes (p,): the matrix's
     diagonal before. For each body, with attitudes at their optimum: inverse (3 m, 3 m) of its points' matrix, by_path
     (3 m, p): a change δx changes the points by −by_path δx, and points_rhs (3 m,). squares (n, m): the weighted squared
-    residuals, without the frames' own shifts; noise_cost: the weighted squares of these.
+    residuals, without the frames' own shifts; noise_cost: the weighted squares of these. offset_cost: the squares of
+    the offsets, over their prior's variances.
     """
 
     bodies: tuple[Body, ...]
@@ -103,6 +104,7 @@ class Linearised:
     points_rhs: tuple[FloatArray, ...]
     squares: FloatArray
     noise_cost: float = 0.0
+    offset_cost: float = 0.0
 
     def step(self, precision: FloatArray | None = None) -> Solution:
         """The solution after one step; precision (p,): inverse prior variances of x, in the units of the weights.
@@ -170,7 +172,7 @@ class StepStart:
 
     def _cost(self, problem: Linearised, weight: FloatArray) -> float:
         squares = squares_of_used(problem, weight) / self.variance
-        observed = float(np.minimum(squares, GATE).sum()) + problem.noise_cost / self.variance
+        observed = float(np.minimum(squares, GATE).sum()) + (problem.noise_cost + problem.offset_cost) / self.variance
         return observed / self.lasting + float(self.precision @ (problem.x * problem.x))
 
 
@@ -204,11 +206,13 @@ def linearised(
     path: SampledPath,
     x: FloatArray,
     shift: FloatArray | None = None,
+    known: FloatArray | None = None,
 ) -> Linearised:
     """The problem linearised at x (p,) and points, after one Gauss–Newton step in the rotations at fixed x and points.
 
     bodies with points from the centre of mass; observations of all features (n, m); path sampled at all n frames;
-    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1.
+    shift (n, 3, 3): the covariance of a shift of each frame in C, over the variance of an observation of weight 1;
+    known (k, 3, 3): the information of a prior of mean zero on the offset of each body, in the weights' units.
     """
     turned, sums, squares = [], [], np.zeros_like(observations.weight)
     frames = AllFrames(path, path.position(x), shift)
@@ -218,8 +222,12 @@ def linearised(
         sums.append(own_sums)
         squares[np.ix_(body.frames, body.features)] = own_squares
     matrix, rhs, sizes = np.zeros((len(x), len(x))), np.zeros(len(x)), np.zeros(len(x))
-    inverses, by_paths = [], []
-    for body, own_sums in zip(turned, sums, strict=True):
+    inverses, by_paths, offset_cost = [], [], 0.0
+    for index, (body, own_sums) in enumerate(zip(turned, sums, strict=True)):
+        if known is not None:
+            by_points, offset = offset_by_points(body.points), body.points.mean(axis=0)
+            own_sums.know(by_points.T @ known[index], by_points, offset)
+            offset_cost += float(offset @ known[index] @ offset)
         turns = np.swapaxes(cross_matrices(body.points), 1, 2).reshape(-1, 3)  # δb = φ × b, of S
         inverse = inverse_across(own_sums.points, turns, own_sums.points_sizes)
         sizes += own_sums.path_sizes
@@ -231,5 +239,15 @@ def linearised(
     points_rhs = tuple(own_sums.points_rhs for own_sums in sums)
     noise_cost = sum(own_sums.noise_cost for own_sums in sums)
     return Linearised(
-        tuple(turned), x, matrix, rhs, sizes, tuple(inverses), tuple(by_paths), points_rhs, squares, noise_cost
+        tuple(turned),
+        x,
+        matrix,
+        rhs,
+        sizes,
+        tuple(inverses),
+        tuple(by_paths),
+        points_rhs,
+        squares,
+        noise_cost,
+        offset_cost,
     )

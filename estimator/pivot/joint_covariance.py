@@ -8,13 +8,15 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.spurious import (
+    OffsetPrior,
     farthest,
     implausible_columns,
     spurious_information_columns,
     untold_decrease,
 )
 from baryscope.estimator.geometry.symmetric import factor_of
-from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, Pivot
+from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 
@@ -63,13 +65,16 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
     crossed = solution.offset_path
     joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
-    least = variance / max(farthest(body.points) for body in found.bodies) ** 2
     columns = np.concatenate(
-        spurious_information_columns(solution.offset_covariance, crossed, _spurious(found), least), axis=0
+        spurious_information_columns(
+            solution.offset_covariance, crossed, _spurious(found), _least(found), _prior(found)
+        ),
+        axis=0,
     )
     unseen = np.concatenate([solution.offset_null_space, solution.null_space])
     unseen = unseen * (distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300))
-    far = implausible_columns([body.points for body in found.bodies], solution.offset_covariance, crossed)
+    points = [body.points - lost * body.points for body, lost in zip(found.bodies, found.lost, strict=True)]
+    far = implausible_columns(points, solution.offset_covariance, crossed)
     whole = JointCovariance(variance * (joint + columns @ columns.T) + unseen @ unseen.T, len(found.bodies))
     whole = whole.grown(np.concatenate(far, axis=0))
     if shown_spurious_share(found) < SPURIOUS:
@@ -84,8 +89,7 @@ def is_at_rest(found: Pivot) -> bool:
     Where nothing tells the centre of mass, steps follow the noise of the attitudes, slowly and far, but within it.
     """
     last, offset = found.last, found.solution.offset_covariance
-    least = found.variance / max(farthest(body.points) for body in found.bodies) ** 2
-    untold = untold_decrease(last.offsets, offset, _spurious(found), least)
+    untold = untold_decrease(last.offsets, offset, _spurious(found), _least(found), _prior(found))
     return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
 
 
@@ -116,12 +120,24 @@ def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
     return total
 
 
+def _least(found: Pivot) -> float:
+    """The least information on an offset, in the weights' units."""
+    bodies = [body for body, lost in zip(found.bodies, found.lost, strict=True) if not lost] or found.bodies
+    return found.variance / max(farthest(body.points) for body in bodies) ** 2
+
+
+def _prior(found: Pivot) -> OffsetPrior:
+    """That of the bodies' offsets, in the weights' units."""
+    return OffsetPrior(block_diag(*found.known_offsets), block_diag(*found.offsets))
+
+
 def _spurious(found: Pivot) -> FloatArray:
     """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as their attitudes show it.
 
-    Jointly for all bodies: spurious information of one body on the path would propagate to the others.
+    Jointly for all bodies: spurious information of one body on the path would propagate to the others. A body that is
+    lost has none.
     """
     spurious = found.spurious
     if found.spurious_share >= LOOKED_AT:
         spurious = tuple(excess * own for excess, own in zip(_excesses(found), spurious, strict=True))
-    return np.asarray(block_diag(*spurious))
+    return np.asarray(block_diag(*(own * (not lost) for own, lost in zip(spurious, found.lost, strict=True))))

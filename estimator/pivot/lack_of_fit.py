@@ -7,9 +7,10 @@ from scipy.stats import chi2
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.findings import LackOfFit
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
-from baryscope.estimator.pivot.refinement import Pivot, subsampled
+from baryscope.estimator.pivot.refinement import subsampled
 
 FloatArray = NDArray[np.float64]
 

@@ -37,13 +37,13 @@ from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFr
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit
 from baryscope.estimator.pivot.refinement import (
     ROUNDING,
     SUBSAMPLE_FRAMES,
-    Pivot,
     Start,
     is_cut_short,
     least_variance,
@@ -208,6 +208,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             observations,
             inliers,
             lasting,
+            registered.noise**2 if measured.precision is None else 1.0,
             errors,
             simple,
             slips=options.process_noise == "auto" and trajectory.kind == "polynomial",

@@ -1,19 +1,16 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise, solved
-from baryscope.estimator.adjustment.integration import Posterior, posterior
+from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise
+from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import GATE, reweighted
-from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.adjustment.stereo import moved_to, varies_with_range
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
@@ -22,8 +19,8 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.dynamics.trajectory import smooth_in
-from baryscope.estimator.findings import Finding
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.found import LastStep, Pivot, noisy_attitudes
 from baryscope.estimator.pivot.free_attitudes import (
     MOST_HALVINGS,
     Linearised,
@@ -33,7 +30,8 @@ from baryscope.estimator.pivot.free_attitudes import (
     squares_of_used,
 )
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
-from baryscope.estimator.pivot.tie_points import TiePoints, tie_bodies
+from baryscope.estimator.pivot.offset_prior import Holding
+from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.words import counted
@@ -43,6 +41,8 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 MAX_ROUNDS = 30
+WANDERING = 12  # rounds after which steps, with weights that are at rest, follow noise in a direction that is not told
+FIRM_ROUNDS = 15  # more, at most, once the prior of the offsets holds these against spurious information
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
 SLIP_TOLERANCE = 0.1  # relative change of the variance of a slipping position
@@ -63,7 +63,8 @@ class Start:
     path, and sampled at the tracks' times (n,) in s; shapes: the points (m, 3) of each body as registered, m from their
     centroid; bodies with points from the centre of mass, and the path's x; measured: all observations; observations:
     those of bodies in their frames; inliers (n, m): which passed screening. lasting: how many frames have the same
-    errors of the features, as the registered bodies tell; errors: of the camera at the times; first_prior: of a simple
+    errors of the features, as the registered bodies tell; variance: of an observation of weight 1, as these tell;
+    errors: of the camera at the times; first_prior: of a simple
     path, which holds until the weights have settled; slips: whether the position may have white noise, as that of a
     pivot that slips.
     """
@@ -78,99 +79,10 @@ class Start:
     observations: Observations
     inliers: BoolArray
     lasting: float = 1.0
+    variance: float = 0.0
     errors: SharedErrors | None = None
     first_prior: Prior | None = None
     slips: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class LastStep:
-    """The last step of a solution: the decrease of the cost that it predicted, what it changed the bodies' offsets by,
-    (3 k,) m, and whether the weights had settled.
-    """
-
-    decrease: float
-    offsets: FloatArray
-    steady: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Pivot:
-    """The solution of `pivot`, from which `ml` starts.
-
-    path, and sampled at the tracks' times, as the camera sees it; inliers (n, m): which observations passed the
-    screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with their
-    final weights; frame_variance of an observation of weight 1, as given or from the residuals: in m², or as a factor
-    on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same errors
-    of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of unknowns of x
-    that the observations determine.
-    slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
-    refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
-    variance; findings against the models.
-    """
-
-    path: Path
-    sampled: SampledPath
-    inliers: BoolArray
-    solution: Solution
-    observations: Observations
-    frame_variance: float
-    residual_variance: float
-    lasting: float
-    posterior: Posterior
-    path_unknowns: float
-    converged: bool
-    rounds: int
-    slip: float
-    tie_points: tuple[TiePoints, ...]
-    refused: tuple[TiePoints, ...]
-    last: LastStep
-    shift: FloatArray | None = None
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def variance(self) -> float:
-        """The variance of an observation of weight 1 in what all frames tell together."""
-        return self.lasting * self.frame_variance
-
-    @property
-    def bodies(self) -> tuple[Body, ...]:
-        """The bodies, with points in m from the centre of mass."""
-        return self.solution.bodies
-
-    @cached_property
-    def noisy_attitudes(self) -> tuple[NoisyAttitudes, ...]:
-        """What noise does to the attitudes of each body."""
-        origin = self.sampled.position(self.solution.x)
-        return tuple(
-            NoisyAttitudes.of(body, self.observations, origin, self.frame_variance, self.shift) for body in self.bodies
-        )
-
-    @cached_property
-    def spurious(self) -> tuple[FloatArray, ...]:
-        """The spurious information (3, 3) on each body's offset, in the weights' units, with a margin of 3σ."""
-        return tuple(noisy.likely_spurious_information() for noisy in self.noisy_attitudes)
-
-    @cached_property
-    def spurious_share(self) -> float:
-        """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
-        return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())
-
-    def at_mean(self, errors: SharedErrors | None) -> "Pivot":
-        """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.
-
-        It has the least expected error, but it is not where the iteration would end.
-        """
-        change = self.posterior.mean - self.posterior.likeliest
-        if self.tie_points:  # which have told the path more since
-            change = self.solution.covariance @ solved(self.posterior.covariance, self.variance * change[:, None])[:, 0]
-        solution = self.solution.moved_to(self.solution.x + change)
-        return replace(self, solution=solution, sampled=as_seen(self.path, self.sampled.itself, errors, solution.x))
-
-    def significance(self, name: str) -> float:
-        """That of a hyperparameter of the path's prior; zero if it has none of this name."""
-        index = self.path.prior.index(name)
-        return 0.0 if index is None else float(self.posterior.significance[index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,14 +110,17 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     stereo = varies_with_range(measured, options.noise)
     here, halvings = None, 0
-    while not converged and rounds < MAX_ROUNDS:
+    holding, solution, most, path_unknowns = Holding.of(start.bodies), None, MAX_ROUNDS, np.nan
+    while not converged and rounds < most:
         rounds += 1
         if stereo:
             observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
         told = lasting * max(options.sigma**2 if options.sigma else variance, floor)
         shift = _shift(start.errors, sampled.position(x), slip, told)
-        problem = linearised(bodies, observations, sampled, x, shift)
-        last_one = halvings == MOST_HALVINGS or rounds == MAX_ROUNDS  # which ends with a step
+        of_frame = max(start.variance if np.isnan(variance) else variance, floor)
+        offsets = holding.information(of_frame, lasting)
+        problem = linearised(bodies, observations, sampled, x, shift, offsets)
+        last_one = halvings == MOST_HALVINGS or rounds == most  # which ends with a step
         if here is not None and not last_one and here.is_worse(problem, observations.weight):
             # The linearised problem does not hold as far as the step went.
             halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
@@ -221,7 +136,9 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         solution = stepped(problem, prior, theta, together)
         bodies, x = solution.bodies, solution.x
         sampled = as_seen(path, sampled.itself, start.errors, x)
-        dof = _dof(bodies, observations, float(np.vdot(solution.covariance, problem.matrix)))
+        if holding.firm is None:  # else what holds the offsets tells some
+            path_unknowns = float(np.vdot(solution.covariance, problem.matrix))
+        dof = _dof(bodies, observations, path_unknowns)
         variance = (cost + problem.noise_cost) / dof
         if measured.precision is not None:
             precision = held(scaled(problem, together), prior, theta)[0]
@@ -244,18 +161,14 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         if simple is not None:
             scan = settled or rounds >= SIMPLE_ROUNDS
             simple, here = (None, None) if scan else (simple, here)
-        if converged and not brought_back and rounds < MAX_ROUNDS:
+        if converged and not brought_back and rounds < most:
             near = brought_back_bodies(
                 bodies, observations.weight, (start.bodies, start.shapes), start.observations, sampled.position(x)
             )
             if near is not None:
                 (bodies, weight), brought_back, converged, here = near, True, False, None
                 observations = observations.weighted(weight)
-        if (
-            converged
-            and rounds < MAX_ROUNDS
-            and (richer := _richer(path, solution, theta, together, sampled)) is not None
-        ):
+        if converged and rounds < most and (richer := _richer(path, solution, theta, together, sampled)) is not None:
             path, converged, here = richer, False, None
             x = np.pad(x, (0, path.size - len(x)))
             sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
@@ -270,12 +183,23 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             lasting = found_lasting
         if converged and shift is not None and options.sigma is None:
             converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
+        wandering = holding.firm is None and simple is None and last.steady and rounds >= WANDERING
+        if converged or wandering:
+
+            def spurious() -> list[FloatArray]:
+                noisy = noisy_attitudes(bodies, observations, sampled.position(x), least, shift)  # noqa: B023  at once
+                return [one.of_known().likely_spurious_information() for one in noisy]
+
+            # Not before: far from the solution, and with outliers, what is told may seem spurious.
+            firmer = holding.firmer(least, lasting, solution.offset_covariance, offsets, spurious)
+            if firmer is not None:
+                holding, converged, here, most = firmer, False, None, rounds + FIRM_ROUNDS
+    assert solution is not None  # noqa: S101  there was a round
     scale = options.sigma**2 if options.sigma is not None else variance
     together = lasting * max(scale, floor)
     linear = scaled(problem, together)
     assert theta is not None  # noqa: S101  there was a round
     found = posterior(linear, path.prior, theta)
-    path_unknowns = float(np.vdot(solution.covariance, problem.matrix))
     solution = solution.with_covariance(found.covariance / together, problem.bodies)
     solution, tied, refused = tie_bodies(
         solution, together, observations, sampled.position(x), shift, frame_variance=max(scale, floor)
@@ -294,6 +218,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         path_unknowns=path_unknowns,
         converged=converged,
         rounds=rounds,
+        holding=holding,
+        offsets=offsets,
         slip=float(np.sqrt(slip)),
         tie_points=tied,
         refused=refused,

@@ -20,9 +20,10 @@ from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance
-from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, SUBSAMPLE_FRAMES, Pivot, scaled, subsampled
+from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, SUBSAMPLE_FRAMES, scaled, subsampled
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 
@@ -151,7 +152,7 @@ class _Few:
         found, variance, measures = self.found, self.found.variance, self.wide.measures[: len(target)]
         holding = HELD * variance * measures.T
         for step in range(MOST_STEPS):
-            problem = linearised(place.bodies, self.observations, self.path, place.x, self.shift)
+            problem = linearised(place.bodies, self.observations, self.path, place.x, self.shift, found.known_offsets)
             precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
             there = replace(
                 problem,

@@ -18,6 +18,7 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
+from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.pivot.refinement import (
     Subsample,
     bounded_cost,
@@ -69,8 +70,10 @@ def linear_start(
     index = 0
     if len(trials) > 1:
         both = zip(trials, priors, strict=True)
-        trials = [_stepped(trial, sampled, one, least, lasting, STEPS) for trial, one in both]
-        trials = [_stepped(trial, sampled, prior, least, lasting, SETTLING) for trial in trials]
+        variance = lasting * max(even.noise**2 if few.observations.precision is None else 1.0, least)
+        known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
+        trials = [_stepped(trial, sampled, one, known, least, lasting, STEPS) for trial, one in both]
+        trials = [_stepped(trial, sampled, prior, known, least, lasting, SETTLING) for trial in trials]
         index = _best(trials, sampled, prior, least, lasting)
     found = trials[index]
     pairs = zip(registered.bodies, found.bodies, strict=True)
@@ -78,14 +81,16 @@ def linear_start(
     return bodies, found.x, None if priors[index] is prior else priors[index]
 
 
-def _stepped(trial: _Trial, sampled: SampledPath, prior: Prior, least: float, lasting: float, steps: int) -> _Trial:
-    """The trial after steps with robust weights, until they are small."""
+def _stepped(
+    trial: _Trial, sampled: SampledPath, prior: Prior, known: FloatArray, least: float, lasting: float, steps: int
+) -> _Trial:
+    """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`."""
     bodies, x, observations = trial.bodies, trial.x, trial.observations
     dof = max(values_for_path(bodies, observations), 1.0)
     theta: FloatArray | None = None
     here, halvings = None, 0
     for _ in range(steps):
-        problem = linearised(bodies, observations, sampled, x)
+        problem = linearised(bodies, observations, sampled, x, known=known)
         if here is not None and halvings < MOST_HALVINGS and here.is_worse(problem, observations.weight):
             halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
             continue

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import strays
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS, shown_spurious_share
-from baryscope.estimator.pivot.refinement import Pivot, Start, refined
+from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 

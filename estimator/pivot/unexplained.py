@@ -14,7 +14,8 @@ from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_or
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.refinement import Pivot, Start, refined
+from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 

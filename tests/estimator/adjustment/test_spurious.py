@@ -8,6 +8,7 @@ from scipy.stats import chi2
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import (
     NoisyAttitudes,
+    OffsetPrior,
     implausible_columns,
     spurious_information_columns,
     three_sigma_factor,
@@ -105,6 +106,20 @@ def test_a_direction_without_information_gets_the_least():
     offset = np.diag([1.0, 1.0, 4.0])
     columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), np.diag([0.0, 0.0, 0.3]), 1e-4)
     np.testing.assert_allclose(np.diag(offset + columns @ columns.T), [1.0, 1.0, 1e4])
+
+
+def test_a_prior_adds_to_what_is_left_without_spurious_information():
+    """Against the sum of (I − S) I⁻¹ (I − S) and of the prior's own information, I and S those of the tracks alone."""
+    information, known = np.array([50.0, 80.0, 300.0]), 0.4
+    spurious = np.array([0.0, 0.5, 0.99]) * information
+    left = information - spurious
+    held = known * information / left
+    prior = OffsetPrior(known * np.eye(3), np.diag(held))
+    offset = np.diag(1 / (information + held))
+    columns, _ = spurious_information_columns(offset, np.zeros((3, 1)), np.diag(spurious), 1e-9, prior)
+    np.testing.assert_allclose(
+        np.diag(offset + columns @ columns.T), 1 / (left**2 / information + known), rtol=0.02, atol=0.0
+    )
 
 
 def test_a_step_counts_where_the_tracks_tell_and_not_where_noise_leads():

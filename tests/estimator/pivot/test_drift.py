@@ -10,6 +10,7 @@ from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.pivot.drift import drift_equations, frame_roots
+from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from synthetic import Orbit
@@ -66,6 +67,21 @@ def test_agrees_with_numpys_least_squares():
         found = equations.solved(Prior.none(sampled.size))
         np.testing.assert_allclose(found.offsets[0], expected[:3], atol=1e-9)
         np.testing.assert_allclose(found.x, expected[3:], atol=1e-9)
+
+
+def test_the_prior_of_the_offsets_is_as_many_further_observations():
+    """Against numpy's least squares with rows of deviation RADII times the features' radius, for noise of 0.3 m."""
+    sampled, noise = Polynomial(1, 0.0, 100.0).at(np.linspace(0.0, 100.0, 5)), 0.3
+    body, translation = registered(np.arange(5), OFFSETS[0], sampled.position(np.arange(6.0)), 3)
+    rows = np.concatenate([body.attitude, sampled.jacobian, translation[:, :, None]], axis=2).reshape(15, -1)
+    prior = np.zeros((3, 10))
+    prior[:, :3] = noise / (RADII * radius_of_many(body.points)) * np.eye(3)
+    both = np.concatenate([rows, prior])
+    expected = np.linalg.lstsq(both[:, :-1], both[:, -1], rcond=None)[0]
+    equations = drift_equations(Registered((body,), (translation,), noise), [np.ones(5)], sampled, noise)
+    found = equations.solved(Prior.none(sampled.size))
+    np.testing.assert_allclose(found.offsets[0], expected[:3], atol=1e-9)
+    np.testing.assert_allclose(found.x, expected[3:], atol=1e-9)
 
 
 @pytest.mark.parametrize("offset", [[0.0, 0, 0], [1.0, -2, 0.5], [30.0, 0, 10]])

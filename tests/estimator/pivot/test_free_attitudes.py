@@ -9,7 +9,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.pivot.elimination import chunks_of
-from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
+from baryscope.estimator.pivot.free_attitudes import gauss_newton_step, linearised
 from baryscope.estimator.registration.body import Body
 from synthetic import differences, roots, turned_back
 
@@ -114,6 +114,29 @@ def test_a_step_agrees_with_the_dense_normal_equations(full):
     np.testing.assert_allclose(found.offset_covariance, expected, atol=1e-3 * expected.max())
     expected = by_all @ covariance[:, :6]
     np.testing.assert_allclose(found.offset_path, expected, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
+def test_a_prior_of_the_offsets_agrees_with_scipys_least_squares_of_all_unknowns(full):
+    """As three further residuals of each body: its centroid from the centre of mass, in deviations along its axes."""
+    observations, sampled, bodies, x = scene(full, seed=1)
+    function, size = whitened(observations, sampled, bodies, x)
+    places, root = points_of(bodies), 3.0
+
+    def with_prior(unknowns):
+        pairs = zip(bodies, places, strict=True)
+        offsets = [body.points.mean(axis=0) + unknowns[own].reshape(-1, 3).mean(axis=0) for body, own in pairs]
+        return np.concatenate([function(unknowns), *(root * offset for offset in offsets)])
+
+    best = least_squares(with_prior, np.zeros(size), xtol=1e-15, ftol=1e-15, gtol=1e-12)
+    base, known = x, np.tile(root**2 * np.eye(3), (2, 1, 1))
+    for _ in range(60):
+        problem = linearised(bodies, observations, sampled, x, known=known)
+        found = problem.step()
+        bodies, start, x = found.bodies, x, found.x
+    np.testing.assert_allclose(start, x, atol=1e-8)
+    assert problem.squares.sum() + problem.offset_cost == pytest.approx(2 * best.cost, rel=1e-8)
+    np.testing.assert_allclose(x, base + best.x[:6], atol=1e-5)
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])

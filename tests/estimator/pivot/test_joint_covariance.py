@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.found import LastStep
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
-from baryscope.estimator.pivot.refinement import LastStep
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
 from baryscope.study.population.sensing import sampled

@@ -7,9 +7,9 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
-from baryscope.estimator.pivot.refinement import Pivot
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
@@ -75,7 +75,8 @@ def held_at(found: Pivot, axis: FloatArray, place: float) -> FloatArray:
         points = body.points + y[3 : 3 + 3 * features].reshape(-1, 3)
         attitude = body.attitude @ Rotation.from_rotvec(y[3 + 3 * features :].reshape(-1, 3)).as_matrix()
         off = weight * (seen.position - x - y[:3] - points @ np.swapaxes(attitude, 1, 2))
-        return np.append(off.ravel(), 1e3 * (axis @ y[:3] - place))
+        prior = np.sqrt(found.holding.prior) * points.mean(axis=0)
+        return np.concatenate([off.ravel(), prior, [1e3 * (axis @ y[:3] - place)]])
 
     start = np.zeros(3 + 3 * features + 3 * frames)
     return np.asarray(least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12).x[:3])

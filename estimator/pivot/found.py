@@ -1,0 +1,140 @@
+"""What `pivot` has found: a solution with what its covariance, its findings and the other methods need of it."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from baryscope.estimator.adjustment.evidence import solved
+from baryscope.estimator.adjustment.integration import Posterior
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.spurious import NoisyAttitudes
+from baryscope.estimator.camera.shared import SharedErrors
+from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.seen import as_seen
+from baryscope.estimator.findings import Finding
+from baryscope.estimator.pivot.free_attitudes import Solution
+from baryscope.estimator.pivot.lost_bodies import LOST
+from baryscope.estimator.pivot.offset_prior import Holding
+from baryscope.estimator.pivot.tie_points import TiePoints
+from baryscope.estimator.registration.body import Body
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class LastStep:
+    """The last step of a solution: the decrease of the cost that it predicted, what it changed the bodies' offsets by,
+    (3 k,) m, and whether the weights had settled.
+    """
+
+    decrease: float
+    offsets: FloatArray
+    steady: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Pivot:
+    """The solution of `pivot`, from which `ml` starts.
+
+    path, and sampled at the tracks' times, as the camera sees it; inliers (n, m): which observations passed the
+    screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with their
+    final weights; frame_variance of an observation of weight 1, as given or from the residuals: in m², or as a factor
+    on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same errors
+    of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of unknowns of x
+    that the observations determine.
+    holding: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step, in the
+    weights' units.
+    slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
+    refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
+    variance; findings against the models.
+    """
+
+    path: Path
+    sampled: SampledPath
+    inliers: BoolArray
+    solution: Solution
+    observations: Observations
+    frame_variance: float
+    residual_variance: float
+    lasting: float
+    posterior: Posterior
+    path_unknowns: float
+    converged: bool
+    rounds: int
+    holding: Holding
+    offsets: FloatArray
+    slip: float
+    tie_points: tuple[TiePoints, ...]
+    refused: tuple[TiePoints, ...]
+    last: LastStep
+    shift: FloatArray | None = None
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def variance(self) -> float:
+        """The variance of an observation of weight 1 in what all frames tell together."""
+        return self.lasting * self.frame_variance
+
+    @property
+    def known_offsets(self) -> FloatArray:
+        """The information (k, 3, 3) of the prior of the bodies' offsets, in the weights' units."""
+        return self.holding.known(self.variance)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """The bodies, with points in m from the centre of mass."""
+        return self.solution.bodies
+
+    @cached_property
+    def noisy_attitudes(self) -> tuple[NoisyAttitudes, ...]:
+        """What noise does to the attitudes of each body."""
+        origin = self.sampled.position(self.solution.x)
+        variance = max(self.frame_variance, self.residual_variance)  # of what is told, outliers may leave more
+        return noisy_attitudes(self.bodies, self.observations, origin, variance, self.shift)
+
+    @cached_property
+    def spurious(self) -> tuple[FloatArray, ...]:
+        """The spurious information (3, 3) on each body's offset, in the weights' units, with a margin of 3σ."""
+        return tuple(noisy.likely_spurious_information() for noisy in self.noisy_attitudes)
+
+    @cached_property
+    def spurious_share(self) -> float:
+        """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
+        return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())
+
+    def at_mean(self, errors: SharedErrors | None) -> "Pivot":
+        """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.
+
+        It has the least expected error, but it is not where the iteration would end.
+        """
+        change = self.posterior.mean - self.posterior.likeliest
+        if self.tie_points:  # which have told the path more since
+            change = self.solution.covariance @ solved(self.posterior.covariance, self.variance * change[:, None])[:, 0]
+        solution = self.solution.moved_to(self.solution.x + change)
+        return replace(self, solution=solution, sampled=as_seen(self.path, self.sampled.itself, errors, solution.x))
+
+    @cached_property
+    def lost(self) -> BoolArray:
+        """Of which bodies nearly all observations are rejected, (k,): they tell nothing."""
+        own = [self.observations.weight[np.ix_(body.frames, body.features)] for body in self.bodies]
+        return np.array([weight.sum() <= LOST * np.count_nonzero(weight) for weight in own])
+
+    def significance(self, name: str) -> float:
+        """That of a hyperparameter of the path's prior; zero if it has none of this name."""
+        index = self.path.prior.index(name)
+        return 0.0 if index is None else float(self.posterior.significance[index])
+
+
+def noisy_attitudes(
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    origin: FloatArray,
+    variance: float,
+    shift: FloatArray | None,
+) -> tuple[NoisyAttitudes, ...]:
+    """What noise does to the attitudes of each body; arguments as of `NoisyAttitudes.of`."""
+    return tuple(NoisyAttitudes.of(body, observations, origin, variance, shift) for body in bodies)
