@@ -136,13 +136,15 @@ class BurnEquations:
         limit: Limit = FREE,
         bend: FloatArray | None = None,
         theta: FloatArray | None = None,
+        near: FloatArray | None = None,
     ) -> BurnFit:
         """The posterior of all unknowns for burns with given times, from a variance.
 
-        bend: see `BurnFit`; theta: hyperparameters that are held, None for those of maximum likelihood.
+        bend: see `BurnFit`; theta: hyperparameters that are held, None for those of maximum likelihood, which are
+        sought near others or over their ranges.
         """
         matrix, rhs, total = self._equations(burns, bend)
-        prior, values, best = self._whole_prior(burns), 3 * len(self.rows), theta
+        prior, values, best = self._whole_prior(burns), 3 * len(self.rows), near if theta is None else theta
         for _ in range(rounds):
             linear = Linear(matrix / variance, rhs / variance, np.zeros(len(rhs)))
             best = _limited(linear, prior, best, limit.density) if theta is None else theta
@@ -173,7 +175,7 @@ class BurnEquations:
             fit = self.fitted(moved, fit.variance, 1, limit, bend, fit.theta)
             if still:
                 break
-        fit = self.fitted(fit.burns, fit.variance, 1, limit, bend)
+        fit = self.fitted(fit.burns, fit.variance, 1, limit, bend, near=fit.theta)
         return fit if fit.score < first.score + TOLERANCE else first
 
     def path_in(self, fit: BurnFit) -> FloatArray:

@@ -117,7 +117,7 @@ def _spread(equations: BurnEquations, fit: BurnFit) -> BurnFit:
         spread = float(np.sqrt(weight @ (durations - mean) ** 2))
         slack = (flat[0], max(spread, step))
         burns[index] = replace(burn, begin=middle - mean / 2, end=middle + mean / 2, slack=slack)
-    return equations.fitted(tuple(burns), fit.variance, 1, bend=fit.bend)
+    return equations.fitted(tuple(burns), fit.variance, 1, bend=fit.bend, near=fit.theta)
 
 
 def _window(equations: BurnEquations, fit: BurnFit) -> Burn | None:
