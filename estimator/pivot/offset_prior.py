@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 RADII = 2.0  # standard deviation of each coordinate of the offset, in the rms radius of very many features
 LEAST = 1e-3  # information of the tracks over that of the prior: less is as good as none
 NOTICEABLE = 1e-4  # information of the prior over that of the tracks, from which spurious information matters to it
+NOISIER = 1.5  # spurious information over that where offsets are told
 MOST_TIMES, TOLERANCE = 3, 0.5  # how often what holds firmly is found anew, and the relative change for which it is
 
 
@@ -60,6 +61,10 @@ class Holding:
         """The prior of bodies."""
         return cls(a_priori_information(bodies))
 
+    def of_prior_alone(self) -> "Holding":
+        """What holds the offsets by their prior, for good."""
+        return replace(self, firm=None, times=MOST_TIMES)
+
     def known(self, variance: float) -> FloatArray:
         """The prior's information (k, 3, 3) in the weights' units, for a variance of what all frames tell together."""
         return np.asarray(variance * self.prior[:, None, None] * np.eye(3))
@@ -91,6 +96,38 @@ class Holding:
         if self.firm is not None and np.abs(firm - self.firm).max() <= TOLERANCE * np.abs(self.firm).max():
             return None
         return replace(self, firm=firm, times=self.times + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Plain:
+    """A solution with offsets that are held by their prior alone: bodies, x (p,), and the weighted squares there.
+
+    spurious: the trace of the spurious information on the offsets.
+    """
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    cost: float
+    spurious: float
+
+    @classmethod
+    def of(
+        cls, bodies: tuple[Body, ...], x: FloatArray, cost: float, spurious: Callable[[], Sequence[FloatArray]]
+    ) -> "Plain":
+        """That with spurious information (3, 3) on each body's offset."""
+        return cls(bodies, x, cost, _trace(spurious()))
+
+    def is_told(self, cost: float, more: float, spurious: Callable[[], Sequence[FloatArray]]) -> bool:
+        """Whether its offsets are told after all, as what holds them leads to squares that are greater by `more`, and
+        to noisier attitudes: these made what is told seem spurious.
+
+        Of features nearly in a line, with the centre of mass beside it, attitudes are far noisier where it is on it.
+        """
+        return cost > self.cost + more and _trace(spurious()) > NOISIER * self.spurious
+
+
+def _trace(information: Sequence[FloatArray]) -> float:
+    return float(sum(np.trace(own) for own in information))
 
 
 def against_spurious(

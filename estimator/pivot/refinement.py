@@ -30,7 +30,7 @@ from baryscope.estimator.pivot.free_attitudes import (
     squares_of_used,
 )
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
-from baryscope.estimator.pivot.offset_prior import Holding
+from baryscope.estimator.pivot.offset_prior import Holding, Plain
 from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
@@ -42,6 +42,7 @@ IntArray = NDArray[np.intp]
 
 MAX_ROUNDS = 30
 WANDERING = 12  # rounds after which steps, with weights that are at rest, follow noise in a direction that is not told
+CONTRADICTED = 15.0  # increase of the squared residuals over their variance where offsets are held, which noise is not
 FIRM_ROUNDS = 15  # more, at most, once the prior of the offsets holds these against spurious information
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
@@ -110,7 +111,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     stereo = varies_with_range(measured, options.noise)
     here, halvings = None, 0
-    holding, solution, most, path_unknowns = Holding.of(start.bodies), None, MAX_ROUNDS, np.nan
+    holding, most, path_unknowns = Holding.of(start.bodies), MAX_ROUNDS, np.nan
+    solution: Solution | None = None
+    last: LastStep | None = None
+    plain: Plain | None = None
     while not converged and rounds < most:
         rounds += 1
         if stereo:
@@ -149,6 +153,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
         least = max(variance, floor)
         unweighted = solution.squares / np.where(weight > 0, observations.weight, 1.0)
         changed = abs(float(np.vdot(unweighted, weight)) - cost)
+        faster = last is not None and solution.step > last.decrease
         last = LastStep(
             solution.step,
             problem.offset_change(solution),
@@ -183,18 +188,25 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             lasting = found_lasting
         if converged and shift is not None and options.sigma is None:
             converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
-        wandering = holding.firm is None and simple is None and last.steady and rounds >= WANDERING
-        if converged or wandering:
+        # Steps that become longer lead to a place that the tracks do tell.
+        wandering = holding.firm is None and simple is None and last.steady and not faster and rounds >= WANDERING
+        if converged or wandering or (plain is not None and cost > plain.cost + CONTRADICTED * lasting * least):
 
             def spurious() -> list[FloatArray]:
                 noisy = noisy_attitudes(bodies, observations, sampled.position(x), least, shift)  # noqa: B023  at once
                 return [one.of_known().likely_spurious_information() for one in noisy]
 
+            if plain is not None and plain.is_told(cost, CONTRADICTED * lasting * least, spurious):
+                bodies, x, plain, converged, here = plain.bodies, plain.x, None, False, None
+                holding, most = holding.of_prior_alone(), rounds + MAX_ROUNDS
+                sampled = as_seen(path, sampled.itself, start.errors, x)
             # Not before: far from the solution, and with outliers, what is told may seem spurious.
-            firmer = holding.firmer(least, lasting, solution.offset_covariance, offsets, spurious)
-            if firmer is not None:
-                holding, converged, here, most = firmer, False, None, rounds + FIRM_ROUNDS
-    assert solution is not None  # noqa: S101  there was a round
+            elif converged or wandering:
+                firmer = holding.firmer(least, lasting, solution.offset_covariance, offsets, spurious)
+                if firmer is not None:
+                    plain = Plain.of(bodies, x, cost, spurious) if holding.firm is None else plain
+                    holding, converged, here, most = firmer, False, None, rounds + FIRM_ROUNDS
+    assert solution is not None and last is not None  # noqa: S101, PT018  there was a round
     scale = options.sigma**2 if options.sigma is not None else variance
     together = lasting * max(scale, floor)
     linear = scaled(problem, together)
