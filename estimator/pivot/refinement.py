@@ -197,7 +197,8 @@ def refined(start: Start, options: PathOptions) -> Pivot:
                 return [one.of_known().likely_spurious_information() for one in noisy]
 
             if plain is not None and plain.is_told(cost, CONTRADICTED * lasting * least, spurious):
-                bodies, x, plain, converged, here = plain.bodies, plain.x, None, False, None
+                bodies, x = plain.bodies, np.pad(plain.x, (0, path.size - len(plain.x)))
+                plain, converged, here = None, False, None
                 holding, most = holding.of_prior_alone(), rounds + MAX_ROUNDS
                 sampled = as_seen(path, sampled.itself, start.errors, x)
             # Not before: far from the solution, and with outliers, what is told may seem spurious.
