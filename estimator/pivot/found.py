@@ -138,3 +138,15 @@ def noisy_attitudes(
 ) -> tuple[NoisyAttitudes, ...]:
     """What noise does to the attitudes of each body; arguments as of `NoisyAttitudes.of`."""
     return tuple(NoisyAttitudes.of(body, observations, origin, variance, shift) for body in bodies)
+
+
+def spurious_of_known(
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    origin: FloatArray,
+    variance: float,
+    shift: FloatArray | None,
+) -> list[FloatArray]:
+    """The spurious information (3, 3) on each body's offset by the frames whose attitudes are known."""
+    noisy = noisy_attitudes(bodies, observations, origin, variance, shift)
+    return [one.of_known().likely_spurious_information() for one in noisy]

@@ -36,8 +36,8 @@ def a_priori_information(bodies: Sequence[Body]) -> FloatArray:
 def radius_of_many(points: FloatArray) -> float:
     """The rms radius, m, that very many features may have of which some are at points (m, 3).
 
-    A mean of squares of ν = 3 (m − 1) values of variance τ² is τ² (m − 1)/m, and 1/τ² is known from it with a mean of
-    ν/(ν − 2) times the inverse: three features may happen to be close together.
+    About their centroid the mean square is (m − 1)/m of the variance. Of ν = 3 (m − 1) values of variance τ² the
+    inverse of the mean square is ν/(ν − 2) times 1/τ² on average: three features may happen to be close together.
     """
     m = max(len(points), 2)
     values = 3 * (m - 1)

@@ -1,6 +1,7 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import LastStep, Pivot, noisy_attitudes
+from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import (
     MOST_HALVINGS,
     Linearised,
@@ -190,13 +191,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
         # Steps that become longer lead to a place that the tracks do tell.
         wandering = holding.firm is None and simple is None and last.steady and not faster and rounds >= WANDERING
-        if converged or wandering or (plain is not None and cost > plain.cost + CONTRADICTED * lasting * least):
-
-            def spurious() -> list[FloatArray]:
-                noisy = noisy_attitudes(bodies, observations, sampled.position(x), least, shift)  # noqa: B023  at once
-                return [one.of_known().likely_spurious_information() for one in noisy]
-
-            if plain is not None and plain.is_told(cost, CONTRADICTED * lasting * least, spurious):
+        contradicted = CONTRADICTED * lasting * least
+        if converged or wandering or (plain is not None and cost > plain.cost + contradicted):
+            spurious = partial(spurious_of_known, bodies, observations, sampled.position(x), least, shift)
+            if plain is not None and plain.is_told(cost, contradicted, spurious):
                 bodies, x = plain.bodies, np.pad(plain.x, (0, path.size - len(plain.x)))
                 plain, converged, here = None, False, None
                 holding, most = holding.of_prior_alone(), rounds + MAX_ROUNDS
