@@ -66,8 +66,8 @@ class Start:
     centroid; bodies with points from the centre of mass, and the path's x; measured: all observations; observations:
     those of bodies in their frames; inliers (n, m): which passed screening. lasting: how many frames have the same
     errors of the features, as the registered bodies tell; variance: of an observation of weight 1, as these tell;
-    errors: of the camera at the times; first_prior: of a simple
-    path, which holds until the weights have settled; slips: whether the position may have white noise, as that of a
+    errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
+    slips: whether the position may have white noise, as that of a
     pivot that slips.
     """
 
