@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 REACH = 6  # attitudes before and after to which a rotation is fitted
-FARTHEST = 12  # frames to them, at most
+FARTHEST, LEAST_TURN = 12, 0.5  # frames to them, at most, or in slow rotations as many as turn by this, rad
 MORE_NEIGHBOURS = 4  # than the degree, at least
 DEGREES = 2, 4  # in time, of the rotation fitted: the next where the last does not describe it
 LIMIT = 22.0  # χ² of three degrees of freedom, beyond which an attitude strays: 1 in 15,000
@@ -83,9 +83,10 @@ def _departures_from(
     near = sliding_window_view(index, size)
     near = np.where(near < 0, np.arange(n)[:, None], near)
     apart = body.frames[near] - body.frames[:, None]
-    used = (apart != 0) & (np.abs(apart) <= FARTHEST)
     rate = log_rotation(np.swapaxes(body.attitude[:-1], 1, 2) @ body.attitude[1:]) / np.diff(body.frames)[:, None]
     rate = median_filter(np.concatenate([rate, rate[-1:]]), (size - 2, 1), mode="nearest")
+    farthest = max(FARTHEST, LEAST_TURN / max(float(np.median(np.linalg.norm(rate, axis=1))), 1e-9))
+    used = (apart != 0) & (np.abs(apart) <= farthest)
     there = np.swapaxes(body.attitude, 1, 2)[:, None] @ body.attitude[near]
     there = there @ exp_rotation(-apart[:, :, None] * rate[:, None])
     turned = log_rotation(there.reshape(-1, 3, 3)).reshape(n, size, 3)

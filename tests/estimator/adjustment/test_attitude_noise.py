@@ -39,6 +39,16 @@ def test_no_attitude_strays_where_none_is_displaced(step):
     assert not strays(Body(body.features, body.frames[:5], POINTS, body.attitude[:5]), observations, NOISE**2).any()
 
 
+def test_a_slow_rotation_is_fitted_over_attitudes_that_are_far_apart():
+    """A body that is seen in each fifteenth frame only, which turns by a tenth of a degree a frame."""
+    displaced = np.arange(30, 400, 75)
+    body, observations = seen(0.002, displaced, 2.0)
+    few = Body(body.features, body.frames[::15], POINTS, body.attitude[::15])
+    found = few.frames[strays(few, observations, NOISE**2)]
+    assert set(found) <= set(displaced)
+    assert len(found) >= 4
+
+
 def test_excess_noise_is_the_mean_square_of_the_errors_over_that_expected():
     body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)
     # A mean of 400 values of χ²₃ over 3 has the deviation √(2/1200); neighbours share some of it.
