@@ -63,21 +63,28 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     bounds = ranges(linear, prior)
     if not len(bounds):
         return np.zeros(0)
-    if len(bounds) == 1 and np.all(prior.slopes[prior.slopes != 0] == 1):
+    if len(bounds) == 1 and prior.trend is None and np.all(prior.slopes[prior.slopes != 0] == 1):
         return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds, scan=True)
     if start is None:
         starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
-        best = min(starts, key=lambda at: cost(linear, prior, at))
     else:
-        best = np.clip(start, bounds[:, 0], bounds[:, 1])
-    least = cost(linear, prior, best)
+        starts = [np.clip(start, bounds[:, 0], bounds[:, 1])]
+    # The better start may lie in a narrow valley that leads nowhere.
+    found = [_minimised(linear, prior, bounds, at) for at in starts]
+    best = min(found, key=lambda at: cost(linear, prior, at)) if len(found) > 1 else found[0]
+    return _spared(linear, prior, best, bounds, scan=start is None)
+
+
+def _minimised(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray) -> FloatArray:
+    """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2)."""
+    least = cost(linear, prior, start)
 
     def excess(at: FloatArray) -> tuple[float, FloatArray]:
         value, gradient = objective(linear, prior, at)
         return value - least, gradient  # small numbers, so that a relative tolerance means what it says
 
-    found = minimize(excess, best, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
-    return _spared(linear, prior, np.asarray(found.x), bounds, scan=start is None)
+    found = minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
+    return np.asarray(found.x)
 
 
 def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray, *, scan: bool) -> FloatArray:
@@ -239,7 +246,8 @@ def objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, F
     p, mean = precision[loose], (linear.x + change)[loose]
     variance = (np.einsum("ki,ki->i", inverse, inverse) * scale * scale)[loose]
     penalty, its_gradient = prior.penalty(theta)
-    return value + float(penalty), np.asarray((1 - p * (variance + mean**2)) @ prior.slopes[loose] + its_gradient)
+    gradient = (1 - p * (variance + mean**2)) @ prior.derivatives(theta)[loose] + its_gradient
+    return value + float(penalty), np.asarray(gradient)
 
 
 def _minimum(

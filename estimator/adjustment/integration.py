@@ -39,7 +39,8 @@ NINETY = 1.645  # standard deviations either way that hold 90 %
 class Posterior:
     """Hyperparameters θ (h,) at the maximum, and the posterior of x over their uncertainty.
 
-    mean (p,) and covariance (p, p) of x; likeliest (p,): x for θ itself.
+    mean (p,) and covariance (p, p) of x; likeliest (p,): x for θ itself; information (p,): of the observations alone on
+    each unknown.
 
     Of a hyperparameter that has its unknowns for itself, NaN of others: interval (h, 2) of a standard deviation either
     way; significance (h,): 2 ln p of θ less that at the lower bound of the range, where it has no effect; expectation
@@ -53,6 +54,7 @@ class Posterior:
     mean: FloatArray
     covariance: FloatArray
     likeliest: FloatArray
+    information: FloatArray
 
     @property
     def about_likeliest(self) -> FloatArray:
@@ -82,8 +84,8 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     mean, bounds, total = at_best.copy(), ranges(linear, prior), covariance.copy()
     interval = np.full((len(theta), 2), np.nan)
     significance, expectation = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
-    shared = (prior.slopes != 0).sum(axis=1) > 1
-    joint = ((prior.slopes != 0) & shared[:, None]).any(axis=0)
+    shared = prior.uses.sum(axis=1) > 1
+    joint = (prior.uses & shared[:, None]).any(axis=0)
     for index in np.flatnonzero(~joint):
         points, costs = _along(linear, prior, theta, GRID_STEP * np.eye(len(theta))[index], bounds)
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
@@ -119,7 +121,8 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         untold = np.clip(np.diag(covariance) * held(linear, prior, theta)[0], 0.0, 1.0)
         wider = conditional(linear, prior.scattered(untold), theta)[1]
         total += _positive(wider - covariance, np.diag(covariance))
-    return Posterior(theta, interval, significance, expectation, mean, (total + total.T) / 2, at_best)
+    covariance, information = (total + total.T) / 2, np.diag(linear.information)
+    return Posterior(theta, interval, significance, expectation, mean, covariance, at_best, information)
 
 
 def _principal_steps(
@@ -141,7 +144,7 @@ def _principal_steps(
     steps = np.zeros((len(within), len(theta)))
     steps[:, within] = LATTICE_STEP * (vectors * deviation).T
     width = np.ptp(bounds[at_bound], axis=1)
-    apart = width / np.ceil(width / (LATTICE_STEP * MOST_DEVIATION))
+    apart = width / np.ceil(width / LATTICE_STEP)
     return np.concatenate([steps, apart[:, None] * np.eye(len(theta))[at_bound]])
 
 

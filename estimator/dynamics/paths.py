@@ -12,18 +12,18 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior, Trend
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 Frames = slice | IntArray
 
 FIXED = "fixed"
-DECAY = "decay"
-LEAST_DECAY = 1e-8
+FREQUENCY, STEEP = "frequency", "steepness"  # the names of hyperparameters
+LOWEST_FREQUENCY = 1e-2  # of a smooth path's coefficients, rad in half the time span
+STEEPNESS = (0.2, 1.0)  # of their decrease; 1 is that of waves
 LONGEST = 1e6  # m, of a smooth path's coefficients: a bound on their law, which nothing comes near
-POWERS = (-6.0, 2.0)  # of a coefficient's number, in its variance
-SCATTER = 2.0  # of the logarithm of the variances from a coefficient on that the tracks do not tell: the law is a trend
+SCATTER = 1.0  # of the logarithm of the variances from a coefficient on that the tracks do not tell: the law is a trend
 
 
 class Path(Protocol):
@@ -216,14 +216,13 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Smooth(Polynomial):
-    """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease geometrically.
+    """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease as those of waves do.
 
-    Those of a function that is analytic around the time span do (Trefethen, Approximation Theory and Approximation
-    Practice, theorem 8.1), but for a power of j that depends on its nearest singularity. The prior variance of
-    coefficient j ≥ 1 is that of the first times decay^(j − 1) j^power; all three are hyperparameters. It takes the
-    place of the choice of a degree, with its uncertainty. A singularity that is near but weak, as that of a passage of
-    the periapsis, shows in high coefficients only: each one that the tracks do not tell may break the law, for all that
-    follow.
+    A wave of x rad in half the time span has coefficients ±2 Jⱼ(x): as large up to j = x, and beyond, less than any
+    power. Their envelope, over the first, is the law of their standard deviations (`_decrease`). Less steep, a power of
+    it stands for what is not made of waves of few frequencies, such as a passage of the periapsis. The variance of the
+    first coefficient, x, and the steepness are hyperparameters. They take the place of the choice of a degree, with its
+    uncertainty. Each coefficient that the tracks do not tell may break the law, for all that follow.
     """
 
     @property
@@ -235,20 +234,32 @@ class Smooth(Polynomial):
     def prior(self) -> Prior:
         """That of the coefficients; the constant has none."""
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
-        slopes = _law(order)
         parameters = (
             Hyperparameter("first coefficient", upper=np.log(LONGEST**2), by_root=True),
-            Hyperparameter(DECAY, np.log(LEAST_DECAY), 0.0),
-            Hyperparameter("power", *POWERS),
+            Hyperparameter(FREQUENCY, np.log(LOWEST_FREQUENCY), np.log(max(self.degree, 1))),
+            Hyperparameter(STEEP, *STEEPNESS),
         )
-        return Prior.none(3).joined(Prior(np.zeros(len(order)), slopes, parameters, SCATTER))
+        slopes = np.repeat([[1.0, 0.0, 0.0]], len(order), axis=0)
+        law = Prior(np.zeros(len(order)), slopes, parameters, SCATTER, Trend(_decrease, (1, 2)), order)
+        return Prior.none(3).joined(law)
 
     def omitted_variance(self, theta: FloatArray) -> float:
         """The mean variance of a coordinate, m², due to degrees beyond the highest, for the prior's parameters (3,)."""
         order = np.arange(self.degree + 1.0, 2 * self.degree + 1)
-        return float(np.exp(_law(order) @ theta).sum()) / 2
+        return float(np.exp(theta[0] + _decrease(order, theta[1:])[0]).sum()) / 2
 
 
-def _law(order: FloatArray) -> FloatArray:
-    """The derivatives (k, 3) of the logarithms of the coefficients' variances by the parameters of a smooth path."""
-    return np.column_stack([np.ones(len(order)), order - 1, np.log(order)])
+def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The logarithms (k,) of the variances of coefficients over that of the first, and their derivatives (k, 2).
+
+    order (k,): j of each; at (2,): ln x and the steepness s. They are −2 s (g(j) − g(1)), with g = 0 for j ≤ x and
+    g = j arcosh(j/x) − √(j² − x²) beyond, as Bessel's Jⱼ(x) decreases with e^(−g).
+
+    Source: Abramowitz and Stegun 1964, 9.1.44, 9.1.45 and 9.3.7.
+    """
+    x, steepness = np.exp(at[0]), at[1]
+    beyond = np.maximum(np.append(order, 1.0), x)
+    root = np.sqrt((beyond - x) * (beyond + x))
+    g = beyond * np.arccosh(beyond / x) - root
+    slope = g[-1] - g[:-1], root[:-1] - root[-1]  # of the logarithm of the standard deviation by s, and by s ln x
+    return 2 * steepness * slope[0], 2 * np.column_stack([steepness * slope[1], slope[0]])

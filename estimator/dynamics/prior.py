@@ -1,5 +1,6 @@
-"""Gaussian priors of a path's unknowns, whose variances are log-linear in a few hyperparameters."""
+"""Gaussian priors of a path's unknowns, whose variances depend on a few hyperparameters."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,6 +10,7 @@ from scipy.linalg import block_diag
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 MOST = 600.0  # logarithm of a precision, which does not overflow in products with lengths
 MOST_SCATTER = 6.0  # of the logarithm of a variance
@@ -32,19 +34,57 @@ class Hyperparameter:
     by_root: bool = False
 
 
+@dataclass(frozen=True)
+class Trend:
+    """A law of variances that is not log-linear.
+
+    law: of the numbers (k,) of k unknowns and a parameters, (a,): the logarithms of the variances (k,) and their
+    derivatives (k, a); parameters: each the index of a hyperparameter, or the value of one that is fixed.
+    """
+
+    law: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+    parameters: tuple[int | float, ...]
+
+    def at(self, order: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The logarithms of the variances (k,) and their derivatives (k, a) for hyperparameters (h,)."""
+        return self.law(order, np.array([theta[one] if isinstance(one, int) else one for one in self.parameters]))
+
+    @property
+    def free(self) -> tuple[tuple[int, int], ...]:
+        """Which parameter is which hyperparameter."""
+        return tuple((k, one) for k, one in enumerate(self.parameters) if isinstance(one, int))
+
+    def moved(self, by: int) -> "Trend":
+        """The trend where there are `by` more hyperparameters before."""
+        return replace(self, parameters=tuple(one + by if isinstance(one, int) else one for one in self.parameters))
+
+    def fixed(self, index: int, value: float) -> "Trend":
+        """The trend where a hyperparameter has this value, and those after it an index that is less by one."""
+
+        def changed(one: int | float) -> int | float:
+            if not isinstance(one, int) or one < index:
+                return one
+            return value if one == index else one - 1
+
+        return replace(self, parameters=tuple(map(changed, self.parameters)))
+
+
 @dataclass(frozen=True, eq=False)
 class Prior:
     """Independent unknowns x (p,) with mean zero and variances exp(offset + slopes θ), θ (h,) the hyperparameters.
 
-    offset (p,): infinite for an unknown without a prior; slopes (p, h). scatter (p,): how far the logarithms of the
-    variances may lie above that law from an unknown on that the observations do not tell; other than zero only for the
-    three coordinates of one coefficient after the other.
+    offset (p,): infinite for an unknown without a prior; slopes (p, h). trend: what comes to the logarithms of the
+    variances of the unknowns that have a number, order (p,), other than 0. scatter (p,): how far these logarithms may
+    lie above that law from an unknown on that the observations do not tell; other than zero only for the three
+    coordinates of one coefficient after the other.
     """
 
     offset: FloatArray
     slopes: FloatArray
     hyperparameters: tuple[Hyperparameter, ...] = ()
     scatter: FloatArray | float = 0.0
+    trend: Trend | None = None
+    order: FloatArray | float = 0.0
 
     @classmethod
     def none(cls, size: int) -> "Prior":
@@ -61,9 +101,37 @@ class Prior:
         """Which unknowns have no prior, (p,)."""
         return np.isposinf(self.offset)
 
+    @cached_property
+    def uses(self) -> BoolArray:
+        """Which variances depend on which hyperparameters, (p, h)."""
+        found = np.asarray(self.slopes != 0)
+        for _, index in () if self.trend is None else self.trend.free:
+            found[self._trending, index] = True
+        return found
+
+    @cached_property
+    def _order(self) -> FloatArray:
+        return np.broadcast_to(self.order, self.offset.shape)
+
+    @cached_property
+    def _trending(self) -> BoolArray:
+        return np.asarray(self._order != 0)
+
     def precision(self, theta: FloatArray) -> FloatArray:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
-        return np.asarray(np.exp(np.minimum(-(self.offset + self.slopes @ theta), MOST)))
+        logarithm = self.offset + self.slopes @ theta
+        if self.trend is not None:
+            logarithm[self._trending] += self.trend.at(self._order[self._trending], theta)[0]
+        return np.asarray(np.exp(np.minimum(-logarithm, MOST)))
+
+    def derivatives(self, theta: FloatArray) -> FloatArray:
+        """Those (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
+        if self.trend is None:
+            return self.slopes
+        found, own = self.slopes.copy(), self.trend.at(self._order[self._trending], theta)[1]
+        for parameter, index in self.trend.free:
+            found[self._trending, index] += own[:, parameter]
+        return found
 
     def scattered(self, untold: FloatArray) -> "Prior":
         """The prior with its scatter, for the shares (p,) of the variances that the observations do not tell."""
@@ -89,13 +157,23 @@ class Prior:
         return np.array([float(one.by_root) for one in self.hyperparameters])
 
     def joined(self, other: "Prior") -> "Prior":
-        """The prior of the unknowns of both, with the hyperparameters of both."""
+        """The prior of the unknowns of both, with the hyperparameters of both; one of the two may have a trend."""
+        assert self.trend is None or other.trend is None  # noqa: S101  a path has one smooth part
         scatters = [np.broadcast_to(one.scatter, one.offset.shape) for one in (self, other)]
         return Prior(
             np.concatenate([self.offset, other.offset]),
             block_diag(self.slopes, other.slopes),
             self.hyperparameters + other.hyperparameters,
             np.concatenate(scatters),
+            other.trend.moved(len(self.hyperparameters)) if other.trend is not None else self.trend,
+            np.concatenate([self._order, other._order]),
+        )
+
+    def of(self, kept: IntArray) -> "Prior":
+        """The prior of some of the unknowns, by their indices (k,)."""
+        scatter = np.broadcast_to(self.scatter, self.offset.shape)[kept]
+        return replace(
+            self, offset=self.offset[kept], slopes=self.slopes[kept], scatter=scatter, order=self._order[kept]
         )
 
     def index(self, name: str) -> int | None:
@@ -111,4 +189,9 @@ class Prior:
         with np.errstate(invalid="ignore"):
             offset = np.where(self.free, np.inf, self.offset + self.slopes[:, index] * value)
         rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]
-        return replace(self, offset=offset, slopes=np.delete(self.slopes, index, axis=1), hyperparameters=rest)
+        trend = None if self.trend is None else self.trend.fixed(index, value)
+        if trend is not None and not trend.free:
+            offset[self._trending] += trend.at(self._order[self._trending], np.zeros(0))[0]
+            trend = None
+        slopes = np.delete(self.slopes, index, axis=1)
+        return replace(self, offset=offset, slopes=slopes, hyperparameters=rest, trend=trend)

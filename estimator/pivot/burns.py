@@ -141,7 +141,7 @@ def _cost_without(linear: Linear, prior: Prior, gone: NDArray[np.intp]) -> float
     across = linear.information[np.ix_(kept, gone)]
     few = Linear(linear.information[np.ix_(kept, kept)], linear.rhs[kept] + across @ x, linear.x[kept])
     moved = 2 * float(linear.rhs[gone] @ x) + float(x @ linear.information[np.ix_(gone, gone)] @ x)
-    own = Prior(prior.offset[kept], prior.slopes[kept], prior.hyperparameters)
+    own = prior.of(kept)
     return cost(few, own, maximise(few, own)) + moved
 
 

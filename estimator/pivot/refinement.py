@@ -55,6 +55,7 @@ FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
 OMITTED = 0.01  # of the variance: more than that of the modes left out
+SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
 
@@ -287,7 +288,9 @@ def is_cut_short(found: Pivot) -> bool:
     if smooth is None:
         return False
     own = found.posterior.theta[: len(smooth.prior.hyperparameters)]
-    return smooth.omitted_variance(own) > OMITTED * _typical(found.sampled.covariance(found.posterior.covariance))
+    # In some directions the path is told far better than its places are, as where its offset is hardly known.
+    information = found.posterior.information[smooth.size - 3 : smooth.size].max()
+    return smooth.omitted_variance(own) * float(information) > SEEN
 
 
 def _typical(covariance: FloatArray) -> float:

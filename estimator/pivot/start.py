@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MEDIAN, reweighted
-from baryscope.estimator.dynamics.paths import DECAY, SampledPath
+from baryscope.estimator.dynamics.paths import FREQUENCY, STEEP, STEEPNESS, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
@@ -31,7 +31,7 @@ from baryscope.estimator.registration.clusters import Registered
 
 FloatArray = NDArray[np.float64]
 
-DECAYS = (1e-8, 0.02, 0.15, 0.5)  # of a smooth path's coefficients, from which solutions start
+FREQUENCIES = (0.01, 0.4, 2.0, 8.0)  # of a smooth path's coefficients, from which solutions start
 NO_NOISE = -200.0  # logarithm of a density without effect
 STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
@@ -60,8 +60,9 @@ def linear_start(
     """
     own = _in_subsample(registered, few)
     quiet = prior.fixed(DENSITY, NO_NOISE)
-    smooth = prior.index(DECAY) is not None
-    simple = [quiet.fixed(DECAY, float(np.log(decay))) for decay in DECAYS] if smooth else [quiet]
+    smooth = prior.index(FREQUENCY) is not None
+    steep = quiet.fixed(STEEP, STEEPNESS[1])
+    simple = [steep.fixed(FREQUENCY, float(np.log(one))) for one in FREQUENCIES] if smooth else [quiet]
     priors = [*simple, prior] if prior.hyperparameters else [prior]
     trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled, own.noise)
     for one in priors:

@@ -96,7 +96,7 @@ def test_an_optional_hyperparameter_without_an_effect_is_not_significant():
 def test_the_bounds_of_a_hyperparameter_hold_its_value(theta, low, high):
     """The interval is that of the mixture; a value at an end of its range may lie outside."""
     none = np.zeros(0)
-    found = Posterior(np.array([theta]), np.array([[-1.0, 1.0]]), none, none, none, none, none)
+    found = Posterior(np.array([theta]), np.array([[-1.0, 1.0]]), none, none, none, none, none, none)
     assert found.bounds(0) == pytest.approx((np.exp(low), np.exp(high)))
 
 
@@ -159,8 +159,8 @@ def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
     found, expected = posterior(linear, prior, theta).about_likeliest, over_grid(linear, prior, theta)
     ratio = np.sqrt(np.diag(found) / np.diag(expected))
     assert ratio[:6] == pytest.approx(np.ones(6), abs=0.1)  # of the place and the slope, which are told
-    if any(coefficients):  # else the rest is as wide as the range of the slope, which no lattice covers
-        assert ratio == pytest.approx(np.ones(18), abs=0.5)
+    # Those of the fourth degree and the fifth hang on improbable laws that hardly decrease, which no lattice reaches.
+    assert ratio[6:12] == pytest.approx(np.ones(6), abs=0.25)
 
 
 def over_grid(linear, prior, theta):

@@ -12,7 +12,7 @@ from baryscope.models.orbit import Orbit
 
 TIME = np.linspace(0.0, 6000.0, 2001)
 NOTHING = np.zeros(0)
-POSTERIOR = Posterior(NOTHING, np.zeros((0, 2)), NOTHING, NOTHING, NOTHING, np.zeros((0, 0)), NOTHING)
+POSTERIOR = Posterior(NOTHING, np.zeros((0, 2)), NOTHING, NOTHING, NOTHING, np.zeros((0, 0)), NOTHING, NOTHING)
 
 
 def displacement(path, sampled, x):

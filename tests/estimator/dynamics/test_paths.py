@@ -1,11 +1,14 @@
-"""Paths of the CoM against numpy's Chebyshev series, the difference of two Kepler orbits, and central differences."""
+"""Paths of the CoM against numpy's Chebyshev series, scipy's Bessel functions, the difference of two Kepler orbits, and
+central differences.
+"""
 
 import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
+from scipy.special import jv
 
-from baryscope.estimator.dynamics.paths import Polynomial, Smooth
-from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.paths import FREQUENCY, STEEP, Polynomial, Smooth
+from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
 from baryscope.models.errors import InputError
@@ -105,19 +108,66 @@ def test_impossible_trajectories_are_refused():
 
 
 def test_a_coefficient_that_is_not_told_loosens_the_law_for_all_higher_ones():
-    """By e² each, up to e⁶, in its own coordinate."""
-    prior = Smooth(6, 0.0, 1.0).prior
-    untold = np.zeros((7, 3))
+    """By e each, up to e⁶, in its own coordinate."""
+    prior = Smooth(9, 0.0, 1.0).prior
+    untold = np.zeros((10, 3))
     untold[3:, 0] = 1.0
-    untold[6, 1] = 0.5
-    wider = (prior.scattered(untold.ravel()).offset[3:] - prior.offset[3:]).reshape(6, 3)
-    np.testing.assert_allclose(wider[:, 0], [0, 0, 2, 4, 6, 6])
-    np.testing.assert_allclose(wider[:, 1], [0, 0, 0, 0, 0, 1])
+    untold[9, 1] = 0.5
+    wider = (prior.scattered(untold.ravel()).offset[3:] - prior.offset[3:]).reshape(9, 3)
+    np.testing.assert_allclose(wider[:, 0], [0, 0, 1, 2, 3, 4, 5, 6, 6])
+    np.testing.assert_allclose(wider[:, 1], [0, 0, 0, 0, 0, 0, 0, 0, 0.5])
     assert not wider[:, 2].any()
+
+
+@pytest.mark.parametrize("x", [0.03, 0.9, 3.3, 11.7])
+def test_the_law_of_a_smooth_path_is_the_envelope_of_the_coefficients_of_waves(x):
+    """cos(x t + phase) has the Chebyshev coefficients 2 Jⱼ(x) times a cosine or sine of the phase.
+
+    Debye's expansion has a factor (2π √(j² − x²))^−½ besides, and relative terms of 1/(12 j): beyond the turning point
+    j = x this is far less than the decrease. Below it, no |Jⱼ(x)| is above √(2/(π √(x² − j²))), and that is the law's.
+    """
+    order = np.arange(1.0, 25.0)
+    deviations = 1 / np.sqrt(Smooth(24, 0.0, 1.0).prior.precision(np.array([0.0, np.log(x), 1.0]))[3::3])
+    beyond = order > x + 2
+    bessel = np.log(np.abs(jv(order[beyond], x)))
+    found = np.log(deviations[beyond]) - np.log((order[beyond] ** 2 - x**2) ** 0.25)
+    np.testing.assert_allclose(found - found[0], bessel - bessel[0], atol=0.1)
+    np.testing.assert_array_equal(deviations[order <= x], 1.0)
+
+
+def test_a_power_of_the_law_decreases_less():
+    prior = Smooth(8, 0.0, 1.0).prior
+    steep, flat = (np.log(prior.precision(np.array([0.3, 0.5, power]))[3::3]) + 0.3 for power in (1.0, 0.4))
+    np.testing.assert_allclose(flat, 0.4 * steep, atol=1e-12)
+
+
+@pytest.mark.parametrize("theta", [(0.5, -3.0, 0.9), (-2.0, 0.2, 0.3), (1.0, 2.1, 0.7)])
+def test_the_law_has_its_derivatives(theta):
+    """With other unknowns and hyperparameters before and after it."""
+    noise = Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale"),))
+    prior, at = noise.joined(Smooth(12, 0.0, 1.0).prior).joined(noise), np.array([0.4, *theta, -0.7])
+    own, steps = ~prior.free, 1e-6 * np.eye(5)
+    expected = [np.log(prior.precision(at - h)[own] / prior.precision(at + h)[own]) / 2e-6 for h in steps]
+    np.testing.assert_allclose(prior.derivatives(at)[~prior.free], np.transpose(expected), atol=1e-6)
+    assert ((prior.derivatives(at) != 0) <= prior.uses).all()
+
+
+def test_a_fixed_hyperparameter_and_fewer_unknowns_leave_the_other_variances_as_they_are():
+    noise = Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale"),))
+    prior, at = noise.joined(Smooth(5, 0.0, 1.0).prior).joined(noise), np.array([0.4, 0.5, -0.6, 0.7, -0.8])
+    for name in ("scale", "first coefficient", FREQUENCY, STEEP):
+        index = prior.index(name)
+        fixed = prior.fixed(name, at[index])
+        np.testing.assert_allclose(fixed.precision(np.delete(at, index)), prior.precision(at), rtol=1e-12)
+    fixed = prior.fixed(STEEP, 0.7).fixed(FREQUENCY, -0.6)
+    assert fixed.trend is None
+    np.testing.assert_allclose(fixed.precision(np.array([0.4, 0.5, -0.8])), prior.precision(at), rtol=1e-12)
+    kept = np.array([1, 6, 9, 11, 20])
+    np.testing.assert_array_equal(prior.of(kept).precision(at), prior.precision(at)[kept])
 
 
 def test_only_a_smooth_path_has_a_scattered_law():
     noise = Prior.known(np.ones(2))
     both = Smooth(2, 0.0, 1.0).prior.joined(noise).scattered(np.ones(11))
-    np.testing.assert_allclose(both.offset[3:], [2, 2, 2, 4, 4, 4, 0, 0])
+    np.testing.assert_allclose(both.offset[3:], [1, 1, 1, 2, 2, 2, 0, 0])
     assert noise.scattered(np.ones(2)) is noise

@@ -27,12 +27,8 @@ def test_elimination_changes_nothing(path, variance):
     others = np.where(np.isin(np.arange(q), np.arange(BEFORE, BEFORE + s)), 0.0, 0.5)
     root = rng.normal(size=(60, q))
     information = root.T @ root
-    everything = PathPrior(
-        np.concatenate([np.full(BEFORE, np.log(2.0)), path.offset, np.full(AFTER, np.log(2.0))]),
-        np.concatenate([np.zeros((BEFORE, 3)), path.slopes, np.zeros((AFTER, 3))]),
-        path.hyperparameters,
-        np.pad(path.scatter, (BEFORE, AFTER)),
-    )
+    before, after = (PathPrior.known(np.full(count, 2.0)) for count in (BEFORE, AFTER))
+    everything = before.joined(path).joined(after)
     at = np.concatenate([rng.normal(size=BEFORE), x, rng.normal(size=AFTER)])
     linear = Linear(information, information @ rng.normal(size=q), at)
     theta = maximise(linear, everything)

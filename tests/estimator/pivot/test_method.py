@@ -36,7 +36,7 @@ def moving(degree):
 
 @pytest.mark.parametrize("degree", [0, 4])
 def test_a_smooth_path_needs_no_degree(tumbling, degree):
-    """The covariance holds without a degree, and is at most half larger than for the right one."""
+    """The covariance holds without a degree, and is at most 0.6 larger than for the right one."""
     squares, smooth, known = [], [], []
     for seed in range(12):
         case = make_case(TIME, tumbling, moving(degree), FEATURES, noise=0.02, seed=seed)
@@ -51,7 +51,7 @@ def test_a_smooth_path_needs_no_degree(tumbling, degree):
         assert found.findings == ()
     # The mean of 12 values of χ²₃ has a standard deviation of √(6/12): four of them.
     assert np.mean(squares) == pytest.approx(3, abs=4 * np.sqrt(6 / 12))
-    assert np.median(smooth) < 1.5 * np.median(known)
+    assert np.median(smooth) < 1.6 * np.median(known)
 
 
 def test_a_smooth_path_of_several_turns_needs_no_degree_either(tumbling):
