@@ -83,7 +83,7 @@ def _minimised(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArr
         value, gradient = objective(linear, prior, at)
         return value - least, gradient  # small numbers, so that a relative tolerance means what it says
 
-    found = minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-9, "gtol": 1e-3})
+    found = minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-6, "gtol": 1e-2})
     return np.asarray(found.x)
 
 
