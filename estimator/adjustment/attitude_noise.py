@@ -4,6 +4,9 @@ A feature that is displaced by a few standard deviations turns a body of few fea
 the frames before and after.
 """
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -11,11 +14,13 @@ from scipy.ndimage import median_filter
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 REACH = 6  # attitudes before and after to which a rotation is fitted
 FARTHEST, LEAST_TURN = 12, 0.5  # frames to them, at most, or in slow rotations as many as turn by this, rad
@@ -26,47 +31,117 @@ MEDIAN = 2.366  # of it
 ROUGH = 3.0  # times the median, from which the rotation is too fast to be fitted
 AROUND = 41  # attitudes whose median χ² tells how well the fits describe the rotation
 ROUNDS = 4  # of the fit's robust weights
+MIN_SHARED = 3  # features, by which the axes of bodies are known to each other
+ALIKE = 0.2  # rms distance between points of two bodies over their distance from a line: more are not the same points
 
 
-def strays(body: Body, observations: Observations, variance: float) -> BoolArray:
-    """Which attitudes of a body are far from a rotation fitted to those near, (n,).
+@dataclass(frozen=True, eq=False)
+class _Turning:
+    """Attitudes (n, 3, 3) of one set of axes in ascending frames (n,), and their covariances (n, 3, 3), rad²."""
 
+    frames: IntArray
+    attitude: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def of(cls, body: Body, observations: Observations, variance: float) -> "_Turning":
+        """That of a body."""
+        own = observations.features(body.features).frames(body.frames)
+        information = attitude_information(own, body.attitude, body.points)
+        return cls(body.frames, body.attitude, attitude_covariances(information, variance))
+
+    def turned(self, into: FloatArray, variance: float) -> "_Turning":
+        """The same attitudes of other axes, into which a rotation (3, 3) of this variance, rad², leads from these."""
+        covariance = into @ self.covariance @ into.T + variance * np.eye(3)
+        return _Turning(self.frames, self.attitude @ into.T, covariance)
+
+
+def strays(bodies: Sequence[Body], observations: Observations, variance: float) -> list[BoolArray]:
+    """Which attitudes of each body are far from a rotation fitted to those near, (n,).
+
+    Bodies that share enough features have their attitudes compared with each other's: of few frames, as those in which
+    some features are others, there are no neighbours.
     observations (n, m), with robust weights; variance: of an observation of weight 1.
     """
-    squared, tested = _departures(body, observations, variance)
-    if not tested.any():
-        return tested
-    usual = np.maximum(np.median(squared[tested]), median_filter(squared, AROUND, mode="nearest")) / MEDIAN
-    return np.asarray(tested & (squared > LIMIT * np.maximum(usual, 1.0)))
+    found = [np.zeros(len(body.frames), dtype=bool) for body in bodies]
+    for group, turning in _together(bodies, observations, variance):
+        order = np.argsort(turning.frames, kind="stable")
+        squared, tested = _departures(
+            _Turning(turning.frames[order], turning.attitude[order], turning.covariance[order])
+        )
+        if tested.any():
+            around = median_filter(squared, AROUND, mode="nearest")
+            usual = np.maximum(np.median(squared[tested]), around) / MEDIAN
+            stray = np.zeros(len(order), dtype=bool)
+            stray[order] = tested & (squared > LIMIT * np.maximum(usual, 1.0))
+            ends = np.cumsum([len(bodies[index].frames) for index in group])
+            for index, own in zip(group, np.split(stray, ends[:-1]), strict=True):
+                found[index] = own
+    return found
+
+
+def _together(
+    bodies: Sequence[Body], observations: Observations, variance: float
+) -> Iterator[tuple[list[int], _Turning]]:
+    """Groups of bodies by their indices, and the attitudes of the axes of the first, one body's after the other's."""
+    left = sorted(range(len(bodies)), key=lambda index: -len(bodies[index].frames))
+    while left:
+        first, rest = left[0], []
+        group, parts = [first], [_Turning.of(bodies[first], observations, variance)]
+        for index in left[1:]:
+            into = _into_axes(bodies[first], bodies[index], observations)
+            if into is None:
+                rest.append(index)
+            else:
+                group.append(index)
+                parts.append(_Turning.of(bodies[index], observations, variance).turned(*into))
+        columns = zip(*((part.frames, part.attitude, part.covariance) for part in parts), strict=True)
+        yield group, _Turning(*map(np.concatenate, columns))
+        left = rest
+
+
+def _into_axes(first: Body, second: Body, observations: Observations) -> tuple[FloatArray, float] | None:
+    """The rotation (3, 3) from a second body's axes into those of the first, and its variance in rad², by features of
+    both; None if they are too few, or nearly in a line, or not the same points.
+    """
+    shared, in_first, in_second = np.intersect1d(first.features, second.features, return_indices=True)
+    seen = [observations.weight[np.ix_(body.frames, shared)].sum(axis=0) for body in (first, second)]
+    weight = np.minimum(*seen)
+    if np.count_nonzero(weight) < MIN_SHARED:
+        return None
+    target, moved = first.points[in_first], second.points[in_second]
+    fit = align(target[None], moved, weight[None])
+    residual = target - (moved @ fit.rotation[0].T + fit.translation[0])
+    square = float(weight @ np.sum(residual**2, axis=1)) / float(weight.sum())
+    variance = square / max(float(fit.spread[0]), 1e-300)
+    return (fit.rotation[0], variance) if variance < ALIKE**2 else None
 
 
 def excess_noise(body: Body, observations: Observations, variance: float) -> float:
-    """The mean square of the attitudes' errors over that expected, at least 1; arguments as in `strays`.
+    """The mean square of the attitudes' errors over that expected, at least 1; the others as in `strays`.
 
     It is 1 where the rotation from frame to frame is too fast to be fitted.
     """
-    squared, tested = _departures(body, observations, variance)
+    squared, tested = _departures(_Turning.of(body, observations, variance))
     if not tested.any() or np.median(squared[tested]) > ROUGH * MEDIAN:
         return 1.0
     return max(float(squared[tested].mean()) / 3, 1.0)
 
 
-def _departures(body: Body, observations: Observations, variance: float) -> tuple[FloatArray, BoolArray]:
+def _departures(body: _Turning) -> tuple[FloatArray, BoolArray]:
     """χ² (n,) of each attitude's departure from a rotation fitted to those near; and which have enough of these, (n,).
 
     The fit is of the lowest degree that describes most attitudes, as it has the least noise.
     """
     found = np.zeros(len(body.frames)), np.zeros(len(body.frames), dtype=bool)
     for degree in DEGREES:
-        squared, tested = found = _departures_from(body, observations, variance, degree)
+        squared, tested = found = _departures_from(body, degree)
         if not tested.any() or np.median(squared[tested]) <= ROUGH * MEDIAN:
             break
     return found
 
 
-def _departures_from(
-    body: Body, observations: Observations, variance: float, degree: int
-) -> tuple[FloatArray, BoolArray]:
+def _departures_from(body: _Turning, degree: int) -> tuple[FloatArray, BoolArray]:
     """Those from fits of one degree.
 
     The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least
@@ -75,15 +150,17 @@ def _departures_from(
     n, size = len(body.frames), 2 * REACH + 1
     if n < size:
         return np.zeros(n), np.zeros(n, dtype=bool)
-    own = observations.features(body.features).frames(body.frames)
-    covariance = attitude_covariances(attitude_information(own, body.attitude, body.points), variance)
+    covariance = body.covariance
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     # Neighbours of each attitude; those beyond the ends are the attitude itself, which is not used.
     index = np.pad(np.arange(n), REACH, constant_values=-1)
     near = sliding_window_view(index, size)
     near = np.where(near < 0, np.arange(n)[:, None], near)
     apart = body.frames[near] - body.frames[:, None]
-    rate = log_rotation(np.swapaxes(body.attitude[:-1], 1, 2) @ body.attitude[1:]) / np.diff(body.frames)[:, None]
+    rate = (
+        log_rotation(np.swapaxes(body.attitude[:-1], 1, 2) @ body.attitude[1:])
+        / np.maximum(np.diff(body.frames), 1)[:, None]
+    )
     rate = median_filter(np.concatenate([rate, rate[-1:]]), (size - 2, 1), mode="nearest")
     farthest = max(FARTHEST, LEAST_TURN / max(float(np.median(np.linalg.norm(rate, axis=1))), 1e-9))
     used = (apart != 0) & (np.abs(apart) <= farthest)

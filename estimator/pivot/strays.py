@@ -26,8 +26,8 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
         if shown_spurious_share(found) < SPURIOUS:
             break
         weight, bodies = start.observations.weight.copy(), []
-        for body in found.bodies:
-            stray = strays(body, found.observations, found.frame_variance)
+        astray = strays(found.bodies, found.observations, found.frame_variance)
+        for body, stray in zip(found.bodies, astray, strict=True):
             stray &= (~stray).sum() >= MIN_FRAMES
             weight[np.ix_(body.frames[stray], body.features)] = 0.0
             bodies.append(_in_frames(body, ~stray))

@@ -24,10 +24,15 @@ def seen(step, displaced, by, seed=0, count=400):
     return body, Observations(position, np.ones((count, 4)), None)
 
 
+def of_one(body, observations):
+    """The strays of one body."""
+    return strays([body], observations, NOISE**2)[0]
+
+
 @pytest.mark.parametrize("step", [0.002, 0.02, 0.1, 0.3])
 def test_displaced_features_turn_a_body_away_from_its_rotation(step):
     displaced = np.arange(7, 400, 19)
-    found = np.nonzero(strays(*seen(step, displaced, 0.6), NOISE**2))[0]
+    found = np.nonzero(of_one(*seen(step, displaced, 0.6)))[0]
     assert set(found) <= set(displaced)
     assert len(found) >= 0.9 * len(displaced)  # a displacement towards the centre hardly turns the body
 
@@ -35,8 +40,8 @@ def test_displaced_features_turn_a_body_away_from_its_rotation(step):
 @pytest.mark.parametrize("step", [0.0, 0.02, 0.1, 0.7, 2.5])
 def test_no_attitude_strays_where_none_is_displaced(step):
     body, observations = seen(step, np.zeros(0, dtype=int), 0.0)
-    assert not strays(body, observations, NOISE**2).any()
-    assert not strays(Body(body.features, body.frames[:5], POINTS, body.attitude[:5]), observations, NOISE**2).any()
+    assert not of_one(body, observations).any()
+    assert not of_one(Body(body.features, body.frames[:5], POINTS, body.attitude[:5]), observations).any()
 
 
 def test_a_slow_rotation_is_fitted_over_attitudes_that_are_far_apart():
@@ -44,9 +49,26 @@ def test_a_slow_rotation_is_fitted_over_attitudes_that_are_far_apart():
     displaced = np.arange(30, 400, 75)
     body, observations = seen(0.002, displaced, 2.0)
     few = Body(body.features, body.frames[::15], POINTS, body.attitude[::15])
-    found = few.frames[strays(few, observations, NOISE**2)]
+    found = few.frames[of_one(few, observations)]
     assert set(found) <= set(displaced)
     assert len(found) >= 4
+
+
+def test_attitudes_of_a_body_of_few_frames_are_compared_with_those_of_another():
+    """Eight frames of 400 are a body with axes of its own: three attitudes are off by half a turn."""
+    body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)
+    frames, off = np.arange(20, 400, 50), [1, 4, 6]
+    axes = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
+    attitude = body.attitude[frames] @ axes.T
+    attitude[off] = attitude[off] @ Rotation.from_rotvec([0.0, 3.0, 0.0]).as_matrix()
+    few = Body(np.arange(3), frames, POINTS[:3] @ axes.T + NOISE, attitude)
+    rest = np.delete(np.arange(400), frames)
+    many = Body(body.features, rest, POINTS, body.attitude[rest])
+    of_few, of_many = strays([few, many], observations, NOISE**2)
+    assert list(np.nonzero(of_few)[0]) == off
+    assert not of_many.any()
+    other = Body(few.features, frames, POINTS[[1, 0, 3]] @ axes.T, attitude)  # not the same points
+    assert not any(found.any() for found in strays([other, many], observations, NOISE**2))
 
 
 def test_excess_noise_is_the_mean_square_of_the_errors_over_that_expected():
