@@ -14,7 +14,7 @@ from baryscope.estimator import METHODS, Estimate  # noqa: E402
 from baryscope.study.population import command  # noqa: E402
 from baryscope.study.population.cases import Case  # noqa: E402
 from baryscope.study.population.judging import judged, of_estimate, prepared, tried  # noqa: E402
-from baryscope.study.population.report import draws, failing, refusals, table  # noqa: E402
+from baryscope.study.population.report import by_status, draws, failing, refusals, table  # noqa: E402
 from baryscope.study.population.running import Line  # noqa: E402
 from baryscope.study.population.sensing import sampled  # noqa: E402
 
@@ -78,7 +78,7 @@ def _redrawn(case: Case, options: argparse.Namespace) -> Iterator[Line]:
 
 def _report(options: argparse.Namespace) -> None:
     lines = command.reported(options)
-    print(table(lines).markdown(), refusals(lines).markdown(), sep="\n\n")
+    print(table(lines).markdown(), by_status(lines).markdown(), refusals(lines).markdown(), sep="\n\n")
     if options.failing:
         print("", *failing(lines), sep="\n")
 

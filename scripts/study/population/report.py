@@ -26,6 +26,23 @@ def table(lines: Sequence[Line]) -> Table:
     return Table(tuple(f"{headings}, {more}".split(", ")), rows, left=2)
 
 
+def by_status(lines: Sequence[Line]) -> Table:
+    """A row for each status of the answers of a method, with the orbit and without."""
+    rows = []
+    for (name, orbit), group in _groups(lines).items():
+        claims = [line for line in group if "nees" in line]
+        for status in sorted({line["status"] for line in claims}):
+            own = [line for line in claims if line["status"] == status]
+            every = np.array([line["nees"] for line in own])
+            count, median = str(len(own)), f"{np.median(every):.2f}"
+            rows.append((name, _orbit(orbit), status, count, _share(sum(map(wrong, own)), len(own)), median))
+    return Table(("method", "orbit", "status", "answers", "wrong", "median NEES"), tuple(rows), left=3)
+
+
+def _orbit(known: bool) -> str:
+    return "yes" if known else "no"
+
+
 def _groups(lines: Sequence[Line]) -> dict[tuple[str, bool], list[Line]]:
     groups: dict[tuple[str, bool], list[Line]] = {}
     for line in lines:
@@ -44,7 +61,7 @@ def _row(name: str, orbit: bool, group: list[Line]) -> tuple[str, ...]:
     ratio = [line["rmse"] / bound for line in silent if (bound := bound_of(line)) is not None]
     return (
         name,
-        "yes" if orbit else "no",
+        _orbit(orbit),
         str(len(answers)),
         str(len(silent)),
         _share(len(bad), len(silent)),

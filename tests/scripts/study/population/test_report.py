@@ -6,7 +6,7 @@ import pytest
 from baryscope.estimator import estimate
 from baryscope.study.population.__main__ import main
 from baryscope.study.population.judging import nees, of_estimate, prepared, wrong
-from baryscope.study.population.report import failing, refusals, table
+from baryscope.study.population.report import by_status, failing, refusals, table
 
 FACTS = {"seed": 1, "index": 0, "orbit": True, "wall": 0.1, "radius": 1.0, "bounds": {"free orbit": 0.1}, "kind": ""}
 ANSWER = FACTS | {
@@ -48,6 +48,17 @@ def test_answers_are_counted_by_what_they_claim():
     assert found["rms/bound"] == "1.00"
 
 
+def test_answers_are_told_apart_by_their_status():
+    poor = ANSWER | {"status": "not observable", "nees": [20.0, 0.1, 0.1]}
+    refusal = FACTS | {"method": "pivot", "failure": "features in a line", "message": "…"}
+    found = by_status([ANSWER, poor, ANSWER, ANSWER | {"orbit": False}, refusal])
+    assert found.rows == (
+        ("pivot", "yes", "good", "2", "0 (0.0 %)", "3.00"),
+        ("pivot", "yes", "not observable", "1", "1 (100.0 %)", "0.10"),
+        ("pivot", "no", "good", "1", "0 (0.0 %)", "3.00"),
+    )
+
+
 def test_a_refusal_is_clear_if_the_bound_is_small():
     refusal = FACTS | {"method": "pivot", "failure": "features in a line", "message": "…"}
     hopeless = refusal | {"bounds": {"free orbit": 0.3}}
@@ -71,7 +82,7 @@ def test_a_run_is_resumed_and_reported(tmp_path, capsys):
     for _ in range(2):
         main(["run", "--cases", "1", "--first", "1", "--methods", "score", "-o", output])
     assert main(["report", output, "--failing"]) == 0
-    assert capsys.readouterr().out.count("| score |") == 2
+    assert capsys.readouterr().out.count("| score |") == 4  # with the orbit and without, in two tables
 
 
 @pytest.mark.parametrize(
