@@ -23,7 +23,7 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 REACH = 6  # attitudes before and after to which a rotation is fitted
-FARTHEST, LEAST_TURN = 12, 0.5  # frames to them, at most, or in slow rotations as many as turn by this, rad
+FARTHEST, FARTHEST_TURN = 12, 0.5  # frames to them, at most, or in slow rotations as many as turn by this, rad
 MORE_NEIGHBOURS = 4  # than the degree, at least
 DEGREES = 2, 4  # in time, of the rotation fitted: the next where the last does not describe it
 LIMIT = 22.0  # χ² of three degrees of freedom, beyond which an attitude strays: 1 in 15,000
@@ -37,7 +37,7 @@ ALIKE = 0.2  # rms distance between points of two bodies over their distance fro
 
 @dataclass(frozen=True, eq=False)
 class _Turning:
-    """Attitudes (n, 3, 3) of one set of axes in ascending frames (n,), and their covariances (n, 3, 3), rad²."""
+    """Attitudes (n, 3, 3) of one set of axes in frames (n,), and their covariances (n, 3, 3), rad²."""
 
     frames: IntArray
     attitude: FloatArray
@@ -49,6 +49,10 @@ class _Turning:
         own = observations.features(body.features).frames(body.frames)
         information = attitude_information(own, body.attitude, body.points)
         return cls(body.frames, body.attitude, attitude_covariances(information, variance))
+
+    def part(self, kept: IntArray) -> "_Turning":
+        """Some of the attitudes, by their indices (k,)."""
+        return _Turning(self.frames[kept], self.attitude[kept], self.covariance[kept])
 
     def turned(self, into: FloatArray, variance: float) -> "_Turning":
         """The same attitudes of other axes, into which a rotation (3, 3) of this variance, rad², leads from these."""
@@ -66,9 +70,7 @@ def strays(bodies: Sequence[Body], observations: Observations, variance: float) 
     found = [np.zeros(len(body.frames), dtype=bool) for body in bodies]
     for group, turning in _together(bodies, observations, variance):
         order = np.argsort(turning.frames, kind="stable")
-        squared, tested = _departures(
-            _Turning(turning.frames[order], turning.attitude[order], turning.covariance[order])
-        )
+        squared, tested = _departures(turning.part(order))
         if tested.any():
             around = median_filter(squared, AROUND, mode="nearest")
             usual = np.maximum(np.median(squared[tested]), around) / MEDIAN
@@ -128,43 +130,40 @@ def excess_noise(body: Body, observations: Observations, variance: float) -> flo
     return max(float(squared[tested].mean()) / 3, 1.0)
 
 
-def _departures(body: _Turning) -> tuple[FloatArray, BoolArray]:
+def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:
     """χ² (n,) of each attitude's departure from a rotation fitted to those near; and which have enough of these, (n,).
 
     The fit is of the lowest degree that describes most attitudes, as it has the least noise.
     """
-    found = np.zeros(len(body.frames)), np.zeros(len(body.frames), dtype=bool)
+    found = np.zeros(len(turning.frames)), np.zeros(len(turning.frames), dtype=bool)
     for degree in DEGREES:
-        squared, tested = found = _departures_from(body, degree)
+        squared, tested = found = _departures_from(turning, degree)
         if not tested.any() or np.median(squared[tested]) <= ROUGH * MEDIAN:
             break
     return found
 
 
-def _departures_from(body: _Turning, degree: int) -> tuple[FloatArray, BoolArray]:
-    """Those from fits of one degree.
+def _departures_from(turning: _Turning, degree: int) -> tuple[FloatArray, BoolArray]:
+    """Those from fits of one degree, in ascending frames.
 
     The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least
     squares, whose residuals say how well.
     """
-    n, size = len(body.frames), 2 * REACH + 1
+    frames, attitude, covariance = turning.frames, turning.attitude, turning.covariance
+    n, size = len(frames), 2 * REACH + 1
     if n < size:
         return np.zeros(n), np.zeros(n, dtype=bool)
-    covariance = body.covariance
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
     # Neighbours of each attitude; those beyond the ends are the attitude itself, which is not used.
     index = np.pad(np.arange(n), REACH, constant_values=-1)
     near = sliding_window_view(index, size)
     near = np.where(near < 0, np.arange(n)[:, None], near)
-    apart = body.frames[near] - body.frames[:, None]
-    rate = (
-        log_rotation(np.swapaxes(body.attitude[:-1], 1, 2) @ body.attitude[1:])
-        / np.maximum(np.diff(body.frames), 1)[:, None]
-    )
+    apart = frames[near] - frames[:, None]
+    rate = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]) / np.maximum(np.diff(frames), 1)[:, None]
     rate = median_filter(np.concatenate([rate, rate[-1:]]), (size - 2, 1), mode="nearest")
-    farthest = max(FARTHEST, LEAST_TURN / max(float(np.median(np.linalg.norm(rate, axis=1))), 1e-9))
+    farthest = max(FARTHEST, FARTHEST_TURN / max(float(np.median(np.linalg.norm(rate, axis=1))), 1e-9))
     used = (apart != 0) & (np.abs(apart) <= farthest)
-    there = np.swapaxes(body.attitude, 1, 2)[:, None] @ body.attitude[near]
+    there = np.swapaxes(attitude, 1, 2)[:, None] @ attitude[near]
     there = there @ exp_rotation(-apart[:, :, None] * rate[:, None])
     turned = log_rotation(there.reshape(-1, 3, 3)).reshape(n, size, 3)
     step = apart / REACH

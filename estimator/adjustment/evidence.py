@@ -71,7 +71,7 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
         starts = [np.clip(start, bounds[:, 0], bounds[:, 1])]
     # The better start may lie in a narrow valley that leads nowhere.
     found = [_minimised(linear, prior, bounds, at) for at in starts]
-    best = min(found, key=lambda at: cost(linear, prior, at)) if len(found) > 1 else found[0]
+    best = min(found, key=lambda at: cost(linear, prior, at))
     return _spared(linear, prior, best, bounds, scan=start is None)
 
 

@@ -159,8 +159,9 @@ def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
     found, expected = posterior(linear, prior, theta).about_likeliest, over_grid(linear, prior, theta)
     ratio = np.sqrt(np.diag(found) / np.diag(expected))
     assert ratio[:6] == pytest.approx(np.ones(6), abs=0.1)  # of the place and the slope, which are told
-    # Those of the fourth degree and the fifth hang on improbable laws that hardly decrease, which no lattice reaches.
     assert ratio[6:12] == pytest.approx(np.ones(6), abs=0.25)
+    if coefficients[2] != 0.4:  # else the rest hangs on improbable laws that hardly decrease, which no lattice reaches
+        assert ((ratio > 0.5) & (ratio < 1.8)).all()
 
 
 def over_grid(linear, prior, theta):
