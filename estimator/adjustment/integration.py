@@ -130,7 +130,7 @@ def _principal_steps(
 ) -> FloatArray:
     """Steps (k, h) along the principal axes of −2 ln p in k hyperparameters, joint (h,), of LATTICE_STEP deviations.
 
-    One that is at a bound has its own, so that no axis leads out of its range at once.
+    One that is at a bound has its own, so that no axis leads out of its range at once; one without a range has none.
     """
     at_bound = joint & ((theta <= bounds[:, 0]) | (theta >= bounds[:, 1]))
     within = np.flatnonzero(joint & ~at_bound)
@@ -143,9 +143,10 @@ def _principal_steps(
     deviation = 1 / np.sqrt(np.clip(values, MOST_DEVIATION**-2, None))
     steps = np.zeros((len(within), len(theta)))
     steps[:, within] = LATTICE_STEP * (vectors * deviation).T
-    width = np.ptp(bounds[at_bound], axis=1)
+    ranging = at_bound & (bounds[:, 1] > bounds[:, 0])
+    width = np.ptp(bounds[ranging], axis=1)
     apart = width / np.ceil(width / LATTICE_STEP)
-    return np.concatenate([steps, apart[:, None] * np.eye(len(theta))[at_bound]])
+    return np.concatenate([steps, apart[:, None] * np.eye(len(theta))[ranging]])
 
 
 def _lattice(

@@ -7,7 +7,7 @@ import pytest
 
 from baryscope.estimator.adjustment.evidence import BELOW, NO_EFFECT, Linear, conditional, cost, maximise, ranges
 from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
-from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.paths import LONGEST, Smooth
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -162,6 +162,17 @@ def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
     assert ratio[6:12] == pytest.approx(np.ones(6), abs=0.25)
     if coefficients[2] != 0.4:  # else the rest hangs on improbable laws that hardly decrease, which no lattice reaches
         assert ((ratio > 0.5) & (ratio < 1.8)).all()
+
+
+def test_a_smooth_path_of_which_nothing_is_told_is_as_long_as_its_law_allows():
+    """As information of the offset takes all of the path's: its first coefficient has no range left."""
+    prior = Smooth(4, 0.0, 1.0).prior
+    information = np.diag(np.repeat([1.0, 0.0], [3, 12]))
+    linear = Linear(information, np.zeros(15), np.zeros(15))
+    assert ranges(linear, prior)[0].tolist() == [np.log(LONGEST**2)] * 2
+    found = posterior(linear, prior, maximise(linear, prior))
+    np.testing.assert_allclose(np.diag(found.covariance)[:3], 1.0, rtol=1e-6)
+    assert (np.diag(found.covariance)[3:6] >= LONGEST**2 * (1 - 1e-6)).all()
 
 
 def over_grid(linear, prior, theta):
