@@ -173,8 +173,7 @@ def ranges(linear: Linear, prior: Prior) -> FloatArray:
         used = slope > 0
         first = np.log(NO_EFFECT) - np.max(size[used] + prior.offset[used], initial=-600.0)
         lower = first if one.lower is None else one.lower
-        upper = lower + np.log(RANGE) if one.upper is None else one.upper
-        found.append((min(lower, upper), upper))  # one point where so little is told that nothing below has an effect
+        found.append((lower, lower + np.log(RANGE) if one.upper is None else max(one.upper, lower)))
     return np.array(found).reshape(-1, 2)
 
 

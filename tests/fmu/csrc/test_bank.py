@@ -1,12 +1,11 @@
 """The bank of densities in C: between which quantiles its covariance is claimed."""
 
 import ctypes
-import subprocess
 
 import numpy as np
 import pytest
 
-from baryscope.fmu.generate.compiler import find_compiler
+from compiling import library_of
 
 CODE = """#include <math.h>
 #include <stddef.h>
@@ -26,12 +25,8 @@ void claimed_weights(const double *logarithm, const double *steady, double *weig
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory, request):
-    folder = tmp_path_factory.mktemp("bank")
-    (folder / "bank_test.c").write_text(CODE)
     headers = request.config.rootpath / "fmu" / "csrc" / "online"
-    command = [*find_compiler(), "-std=c11", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-fPIC", "-shared"]
-    subprocess.run([*command, f"-I{headers}", "bank_test.c", "-o", "bank.so", "-lm"], cwd=folder, check=True)
-    return ctypes.CDLL(str(folder / "bank.so"))
+    return library_of(tmp_path_factory.mktemp("bank"), CODE, f"-I{headers}")
 
 
 def weights_of(library, logarithm, steady):

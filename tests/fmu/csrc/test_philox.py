@@ -1,13 +1,12 @@
 """The unit's random numbers in C: published vectors, and bit for bit those of numpy."""
 
 import ctypes
-import subprocess
 
 import numpy as np
 import pytest
 
-from baryscope.fmu.generate.compiler import find_compiler
 from baryscope.models.sensor.draws import Purpose, uniforms
+from compiling import library_of
 
 CODE = """#include "philox.h"
 void draw(const uint64_t *counter, const uint64_t *key, uint64_t *out) { philox(counter, key, out); }
@@ -18,12 +17,7 @@ void uniform(uint64_t seed, uint64_t purpose, uint64_t frame, uint64_t feature, 
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory, request):
-    folder = tmp_path_factory.mktemp("philox")
-    (folder / "draw.c").write_text(CODE)
-    headers = request.config.rootpath / "fmu" / "csrc"
-    command = [*find_compiler(), "-std=c11", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared", f"-I{headers}"]
-    subprocess.run([*command, "draw.c", "-o", "draw.so"], cwd=folder, check=True)
-    return ctypes.CDLL(str(folder / "draw.so"))
+    return library_of(tmp_path_factory.mktemp("philox"), CODE, f"-I{request.config.rootpath / 'fmu' / 'csrc'}")
 
 
 def words(*values):

@@ -14,7 +14,7 @@ import pytest
 from fmpy.util import create_cmake_project
 
 from baryscope.fmu import Session, build_fmu
-from baryscope.fmu.generate.compiler import WARNINGS, find_compiler
+from compiling import compiled
 
 DRIVER = Path(__file__).with_name("linked_unit.c")
 HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -23,18 +23,6 @@ HEADERS = Path(fmpy.__file__).parent / "c-code"
 @pytest.fixture(params=["small_fmu", "small_fmu3"], ids=["fmi2", "fmi3"])
 def unit(request):
     return request.getfixturevalue(request.param)
-
-
-def compiled(folder, *arguments):
-    """Run the compiler that the unit is built with; warnings are errors."""
-    result = subprocess.run(
-        [*find_compiler(), "-std=c11", *WARNINGS, "-Werror", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
 
 
 def cmake_with_a_compiler(monkeypatch):

@@ -1,0 +1,25 @@
+"""C of the units, compiled by the compiler that they are built with."""
+
+import ctypes
+import subprocess
+
+from baryscope.fmu.generate.compiler import WARNINGS, find_compiler
+
+
+def compiled(folder, *arguments):
+    """Run the compiler in the folder; warnings are errors."""
+    result = subprocess.run(
+        [*find_compiler(), "-std=c11", *WARNINGS, "-Werror", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def library_of(folder, code, *arguments):
+    """The functions of a text of C, as a shared library in the folder."""
+    (folder / "code.c").write_text(code)
+    compiled(folder, "-fPIC", "-shared", *arguments, "code.c", "-o", "code.so", "-lm")
+    return ctypes.CDLL(str(folder / "code.so"))
