@@ -156,22 +156,3 @@ static int likeliest(const Member bank[MEMBERS]) {
         if (bank[m].weight > bank[best].weight) best = m;
     return best;
 }
-
-/* Quantiles of the density between which the claimed covariance is that of the bank. Where the nodes do not tell whether there
-   is process noise, that of the mean over all densities is too small where there is and too large where there is none. */
-#define CLAIM_FROM 0.7
-#define CLAIM_TO 0.9
-
-/* The part of each member's weight that lies between these quantiles, members of a density alike; both sum to 1. */
-static void weights_of(const Member bank[MEMBERS + 1], double weights[MEMBERS], double claimed[MEMBERS]) {
-    double sum = 0.0, of_density[DENSITIES] = {0.0}, share[DENSITIES], below = 0.0;
-    for (int m = 0; m < MEMBERS; m++) sum += weights[m] = exp(bank[m].weight);
-    for (int m = 0; m < MEMBERS; m++)
-        if (is_alive(&bank[m])) of_density[(int)bank[m].steady] += weights[m] /= sum;
-    for (int d = 0; d < DENSITIES; d++) {
-        double inside = fmin(below + of_density[d], CLAIM_TO) - fmax(below, CLAIM_FROM);
-        below += of_density[d];
-        share[d] = inside > 0.0 ? inside / (CLAIM_TO - CLAIM_FROM) / of_density[d] : 0.0;
-    }
-    for (int m = 0; m < MEMBERS; m++) claimed[m] = is_alive(&bank[m]) ? weights[m] * share[(int)bank[m].steady] : 0.0;
-}

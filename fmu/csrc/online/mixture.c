@@ -1,13 +1,13 @@
 /* What the bank says together, and how the large filter follows it. */
 
-/* The mixture of the bank, against the shadow: its mean, and the covariance that it claims. */
+/* The mixture of the bank, against the shadow: its mean, and its covariance. */
 static void mixed(const Member bank[MEMBERS + 1], double x[LEVEL], double P[LEVEL][LEVEL]) {
     const Member *shadow = &bank[SHADOW];
-    double weights[MEMBERS], claimed[MEMBERS];
-    weights_of(bank, weights, claimed);
+    double weights[MEMBERS], sum = 0.0;
+    for (int m = 0; m < MEMBERS; m++) sum += weights[m] = exp(bank[m].weight);
     for (int a = 0; a < LEVEL; a++) {
         x[a] = 0.0;
-        for (int m = 0; m < MEMBERS; m++) x[a] += weights[m] * (bank[m].x[a] - shadow->x[a]);
+        for (int m = 0; m < MEMBERS; m++) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
     }
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) P[a][b] = 0.0;
@@ -17,7 +17,7 @@ static void mixed(const Member bank[MEMBERS + 1], double x[LEVEL], double P[LEVE
         for (int a = 0; a < LEVEL; a++)
             for (int b = 0; b < LEVEL; b++) {
                 double u = member->x[a] - shadow->x[a] - x[a], v = member->x[b] - shadow->x[b] - x[b];
-                P[a][b] += claimed[m] * member->P[a][b] + weights[m] * u * v;
+                P[a][b] += weights[m] / sum * (member->P[a][b] + u * v);
             }
     }
 }
