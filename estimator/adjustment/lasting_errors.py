@@ -59,10 +59,15 @@ def _in_the_middle(body: Body) -> Body:
 
 
 def _whitened(body: Body, own: Observations, origin: FloatArray) -> FloatArray:
-    """The residuals (n, m, 3) of the best pose of each frame, along axes of C, in standard deviations."""
-    turn, shift = pieces(own, body.attitude, origin, body.points).best_pose()
+    """The residuals (n, m, 3) of the best pose of each frame, along axes of C, in standard deviations.
+
+    Without their means in axes of the body, as which points that are not yet at their best would seem to last.
+    """
+    found = pieces(own, body.attitude, origin, body.points)
+    turn, shift = found.best_pose()
     moved = body.points + shift[:, None] + np.cross(turn[:, None], body.points)
-    residual = own.position - origin[:, None] - moved @ np.swapaxes(body.attitude, 1, 2)
+    residual = (own.position - origin[:, None]) @ body.attitude - moved
+    residual = (residual - found.mean(residual)) @ np.swapaxes(body.attitude, 1, 2)
     residual *= np.sqrt(own.weight)[:, :, None]
     if own.precision is None:
         return np.asarray(residual)

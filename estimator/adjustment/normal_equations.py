@@ -89,6 +89,14 @@ class Pieces:
         left = self.turn_rhs - np.einsum("kij,kj->ki", self.turn_shift, shift)
         return np.einsum("kij,kj->ki", symmetric_inverses(self.turn), left), shift
 
+    def mean(self, residual: FloatArray) -> FloatArray:
+        """The means (m, 3) over the frames of residuals (n, m, 3) in B, with their weights."""
+        if self._precision is None:
+            total = np.einsum("km,kmi->mi", self._weight, residual)
+        else:
+            total = np.einsum("kmij,kmj->mi", self._precision, residual)
+        return np.asarray((np.linalg.pinv(self.point, hermitian=True) @ total[:, :, None])[:, :, 0])
+
     def unknowns_points(self, turn: FloatArray | None, shift: FloatArray) -> FloatArray:
         """The block (p, 3 m) that couples p unknowns with the points.
 

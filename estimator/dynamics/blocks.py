@@ -55,6 +55,10 @@ class Blocks:
         weights = lagrange_weights(NODES, (time - middle) / (length / 2))
         return cls(middle[first, None] + length / 2 * NODES, np.append(first, len(time)), weights)
 
+    def of(self, frames: IntArray) -> "Blocks":
+        """The blocks with some of the frames only, by their ascending indices (f,)."""
+        return Blocks(self.knots, np.searchsorted(frames, self.first), self.weights[frames])
+
     def around(self, frames: Frames) -> tuple[slice, IntArray]:
         """Which blocks hold the ascending frames, and where in `frames` each of them begins, with the end of the last.
 

@@ -11,6 +11,7 @@ from baryscope.estimator.dynamics.paths import Frames, SampledPath, product
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 PHASE = 1.8  # rad of the highest frequency in a block: an error of 3e-13, and of 1e-9 of a wave of twice that frequency
 WORTHWHILE = 2  # frames of a knot, on average, from which interpolation is faster
@@ -74,6 +75,10 @@ class InterpolatedPath(SampledPath):
     def frames(self) -> int:
         """The number of times n."""
         return len(self.blocks.weights)
+
+    def frames_at(self, index: IntArray) -> "InterpolatedPath":
+        """See `SampledPath`; for ascending indices."""
+        return InterpolatedPath(self.blocks.of(index), self.at_knots)
 
     def moment(self, frames: Frames, values: FloatArray) -> FloatArray:
         """See `SampledPath`."""

@@ -1,5 +1,7 @@
 """Errors of features that last: how many frames have the same one, and what every method then claims."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -56,6 +58,24 @@ def test_white_errors_do_not_last(seed):
     errors = NOISE * np.random.default_rng(seed).standard_normal((FRAMES, 8, 3))
     body, observations, origin = body_and_observations(errors)
     assert frames_per_error([body], observations, origin) == pytest.approx(1.0, abs=0.1)
+
+
+def test_points_that_are_a_little_off_are_no_errors_that_last():
+    """Those of a registration: off by 0.3 mm, which 2000 frames of 1 cm tell from zero."""
+    rng = np.random.default_rng(7)
+    body, observations, origin = body_and_observations(NOISE * rng.standard_normal((2000, 8, 3)))
+    moved = replace(body, points=body.points + 0.03 * NOISE * rng.standard_normal((8, 3)))
+    assert frames_per_error([moved], observations, origin) == pytest.approx(1.0, abs=0.02)
+
+
+def test_errors_that_are_long_along_the_line_of_sight_do_not_last():
+    """Their mean along it is far from zero in the deviations of the other axes, into which the target turns it."""
+    deviations = NOISE * np.array([10.0, 1.0, 1.0])
+    errors = deviations * np.random.default_rng(8).standard_normal((FRAMES, 8, 3))
+    body, observations, origin = body_and_observations(errors)
+    precision = np.broadcast_to(np.diag(deviations**-2), (FRAMES, 8, 3, 3))
+    weighted = Observations(observations.position, observations.weight, precision)
+    assert frames_per_error([body], weighted, origin) == pytest.approx(1.0, abs=0.1)
 
 
 def test_what_moves_all_features_together_is_no_error_of_theirs():

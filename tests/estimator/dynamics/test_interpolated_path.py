@@ -93,6 +93,17 @@ def test_covariances_are_those_of_every_frame(few):
     np.testing.assert_allclose(few.mean_square(), mean_square, atol=1e-12 * np.abs(mean_square).max())
 
 
+@pytest.mark.parametrize("frames", [np.arange(0, 20_000, 7), np.arange(9_000, 9_020), np.array([0, 12_345, 19_999])])
+def test_some_of_the_frames_are_at_the_same_places(few, frames):
+    some, every = few.frames_at(frames), SampledPath(few.jacobian, few.position)
+    assert some.frames == len(frames)
+    x = np.random.default_rng(5).normal(size=few.size)
+    np.testing.assert_allclose(some.position(x), few.position(x)[frames], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(some.jacobian, few.jacobian[frames], atol=1e-14 * np.abs(few.jacobian).max())
+    mean_square = every.frames_at(frames).mean_square()
+    np.testing.assert_allclose(some.mean_square(), mean_square, atol=1e-12 * np.abs(mean_square).max())
+
+
 def test_few_frames_are_not_interpolated():
     path = RelativeOrbit(ORBIT, MIDDLE)
     assert not isinstance(interpolated(path.at, path.frequency, TIME[::400]), InterpolatedPath)
