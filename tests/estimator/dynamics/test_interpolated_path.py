@@ -104,6 +104,13 @@ def test_some_of_the_frames_are_at_the_same_places(few, frames):
     np.testing.assert_allclose(some.mean_square(), mean_square, atol=1e-12 * np.abs(mean_square).max())
 
 
+def test_some_of_the_frames_need_no_jacobian_of_all():
+    path = RelativeOrbit(ORBIT, MIDDLE)
+    every = interpolated(path.at, path.frequency, TIME)
+    every.frames_at(np.arange(0, 20_000, 7)).mean_square()
+    assert "jacobian" not in vars(every)  # which is there once it is computed
+
+
 def test_few_frames_are_not_interpolated():
     path = RelativeOrbit(ORBIT, MIDDLE)
     assert not isinstance(interpolated(path.at, path.frequency, TIME[::400]), InterpolatedPath)
