@@ -77,7 +77,7 @@ class InterpolatedPath(SampledPath):
         return len(self.blocks.weights)
 
     def frames_at(self, index: IntArray) -> "InterpolatedPath":
-        """See `SampledPath`; for ascending indices."""
+        """See `SampledPath`."""
         return InterpolatedPath(self.blocks.of(index), self.at_knots)
 
     def moment(self, frames: Frames, values: FloatArray) -> FloatArray:

@@ -136,7 +136,7 @@ class SampledPath:
         )
 
     def frames_at(self, index: IntArray) -> "SampledPath":
-        """The path at some of its times, by their indices (k,)."""
+        """The path at some of its times, by their ascending indices (k,)."""
         seen_of = None if self.seen_of is None else self.seen_of.frames_at(index)
         turn = None if self.turn is None else self.turn[index]
         return SampledPath(self.jacobian[index], lambda x: self.position(x)[index], seen_of, turn)
