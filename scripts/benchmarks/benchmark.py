@@ -25,6 +25,7 @@ from rich.console import Console
 
 from baryscope import __version__
 from baryscope.models.scenario import load_scenario
+from baryscope.progress import stage
 from baryscope.scripts.benchmarks.adjusting import DENSITY, adjusting
 from baryscope.scripts.benchmarks.estimating import estimating, reading
 from baryscope.scripts.benchmarks.flying import flying
@@ -35,7 +36,6 @@ from baryscope.scripts.benchmarks.stepping import stepping
 from baryscope.scripts.benchmarks.under_forces import under_forces
 from baryscope.scripts.cli.console import Show, out
 from baryscope.study import build_unit
-from baryscope.study.progress import stage
 
 PARTS: Mapping[str, Callable[[Setting], Part]] = {
     "stepping": stepping,

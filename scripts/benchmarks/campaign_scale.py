@@ -22,7 +22,7 @@ from baryscope.scripts.cli.console import Show
 from baryscope.study.campaign import begin, campaign_paths, mended, read_plan, report
 from baryscope.study.campaign.folder import RUNS, RunFile
 from baryscope.study.campaign.runner import PAGE, TABLE
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 LINES = (10_000, 100_000)
 

@@ -17,10 +17,10 @@ from baryscope import __version__
 from baryscope.estimator import METHODS, FeatureTracks, ScrewOptions, estimate
 from baryscope.models.errors import ComputationError
 from baryscope.models.scenario import Scenario, load_scenario
+from baryscope.progress import Progress, stage
 from baryscope.scripts.cli.console import Show
 from baryscope.study import Flight, fly
-from baryscope.study.progress import Progress, stage
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 DURATION = 600.0  # s
 METHODS_OF_SCREWS = tuple(name for name, method in METHODS.items() if method.options is ScrewOptions)

@@ -16,11 +16,11 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import Scenario, load_scenario, scenario_path
 from baryscope.models.variables import Force
+from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
 from baryscope.study.bound_files import bound_paths, noise_of, write_bounds
 from baryscope.study.bounds import BoundTable, Cell, Grid, bound_table, path_in_words, usual_grid, variant_of
-from baryscope.study.progress import stage
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 Number = TypeVar("Number", bound=float)
 

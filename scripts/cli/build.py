@@ -11,8 +11,8 @@ from baryscope.fmu.generate import build_wasm
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_scenario, scenario_path
+from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
-from baryscope.study.progress import stage
 
 
 def build(

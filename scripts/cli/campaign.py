@@ -1,11 +1,8 @@
-"""`baryscope campaign`: scenarios drawn many times, and each method's RMSE over the Cramér–Rao bound.
-
-The campaigns' package is imported where it is used: it brings polars, which takes as long as other commands' start.
-"""
+"""`baryscope campaign`: scenarios drawn many times, and each method's RMSE over the Cramér–Rao bound."""
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
@@ -14,9 +11,22 @@ from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import scenario_path
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
-
-if TYPE_CHECKING:
-    from baryscope.study.campaign import CampaignSummary, Plan, Shard
+from baryscope.study.campaign import (
+    CampaignSummary,
+    Plan,
+    Shard,
+    begin,
+    campaign_paths,
+    connected,
+    mended,
+    merge,
+    plan_of,
+    shard_of,
+)
+from baryscope.study.campaign import campaign as carry_out
+from baryscope.study.campaign import report as report_of
+from baryscope.study.campaign.runner import PAGE, SUMMARY
+from baryscope.study.campaign.suite import read_suite
 
 campaign = App(name="campaign", result_action="return_value")
 
@@ -79,9 +89,6 @@ def run_campaign(
     output
         Folder to write to. Default: out/campaign- and the names of suite or scenarios, and of the shard.
     """
-    from baryscope.study.campaign import begin, campaign_paths, mended, plan_of, shard_of
-    from baryscope.study.campaign import report as report_of
-
     show = show or Show()
     if workers is not None and workers < 1:
         raise InputError(f"--workers: found {workers}, expected at least 1")
@@ -130,20 +137,14 @@ def merge_folders(
     output
         A new folder for all of them.
     """
-    from baryscope.study.campaign import merge
-    from baryscope.study.campaign import report as report_of
-
     merge(folders, output)
     _show(report_of(output), output, show or Show())
 
 
 def _carried_out(
-    plan: "Plan", folder: Path, workers: int | None, scheduler: str | None, part: "Shard", show: Show
-) -> "CampaignSummary":
+    plan: Plan, folder: Path, workers: int | None, scheduler: str | None, part: Shard, show: Show
+) -> CampaignSummary:
     """The campaign, on this machine or on a cluster."""
-    from baryscope.study.campaign import campaign as carry_out
-    from baryscope.study.campaign import connected
-
     with ExitStack() as stack:
         client = None if scheduler is None else stack.enter_context(connected(scheduler))
         progress = stack.enter_context(show.progress())
@@ -152,8 +153,6 @@ def _carried_out(
 
 def _sources(scenario: list[str] | None, suite: str | None) -> list[Path]:
     """The files that a campaign reads."""
-    from baryscope.study.campaign.suite import read_suite
-
     return [scenario_path(name) for name in scenario or []] if suite is None else list(read_suite(suite).files)
 
 
@@ -174,10 +173,8 @@ def _remark_on_what_is_there(done: int, missing: int, show: Show) -> None:
         show.remark(f"{counted(done, 'run is', 'runs are')} there; going on with {missing}")
 
 
-def _show(summary: "CampaignSummary", folder: Path, show: Show) -> None:
+def _show(summary: CampaignSummary, folder: Path, show: Show) -> None:
     """The tables, and what to know of them."""
-    from baryscope.study.campaign.runner import PAGE, SUMMARY
-
     if not summary.count:
         raise InputError(f"{folder}: holds no runs yet, expected some to report")
     words = [word for table in summary.tables() for word in (table, "")]

@@ -20,11 +20,11 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
 from baryscope.models.words import counted
+from baryscope.progress import stage
 from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
-from baryscope.study.progress import stage
 
 
 @Parameter(name="*")

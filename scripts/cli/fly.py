@@ -9,10 +9,10 @@ from baryscope.fmu.system import build_system
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting, temporary_folder
 from baryscope.models.scenario import load_scenario, scenario_path
+from baryscope.progress import Progress, stage
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.study.loop import Loop, fly_loop
 from baryscope.study.loop_files import REPORT, loop_paths, summary_of, write_loop
-from baryscope.study.progress import Progress, stage
 
 
 def fly(

@@ -15,10 +15,10 @@ from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 from baryscope.models.files import Writer, refuse_overwriting, write_together
 from baryscope.models.words import length
+from baryscope.progress import stage
 from baryscope.report import html_of, report_of_joint
 from baryscope.scripts.cli.console import Show
-from baryscope.study.progress import stage
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 
 def find_joint(

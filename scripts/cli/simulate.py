@@ -10,10 +10,10 @@ from baryscope.estimator.formats import writable
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_scenario, scenario_path
 from baryscope.models.words import counted
+from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
 from baryscope.study import fly, write_flight
 from baryscope.study.flight import flight_paths
-from baryscope.study.progress import stage
 
 
 def simulate_scenario(

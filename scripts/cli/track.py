@@ -14,8 +14,8 @@ from baryscope.estimator.tables.times import read_times
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.words import counted
+from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
-from baryscope.study.progress import stage
 
 
 def track_images(

@@ -13,7 +13,7 @@ from baryscope.study.loop import Loop, fly_loop
 from baryscope.study.loop_files import loop_figure, write_loop
 from baryscope.study.loop_report import report_of_loop
 from baryscope.study.pictures import comparison_figure, outcome_figure
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 __all__ = [
     "BoundTable",

@@ -9,7 +9,7 @@ from baryscope.models.scenario import Scenario
 from baryscope.study.bound_pictures import bound_figure
 from baryscope.study.bounds import COLUMNS, BoundTable, millimetres
 from baryscope.study.pictures import pictures_possible, save
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 HEADINGS = {
     "features": "features", "baseline": "baseline, m", "rate_deg": "rate, °/s", "range": "range, m",

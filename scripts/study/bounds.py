@@ -16,9 +16,9 @@ from baryscope.estimator.prose import verdict
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario import Scenario
+from baryscope.progress import Progress, stage
 from baryscope.study.flight import scenario_of
-from baryscope.study.progress import Progress, stage
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 COLUMNS = (
     "features", "baseline", "rate_deg", "range", "duration", "observations",

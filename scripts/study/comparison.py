@@ -17,10 +17,10 @@ from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
+from baryscope.progress import Progress, Share, stage
 from baryscope.study.flight import Flight, fly
 from baryscope.study.methods import axes_of, labels_of, options_of
-from baryscope.study.progress import Progress, Share, stage
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 FloatArray = NDArray[np.float64]
 

@@ -10,12 +10,12 @@ from baryscope.estimator.document import write_estimate
 from baryscope.estimator.prose import summary
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.scenario import Scenario
+from baryscope.progress import Progress, stage
 from baryscope.report import write_report
 from baryscope.study.comparison import Comparison, Outcome
 from baryscope.study.comparison_report import report_of_comparison
 from baryscope.study.flight import flight_paths, write_flight
 from baryscope.study.pictures import comparison_figure, outcome_figure, pictures_possible, save
-from baryscope.study.progress import Progress, stage
 
 TRACKS, REPORT = "tracks.csv", "report.html"
 

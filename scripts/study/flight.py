@@ -16,7 +16,7 @@ from baryscope.fmu import Recording, Session, build_fmu, simulate
 from baryscope.models.files import AnyPath, temporary_folder, write_together
 from baryscope.models.scenario import Scenario, load_scenario, orbit_text
 from baryscope.models.sensor.tracking import observe
-from baryscope.study.progress import Progress, stage
+from baryscope.progress import Progress, stage
 
 FloatArray = NDArray[np.float64]
 

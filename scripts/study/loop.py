@@ -20,9 +20,9 @@ from baryscope.models.keplerian import PARAMETERS
 from baryscope.models.orbit import Orbit
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.models.variables import Kind, variable_table
+from baryscope.progress import Progress, stage
 from baryscope.report.charts import nees_of
 from baryscope.study.flight import TRUTH_COLUMNS
-from baryscope.study.progress import Progress, stage
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from baryscope.study.approach.flying import ARRIVED, LOOPS
 from baryscope.study.population.running import Line
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,6 +10,7 @@ from baryscope.models.errors import ComputationError, DiskError
 from baryscope.models.files import AnyPath, refuse_overwriting, temporary_folder
 from baryscope.models.scenario import Scenario
 from baryscope.models.words import counted
+from baryscope.progress import Progress, stage
 from baryscope.report import write_report
 from baryscope.study.campaign.case import Case, drawn
 from baryscope.study.campaign.engines import ClusterEngine, Engine, LocalEngine
@@ -22,7 +23,6 @@ from baryscope.study.campaign.shards import ALL, Shard
 from baryscope.study.campaign.summary import CampaignSummary
 from baryscope.study.campaign.table import read_runs, write_runs
 from baryscope.study.flight import build_unit
-from baryscope.study.progress import Progress, stage
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -11,7 +11,7 @@ from baryscope.models.words import counted
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.statistics import Remark, Row, bound_of, nees_band, remarks, rows_of
 from baryscope.study.campaign.suite import Entry
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 SHORT = ("method", "RMSE", "pred.", "/CRB", "±", "target", "NEES", "mid", "end", "body", "fail", "time")
 HEADINGS = (

@@ -5,10 +5,10 @@ from pathlib import Path
 from baryscope import __version__
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
+from baryscope.progress import Progress, stage
 from baryscope.study.figures.listing import FIGURES
 from baryscope.study.figures.run import PaperRun
 from baryscope.study.pictures import pictures_possible, save
-from baryscope.study.progress import Progress, stage
 
 PAGE = "figures.md"
 

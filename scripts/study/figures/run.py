@@ -15,10 +15,10 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.files import AnyPath, temporary_folder
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.scenario import Scenario
+from baryscope.progress import Progress, stage
 from baryscope.study.bounds import variant_of
 from baryscope.study.comparison import Comparison, Outcome, compare
 from baryscope.study.flight import Flight, build_unit, fly, scenario_of
-from baryscope.study.progress import Progress, stage
 
 FloatArray = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from baryscope.study.population.running import Line
-from baryscope.study.table import Table
 from baryscope.study.world.report import band
+from baryscope.table import Table
 
 
 def table(lines: Sequence[Line]) -> Table:

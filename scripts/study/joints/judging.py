@@ -12,7 +12,7 @@ from baryscope.estimator.joint import Method, joint
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.study.joints.recordings import recorded
 from baryscope.study.population.running import Line
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 FloatArray = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from baryscope.models.files import temporary_folder
 from baryscope.models.scenario import load_scenario
 from baryscope.study.flight import build_unit
 from baryscope.study.population.judging import nees
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 SCENARIO, FEATURES = "envisat", 10
 HEADINGS = (

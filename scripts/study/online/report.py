@@ -7,8 +7,8 @@ import numpy as np
 from baryscope.study.online.flights import POPULATION
 from baryscope.study.online.judging import END, MARKS
 from baryscope.study.population.running import Line
-from baryscope.study.table import Table
 from baryscope.study.world.report import band
+from baryscope.table import Table
 
 TRACKING = "tracking"
 

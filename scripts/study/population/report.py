@@ -7,7 +7,7 @@ import numpy as np
 
 from baryscope.study.population.judging import CRASHED, wrong
 from baryscope.study.population.running import Line
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 SLOW = 5.0  # s
 CLEAR = 0.25  # bound over the features' radius, below which a refusal needs a reason

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from baryscope.study.population.running import Line
-from baryscope.study.table import Table
+from baryscope.table import Table
 
 
 def table(lines: Sequence[Line]) -> Table:

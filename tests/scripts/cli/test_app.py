@@ -51,6 +51,26 @@ def test_version(capsys):
     assert capsys.readouterr().out.strip() == __version__
 
 
+LOADED = """
+import sys
+from baryscope.scripts.cli.app import main
+main(sys.argv[1:])
+print(*sys.modules, file=sys.stderr)
+"""
+
+
+def loaded_by(*arguments):
+    """The modules in a process that has run the command line."""
+    done = subprocess.run([sys.executable, "-c", LOADED, *arguments], capture_output=True, text=True, check=True)
+    return set(done.stderr.split())
+
+
+def test_a_command_loads_what_it_needs():
+    """All takes two seconds, which nobody wants to wait for who asks for the version."""
+    assert not loaded_by("--version") & {"numpy", "casadi", "baryscope.fmu", "baryscope.estimator", "baryscope.study"}
+    assert not loaded_by("build", "--help") & {"baryscope.estimator", "baryscope.study"}
+
+
 def test_scenarios_has_a_line_for_each_preset(capsys):
     assert app.main(["scenarios"]) == 0
     text = capsys.readouterr().out
