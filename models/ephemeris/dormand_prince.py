@@ -4,13 +4,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from baryscope.models.frames import Symbol
 
 
 def step(rates: Callable[[Symbol, float], Symbol], x: Symbol, h: Symbol) -> Symbol:
     """x after one step of size h; rates: (x, fraction of the step) → ẋ."""
+    from scipy.integrate import DOP853  # takes a third of a second to load, which few need
+
     slopes: list[Symbol] = []
     for row, fraction in zip(DOP853.A, DOP853.C, strict=True):
         slopes.append(rates(_moved(x, h, row, slopes), float(fraction)))

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import KroghInterpolator
 
 from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_text
 from baryscope.models.errors import InputError
@@ -58,6 +57,8 @@ class Tabulated:
 
 def _interpolated(segment: Segment, begin: Moment, time: FloatArray) -> FloatArray:
     """The states (n, 6) at times (n,) in s from `begin`."""
+    from scipy.interpolate import KroghInterpolator  # takes half a second to load, which few need
+
     nodes = (segment.moments - begin).astype("timedelta64[ns]").astype(np.int64) / 1e9
     count = min(NODES, len(nodes))
     after = np.searchsorted(nodes, time, "right")
