@@ -17,7 +17,7 @@ from baryscope.fmu.units.target import target_blueprint
 from fuzz_machine import Machine
 from importer import Importer
 
-CALLS = 300_000
+CALLS, SAMPLED_CALLS = 100_000, 60_000
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
 
 
@@ -46,7 +46,7 @@ def test_random_calls_in_c(sanitizing_compiler, small, tmp_path, fmi, scalar, re
         (tmp_path / name).write_bytes(content)
     here = request.path.parent
     # 2000 internal steps suffice for sensible inputs; others fail at once instead of after a minute.
-    flags = ["-std=c11", "-g", "-O1", "-w", "-DMOST_STEPS=2000L", *SANITIZERS, f"-I{tmp_path}", f"-I{here}"]
+    flags = ["-std=c11", "-g", "-O0", "-w", "-DMOST_STEPS=2000L", *SANITIZERS, f"-I{tmp_path}", f"-I{here}"]
     command = [sanitizing_compiler, *flags, str(here / "fuzz_harness.c"), "-o", "fuzz", "-lm"]
     compiled = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert compiled.returncode == 0, compiled.stderr
@@ -65,12 +65,12 @@ def test_random_calls_on_sampled_units(sanitizing_compiler, small, tmp_path, uni
     for name, content in (sources | interface_headers(2)).items():
         (tmp_path / name).write_bytes(content)
     harness = str(request.path.with_name("fuzz_sampled.c"))
-    command = [sanitizing_compiler, "-std=c11", "-g", "-O1", "-w", *SANITIZERS, f"-I{tmp_path}", harness]
+    command = [sanitizing_compiler, "-std=c11", "-g", "-O0", "-w", *SANITIZERS, f"-I{tmp_path}", harness]
     compiled = subprocess.run(
         [*command, "-o", "fuzz", "-lm"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert compiled.returncode == 0, compiled.stderr
-    result = subprocess.run([tmp_path / "fuzz", "200000", "7"], capture_output=True, text=True, check=False)
+    result = subprocess.run([tmp_path / "fuzz", str(SAMPLED_CALLS), "7"], capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     calls, refused, lives = map(int, re.findall(r"\d+", result.stdout))
     assert calls > refused > calls // 20
@@ -89,7 +89,7 @@ def test_random_calls_from_python(envisat_fmu, tmp_path, interface):
     )
     attributes = {"library": library, "description": description, "interface": interface}
     machine = type("UnitMachine", (Machine,), attributes)
-    run_state_machine_as_test(machine, settings=settings(max_examples=200, stateful_step_count=80, deadline=None))
+    run_state_machine_as_test(machine, settings=settings(max_examples=100, stateful_step_count=80, deadline=None))
     library.freeLibrary()
 
 
