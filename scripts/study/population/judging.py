@@ -98,7 +98,7 @@ def tried(case: Case, sample: Sample, method: str, orbit: bool) -> Estimate | Fa
     try:
         return attempt(sample.tracks, method=method, orbit=case.orbit if orbit else None, options=options)
     except InputError as error:
-        return Failure(method, Reason.OTHER, f"{CRASHED} input error, {error}")
+        return Failure(method, Reason.OTHER, str(error))  # of tracks that are no input, with what was expected
     except Exception as error:
         return Failure(method, Reason.OTHER, f"{CRASHED} {type(error).__name__}: {error}")
 

@@ -1,0 +1,23 @@
+"""How an estimate of a case is judged."""
+
+import baryscope.study.population.judging as judging
+from baryscope.study.population.judging import judged
+from baryscope.study.population.report import failing
+
+
+def test_tracks_that_are_no_input_are_refused():
+    """One feature in view at a time: `population case --seed 92 --index 13`."""
+    line = judged(92, 13, "pivot", False)
+    assert "no two of the 3 features have a time in common" in line["message"]
+    (fault,) = failing([line])
+    assert fault.startswith("refused ")
+
+
+def test_what_is_no_reasoned_refusal_is_a_crash(monkeypatch):
+    def broken(*_args, **_options):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(judging, "attempt", broken)
+    (fault,) = failing([judged(92, 13, "pivot", False)])
+    assert fault.startswith("crashed ")
+    assert "division by zero" in fault
