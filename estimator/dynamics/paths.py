@@ -19,7 +19,7 @@ IntArray = NDArray[np.intp]
 Frames = slice | IntArray
 
 FIXED = "fixed"
-FREQUENCY, STEEP = "frequency", "steepness"  # the names of hyperparameters
+FIRST, FREQUENCY, STEEP = "first coefficient", "frequency", "steepness"  # the names of hyperparameters
 LOWEST_FREQUENCY = 1e-2  # of a smooth path's coefficients, rad in half the time span
 STEEPNESS = (0.2, 1.0)  # of their decrease; 1 is that of waves
 LONGEST = 1e6  # m, of a smooth path's coefficients: a bound on their law, which nothing comes near
@@ -235,7 +235,7 @@ class Smooth(Polynomial):
         """That of the coefficients; the constant has none."""
         order = np.repeat(np.arange(1.0, self.degree + 1), 3)
         parameters = (
-            Hyperparameter("first coefficient", upper=np.log(LONGEST**2), by_root=True),
+            Hyperparameter(FIRST, upper=np.log(LONGEST**2), by_root=True),
             Hyperparameter(FREQUENCY, np.log(LOWEST_FREQUENCY), np.log(max(self.degree, 1))),
             Hyperparameter(STEEP, *STEEPNESS),
         )

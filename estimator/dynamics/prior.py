@@ -181,6 +181,13 @@ class Prior:
         names = [one.name for one in self.hyperparameters]
         return names.index(name) if name in names else None
 
+    def at(self, theta: FloatArray) -> "Prior":
+        """The prior with all hyperparameters fixed, θ (h,)."""
+        found = self
+        for one, value in zip(self.hyperparameters, theta, strict=True):
+            found = found.fixed(one.name, float(value))
+        return found
+
     def fixed(self, name: str, value: float) -> "Prior":
         """The prior with the logarithm of one hyperparameter fixed; unchanged if there is none of that name."""
         index = self.index(name)

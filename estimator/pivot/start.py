@@ -2,7 +2,8 @@
 
 A flexible path can follow the body's rotation and so hide a wrong offset. There the linearised problem does not show
 the better solution, as errors of the attitudes times a change of the offset are of second order. So a smooth path
-starts from a straight line, and from coefficients that decrease fast or slowly; any path starts without process noise.
+starts from a straight line, from coefficients that decrease fast or slowly, and from a place at rest; any path starts
+without process noise.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import MEDIAN, reweighted
-from baryscope.estimator.dynamics.paths import FREQUENCY, STEEP, STEEPNESS, SampledPath
+from baryscope.estimator.dynamics.paths import FIRST, FREQUENCY, STEEP, STEEPNESS, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
@@ -32,7 +33,7 @@ from baryscope.estimator.registration.clusters import Registered
 FloatArray = NDArray[np.float64]
 
 FREQUENCIES = (0.01, 0.4, 2.0, 8.0)  # of a smooth path's coefficients, from which solutions start
-NO_NOISE = -200.0  # logarithm of a density without effect
+NOTHING = -200.0  # logarithm of a density without effect
 STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
 SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
@@ -53,16 +54,19 @@ def linear_start(
 ) -> tuple[tuple[Body, ...], FloatArray, Prior | None]:
     """Initial bodies and x (p,): the best of several solutions, of linear least squares and some steps.
 
-    And the simple prior from which it began; None if that is the path's own.
+    And the prior to go on with until weights have settled: the simple one from which it began, for a place at rest the
+    path's own as it is found there; None if it began from the path's own.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
     of an observation of weight 1; lasting: how many frames have the same errors of the features.
     """
     own = _in_subsample(registered, few)
-    quiet = prior.fixed(DENSITY, NO_NOISE)
+    quiet = prior.fixed(DENSITY, NOTHING)
     smooth = prior.index(FREQUENCY) is not None
     steep = quiet.fixed(STEEP, STEEPNESS[1])
-    simple = [steep.fixed(FREQUENCY, float(np.log(one))) for one in FREQUENCIES] if smooth else [quiet]
+    waves = [steep.fixed(FREQUENCY, float(np.log(one))) for one in FREQUENCIES]
+    at_rest = waves[0].fixed(FIRST, NOTHING)
+    simple = [*waves, at_rest] if smooth else [quiet]
     priors = [*simple, prior] if prior.hyperparameters else [prior]
     trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled, own.noise)
     for one in priors:
@@ -79,7 +83,12 @@ def linear_start(
     found = trials[index]
     pairs = zip(registered.bodies, found.bodies, strict=True)
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
-    return bodies, found.x, None if priors[index] is prior else priors[index]
+    if priors[index] is prior:
+        return bodies, found.x, None
+    if priors[index] is not at_rest:
+        return bodies, found.x, priors[index]
+    assert found.theta is not None  # noqa: S101  it was stepped
+    return bodies, found.x, prior.at(found.theta)
 
 
 def _stepped(
