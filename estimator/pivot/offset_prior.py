@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 RADII = 2.0  # standard deviation of each coordinate of the offset, in the rms radius of very many features
 LEAST = 1e-3  # information of the tracks over that of the prior: less is as good as none
 NOTICEABLE = 1e-4  # information of the prior over that of the tracks, from which spurious information matters to it
+CONTRADICTED = 15.0  # increase of the squared residuals over their variance where offsets are held, which noise is not
+DEVIATIONS = 3.0  # of the noise of the sum of squares from one place to another
 NOISIER = 1.5  # spurious information over that where offsets are told
 MOST_TIMES, TOLERANCE = 3, 0.5  # how often what holds firmly is found anew, and the relative change for which it is
 
@@ -102,32 +104,40 @@ class Holding:
 class Plain:
     """A solution with offsets that are held by their prior alone: bodies, x (p,), and the weighted squares there.
 
-    spurious: the trace of the spurious information on the offsets.
+    spurious (k, 3, 3): the spurious information on the bodies' offsets.
     """
 
     bodies: tuple[Body, ...]
     x: FloatArray
     cost: float
-    spurious: float
+    spurious: FloatArray
 
     @classmethod
     def of(
         cls, bodies: tuple[Body, ...], x: FloatArray, cost: float, spurious: Callable[[], Sequence[FloatArray]]
     ) -> "Plain":
         """That with spurious information (3, 3) on each body's offset."""
-        return cls(bodies, x, cost, _trace(spurious()))
+        return cls(bodies, x, cost, np.array(spurious()))
 
-    def is_told(self, cost: float, more: float, spurious: Callable[[], Sequence[FloatArray]]) -> bool:
-        """Whether its offsets are told after all, as what holds them leads to squares that are greater by `more`, and
-        to noisier attitudes: these made what is told seem spurious.
+    def is_told(
+        self, bodies: Sequence[Body], cost: float, variance: float, spurious: Callable[[], Sequence[FloatArray]]
+    ) -> bool:
+        """Whether its offsets are told after all, as what holds them leads bodies to greater squares than noise does,
+        and to noisier attitudes: these made what is told seem spurious.
 
         Of features nearly in a line, with the centre of mass beside it, attitudes are far noisier where it is on it.
+        variance: of the squares, for weights of 1. The slope of their sum has the noise of the spurious information S:
+        along a change d of the offsets, twice the root of variance times dᵀ S d.
         """
-        return cost > self.cost + more and _trace(spurious()) > NOISIER * self.spurious
+        pairs = zip(bodies, self.bodies, strict=True)
+        change = np.array([held.points.mean(axis=0) - own.points.mean(axis=0) for held, own in pairs])
+        noise = 2 * float(np.sqrt(variance * np.einsum("ki,kij,kj->", change, self.spurious, change)))
+        more = CONTRADICTED * variance + DEVIATIONS * noise
+        return cost > self.cost + more and _trace(np.array(spurious())) > NOISIER * _trace(self.spurious)
 
 
-def _trace(information: Sequence[FloatArray]) -> float:
-    return float(sum(np.trace(own) for own in information))
+def _trace(information: FloatArray) -> float:
+    return float(np.trace(information, axis1=1, axis2=2).sum())
 
 
 def against_spurious(

@@ -31,7 +31,7 @@ from baryscope.estimator.pivot.free_attitudes import (
     squares_of_used,
 )
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
-from baryscope.estimator.pivot.offset_prior import Holding, Plain
+from baryscope.estimator.pivot.offset_prior import CONTRADICTED, Holding, Plain
 from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
@@ -43,7 +43,6 @@ IntArray = NDArray[np.intp]
 
 MAX_ROUNDS = 30
 WANDERING = 12  # rounds after which steps, with weights that are at rest, follow noise in a direction that is not told
-CONTRADICTED = 15.0  # increase of the squared residuals over their variance where offsets are held, which noise is not
 FIRM_ROUNDS = 15  # more, at most, once the prior of the offsets holds these against spurious information
 STEP_TOLERANCE = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 ROUNDING = 1e-10  # relative to the distance: residuals below this are rounding errors
@@ -192,10 +191,10 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
         # Steps that become longer lead to a place that the tracks do tell.
         wandering = holding.firm is None and simple is None and last.steady and not faster and rounds >= WANDERING
-        contradicted = CONTRADICTED * lasting * least
-        if converged or wandering or (plain is not None and cost > plain.cost + contradicted):
+        contradicted = plain is not None and cost > plain.cost + CONTRADICTED * lasting * least
+        if converged or wandering or contradicted:
             spurious = partial(spurious_of_known, bodies, observations, sampled.position(x), least, shift)
-            if plain is not None and plain.is_told(cost, contradicted, spurious):
+            if plain is not None and plain.is_told(problem.bodies, cost, lasting * least, spurious):
                 bodies, x = plain.bodies, np.pad(plain.x, (0, path.size - len(plain.x)))
                 plain, converged, here = None, False, None
                 holding, most = holding.of_prior_alone(), rounds + MAX_ROUNDS

@@ -11,6 +11,7 @@ from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.pivot.offset_prior import (
     RADII,
     Holding,
+    Plain,
     a_priori_information,
     against_spurious,
     radius_of_many,
@@ -130,6 +131,20 @@ def test_what_seems_spurious_where_the_solution_begins_is_told_after_all():
         found = estimate_by_pivot(sampled(case).tracks, None, PathOptions())
         line = of_estimate(found, case.path)
         assert line["announced"] or not wrong(line)  # 60/99 comes to rest or not as kernels of the processor round
+
+
+@pytest.mark.parametrize("more, told", [(19.0, False), (20.0, True)])
+def test_squares_that_noise_makes_greater_tell_no_offset(more, told):
+    """15 times a variance of 0.5, and three deviations of the slope along z, 2 √(0.5 · 2), times 2 m: 19.5.
+
+    With 1499 frames of 21 features (`population case --seed 94 --index 68`) squares differ by 26 over 2 m along the
+    axis, of which the deviation is 18. It was 9.6 m off, at a claim of 3.4 m.
+    """
+    points = np.random.default_rng(0).normal(size=(5, 3))
+    plain = Plain.of((body(30, points),), np.zeros(3), 1000.0, lambda: [np.diag([9.0, 9.0, 2.0])])
+    held = [body(30, points - [0.0, 0.0, 2.0])]
+    assert plain.is_told(held, 1000.0 + more, 0.5, lambda: [np.diag([20.0, 20.0, 2.0])]) is told
+    assert not plain.is_told(held, 1100.0, 0.5, lambda: [np.diag([14.0, 14.0, 1.0])])  # attitudes that are no noisier
 
 
 def test_a_prior_that_is_alone_stays_so():
