@@ -21,6 +21,7 @@ from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import (
     MOST_HALVINGS,
@@ -107,7 +108,7 @@ def refined(start: Start, options: PathOptions) -> Pivot:
     bodies, x = start.bodies, start.x
     sampled = as_seen(path, start.sampled, start.errors, x)
     theta: FloatArray | None = None
-    simple, slip, lasting, brought_back = start.first_prior, 0.0, start.lasting, False
+    simple, slip, lasting, brought_back, extended = start.first_prior, 0.0, start.lasting, False, False
     scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
     converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
     stereo = varies_with_range(measured, options.noise)
@@ -173,6 +174,13 @@ def refined(start: Start, options: PathOptions) -> Pivot:
             )
             if near is not None:
                 (bodies, weight), brought_back, converged, here = near, True, False, None
+                observations = observations.weighted(weight)
+        if converged and not extended and rounds < most:
+            extended = True
+            spurious = partial(spurious_of_known, bodies, observations, sampled.position(x), least, shift)
+            more = with_few_features(solution, observations.weight, measured, sampled, lasting * least, spurious)
+            if more is not None:
+                (bodies, weight), converged, here = more, False, None
                 observations = observations.weighted(weight)
         if converged and rounds < most and (richer := _richer(path, solution, theta, together, sampled)) is not None:
             path, converged, here = richer, False, None
