@@ -85,7 +85,7 @@ def linear_start(
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
     if priors[index] is prior:
         return bodies, found.x, None
-    if priors[index] is not at_rest:
+    if not smooth or priors[index] is not at_rest:
         return bodies, found.x, priors[index]
     assert found.theta is not None  # noqa: S101  it was stepped
     return bodies, found.x, prior.at(found.theta)

@@ -1,13 +1,19 @@
 """From where the solution starts, where a flexible path hides it."""
 
+import numpy as np
 import pytest
 
+from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot import method
+from baryscope.estimator.pivot import start as starting
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.result import Status
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
 from baryscope.study.population.sensing import sampled
+from free_paths import NOISE, ORBIT, at_rest, turning
+from synthetic import box_features, make_case
 
 
 @pytest.mark.parametrize("seed, index, draw", [(97, 79, 0), (97, 79, 1), (98, 71, 0)])
@@ -24,3 +30,24 @@ def test_a_place_at_rest_is_found_beside_a_path_that_follows_the_rotation(seed, 
     assert found.status is Status.GOOD
     assert not wrong(line)
     assert line["rmse"] < 0.05
+
+
+def test_a_path_with_an_orbit_begins_without_process_noise(monkeypatch):
+    """Until weights have settled, if that start is the best: there is no place at rest to begin from."""
+    starts = []
+    monkeypatch.setattr(starting, "_best", lambda *_: 0)
+
+    def refined(start, options):
+        starts.append(start)
+        return kept(start, options)
+
+    kept = method.refined
+    monkeypatch.setattr(method, "refined", refined)
+    time, R = turning(60)
+    case = make_case(time, R, at_rest(time), box_features(6, (10, 5, 5), 3), noise=NOISE)
+    estimate_by_pivot(case.tracks, ORBIT.model(), PathOptions())
+    first, own = starts[0].first_prior, starts[0].path.prior
+    assert first is not None
+    assert first.index(DENSITY) is None
+    quiet = own.fixed(DENSITY, -200.0).precision(np.zeros(0))
+    np.testing.assert_array_equal(first.precision(np.zeros(0)), quiet)
