@@ -65,8 +65,8 @@ def linear_start(
     smooth = prior.index(FREQUENCY) is not None
     steep = quiet.fixed(STEEP, STEEPNESS[1])
     waves = [steep.fixed(FREQUENCY, float(np.log(one))) for one in FREQUENCIES]
-    at_rest = waves[0].fixed(FIRST, NOTHING)
-    simple = [*waves, at_rest] if smooth else [quiet]
+    at_rest = waves[0].fixed(FIRST, NOTHING) if smooth else None
+    simple = [quiet] if at_rest is None else [*waves, at_rest]
     priors = [*simple, prior] if prior.hyperparameters else [prior]
     trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled, own.noise)
     for one in priors:
@@ -85,7 +85,7 @@ def linear_start(
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
     if priors[index] is prior:
         return bodies, found.x, None
-    if not smooth or priors[index] is not at_rest:
+    if priors[index] is not at_rest:
         return bodies, found.x, priors[index]
     assert found.theta is not None  # noqa: S101  it was stepped
     return bodies, found.x, prior.at(found.theta)

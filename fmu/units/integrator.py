@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 def integrator_header(states: int) -> str:
     """C header with the coefficients and the integrators' width, for so many states at most."""
-    from scipy.integrate import DOP853  # takes a third of a second to load, which few need
+    from scipy.integrate import DOP853  # slow to load, and few need it
 
     stages, columns = DOP853.n_stages, len(DOP853.D[0])
     return "\n".join(

@@ -10,7 +10,7 @@ from baryscope.models.frames import Symbol
 
 def step(rates: Callable[[Symbol, float], Symbol], x: Symbol, h: Symbol) -> Symbol:
     """x after one step of size h; rates: (x, fraction of the step) → ẋ."""
-    from scipy.integrate import DOP853  # takes a third of a second to load, which few need
+    from scipy.integrate import DOP853  # slow to load, and few need it
 
     slopes: list[Symbol] = []
     for row, fraction in zip(DOP853.A, DOP853.C, strict=True):

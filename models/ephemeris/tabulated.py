@@ -57,7 +57,7 @@ class Tabulated:
 
 def _interpolated(segment: Segment, begin: Moment, time: FloatArray) -> FloatArray:
     """The states (n, 6) at times (n,) in s from `begin`."""
-    from scipy.interpolate import KroghInterpolator  # takes half a second to load, which few need
+    from scipy.interpolate import KroghInterpolator  # slow to load, and few need it
 
     nodes = (segment.moments - begin).astype("timedelta64[ns]").astype(np.int64) / 1e9
     count = min(NODES, len(nodes))

@@ -13,7 +13,7 @@ from baryscope.models.errors import ComputationError, InputError
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
-# Module and function of each command, imported when it is run or described: to load what all of them need takes 1.5 s.
+# Module and function of each command, imported when it is run or described: all of them together need every library.
 COMMANDS = {
     "compare": "compare:compare",
     "build": "build:build",

@@ -66,7 +66,7 @@ def loaded_by(*arguments):
 
 
 def test_a_command_loads_what_it_needs():
-    """All takes two seconds, which nobody wants to wait for who asks for the version."""
+    """Nobody wants to wait for all libraries who asks for the version."""
     assert not loaded_by("--version") & {"numpy", "casadi", "baryscope.fmu", "baryscope.estimator", "baryscope.study"}
     assert not loaded_by("build", "--help") & {"scipy", "baryscope.estimator", "baryscope.study"}
 
