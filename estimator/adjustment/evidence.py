@@ -7,9 +7,11 @@ r, and the prior x ~ N(0, P⁻¹). All unknowns that are not in x have been elim
 
 Its derivative by the logarithm of an unknown's variance is 1 − Pᵢ (Mᵢᵢ + mᵢ²), with M = (A + P)⁻¹ and m the posterior
 mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bounds, that is, log-uniform in the density.
+
+Of a smooth path's coefficients the likely laws fix half at zero: these take no part in the algebra.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -42,6 +44,7 @@ class Linear:
     information: FloatArray
     rhs: FloatArray
     x: FloatArray
+    _parts: "dict[bytes, tuple[Linear, float]]" = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def firmest(self) -> FloatArray:
@@ -53,6 +56,22 @@ class Linear:
     def squares(self) -> FloatArray:
         """Those of x, (p,)."""
         return self.x * self.x
+
+    def among(self, loose: BoolArray) -> "tuple[Linear, float]":
+        """The system of some unknowns (k,) where the others are zero, and what these add to xᵀP x − uᵀ(A + P)⁻¹u.
+
+        The last one is kept, as most steps of a search ask for the same.
+        """
+        if loose.all():
+            return self, 0.0
+        which = loose.tobytes()
+        if which not in self._parts:
+            zeroed = np.where(loose, 0.0, self.x)
+            turned = self.information @ zeroed
+            rest = Linear(self.information[loose][:, loose], (self.rhs + turned)[loose], self.x[loose])
+            self._parts.clear()
+            self._parts[which] = rest, float(zeroed @ (turned + 2 * self.rhs))
+        return self._parts[which]
 
 
 def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
@@ -128,10 +147,9 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     """
     of = prior.slopes[:, 0] != 0
     rest = linear.information[~of][:, ~of] + np.diag(held(linear, prior, bounds[:1])[0][~of])
-    scale, factor = scaled_factor(rest)
     crossed = linear.information[~of][:, of]
     absolute = linear.rhs + linear.information[:, of] @ linear.x[of]
-    left = scale[:, None] * dpotrs(factor, scale[:, None] * np.column_stack([crossed, absolute[~of]]), lower=True)[0]
+    left = solved(rest, np.column_stack([crossed, absolute[~of]]))
     root = np.exp(prior.offset[of] / 2)
     scaled = (linear.information[of][:, of] - crossed.T @ left[:, :-1]) * np.outer(root, root)
     values, axes = np.linalg.eigh((scaled + scaled.T) / 2)
@@ -159,10 +177,7 @@ def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) ->
 
 def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
     """−2 ln p of hyperparameters θ (h,), up to a constant."""
-    precision, _ = held(linear, prior, theta)
-    return _minimum(linear, prior, precision, *scaled_factor(linear.information, precision))[1] + float(
-        prior.penalty(theta)[0]
-    )
+    return _minimum(linear, prior, held(linear, prior, theta)[0]).value + float(prior.penalty(theta)[0])
 
 
 def ranges(linear: Linear, prior: Prior) -> FloatArray:
@@ -197,64 +212,81 @@ def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, B
     return np.minimum(precision, linear.firmest), ~prior.free & (precision < linear.firmest)
 
 
-def scaled_factor(information: FloatArray, precision: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
-    """The scale (p,) that makes the diagonal of A + P one, and the Cholesky factor (p, p) of the scaled matrix.
+def cholesky(information: FloatArray, precision: FloatArray | float = 0.0) -> FloatArray:
+    """The lower Cholesky factor (p, p) of A + P.
 
-    What elimination has rounded may be indefinite; the diagonal then grows until it is not.
+    What elimination has rounded may be indefinite; the diagonal then grows, in proportion, until it is not. That
+    of a matrix with rows and columns scaled is the same factor with its rows scaled: no scaling makes it better.
 
     Raises:
         LinAlgError: the matrix (p, p) has values that are not finite.
     """
     diagonal = information.diagonal() + precision
     positive = diagonal > 0
-    scale = 1 / np.sqrt(np.where(positive, diagonal, 1.0))
     ridge = RIDGE
     while np.isfinite(ridge):
-        matrix = information * scale
-        matrix *= scale[:, None]
-        matrix.flat[:: len(scale) + 1] = positive + ridge
+        matrix = information.copy()
+        matrix.flat[:: len(matrix) + 1] = np.where(positive, (1 + ridge) * diagonal, ridge)
         # The transpose, in Fortran's order, is not copied. A tenth of the time of cho_factor.
         factor, failed = dpotrf(matrix.T, lower=True, overwrite_a=True)
         if not failed:
-            return scale, factor
+            return np.asarray(factor)
         ridge *= 100
     raise np.linalg.LinAlgError("the information has values that are not finite")
 
 
 def solved(information: FloatArray, right: FloatArray) -> FloatArray:
-    """The solution (p, k) of a positive definite system (p, p), scaled to a unit diagonal."""
-    scale, factor = scaled_factor(information)
-    return np.asarray(scale[:, None] * dpotrs(factor, scale[:, None] * right, lower=True)[0])
+    """The solution (p, k) of a positive definite system (p, p)."""
+    return np.asarray(dpotrs(cholesky(information), right, lower=True)[0])
 
 
 def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean (p,) and covariance (p, p) of x for given hyperparameters."""
     precision, _ = held(linear, prior, theta)
-    scale, factor = scaled_factor(linear.information, precision)
-    change = scale * dpotrs(factor, scale * (linear.rhs - precision * linear.x), lower=True)[0]
-    root, _ = dtrtri(factor, lower=True)
-    root *= scale
-    return linear.x + change, np.asarray(root.T @ root)
+    found = _minimum(linear, prior, precision)
+    mean, variance = np.zeros(len(precision)), np.zeros_like(precision)
+    mean[found.loose] = found.mean
+    np.divide(1.0, precision, out=variance, where=~found.loose)
+    root, _ = dtrtri(found.factor, lower=True)
+    covariance = np.diag(variance)
+    covariance[np.ix_(found.loose, found.loose)] = root.T @ root
+    return mean, covariance
 
 
 def objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
     """−2 ln p up to a constant, and its gradient (h,)."""
-    precision, loose = held(linear, prior, theta)
-    scale, factor = scaled_factor(linear.information, precision)
-    change, value = _minimum(linear, prior, precision, scale, factor)
-    inverse, _ = dtrtri(factor, lower=True)
-    p, mean = precision[loose], (linear.x + change)[loose]
-    variance = (np.einsum("ki,ki->i", inverse, inverse) * scale * scale)[loose]
+    precision, moved = held(linear, prior, theta)
+    found = _minimum(linear, prior, precision)
+    own, p = moved[found.loose], precision[moved]
+    inverse, _ = dtrtri(found.factor, lower=True)
+    variance = np.einsum("ki,ki->i", inverse, inverse)[own]
     penalty, its_gradient = prior.penalty(theta)
-    gradient = (1 - p * (variance + mean**2)) @ prior.derivatives(theta)[loose] + its_gradient
-    return value + float(penalty), np.asarray(gradient)
+    gradient = (1 - p * (variance + found.mean[own] ** 2)) @ prior.derivatives(theta)[moved] + its_gradient
+    return found.value + float(penalty), np.asarray(gradient)
 
 
-def _minimum(
-    linear: Linear, prior: Prior, precision: FloatArray, scale: FloatArray, factor: FloatArray
-) -> tuple[FloatArray, float]:
-    """The change of x (p,) to its posterior mean, and −2 ln p but for the hyperparameters' own."""
-    u = linear.rhs - precision * linear.x
-    change = scale * dpotrs(factor, scale * u, lower=True)[0]
-    value = 2 * np.log(np.diag(factor)).sum() - 2 * np.log(scale).sum() - np.log(precision[~prior.free]).sum()
-    return change, float(value + precision @ linear.squares - u @ change)
+@dataclass(frozen=True, eq=False)
+class _Minimum:
+    """Of −2 ln p by x: its value but for the hyperparameters' own, and the unknowns (k,) that a prior does not fix.
+
+    loose (p,): which they are; mean (k,): the posterior's; factor (k, k): see `cholesky`.
+    """
+
+    value: float
+    loose: BoolArray
+    mean: FloatArray
+    factor: FloatArray
+
+
+def _minimum(linear: Linear, prior: Prior, precision: FloatArray) -> _Minimum:
+    """For the prior's precision (p,), which may be the firmest."""
+    loose = precision < linear.firmest
+    if not loose.any():
+        loose = ~loose
+    rest, value = linear.among(loose)
+    own = precision[loose]
+    factor = cholesky(rest.information, own)
+    u = rest.rhs - own * rest.x
+    change = dpotrs(factor, u, lower=True)[0]
+    value += 2 * np.log(factor.diagonal()).sum() - np.log(own[~prior.free[loose]]).sum()
+    return _Minimum(float(value + own @ rest.squares - u @ change), loose, rest.x + change, factor)

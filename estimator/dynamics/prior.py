@@ -117,20 +117,28 @@ class Prior:
     def _trending(self) -> BoolArray:
         return np.asarray(self._order != 0)
 
+    @cached_property
+    def _numbers(self) -> tuple[FloatArray, IntArray]:
+        """The different numbers (n,) of the unknowns that have one, and each one's place among them."""
+        numbers, places = np.unique(self._order[self._trending], return_inverse=True)
+        return numbers, places.ravel()
+
     def precision(self, theta: FloatArray) -> FloatArray:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
         logarithm = self.offset + self.slopes @ theta
         if self.trend is not None:
-            logarithm[self._trending] += self.trend.at(self._order[self._trending], theta)[0]
+            numbers, places = self._numbers
+            logarithm[self._trending] += self.trend.at(numbers, theta)[0][places]
         return np.asarray(np.exp(np.minimum(-logarithm, MOST)))
 
     def derivatives(self, theta: FloatArray) -> FloatArray:
         """Those (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
         if self.trend is None:
             return self.slopes
-        found, own = self.slopes.copy(), self.trend.at(self._order[self._trending], theta)[1]
+        numbers, places = self._numbers
+        found, own = self.slopes.copy(), self.trend.at(numbers, theta)[1]
         for parameter, index in self.trend.free:
-            found[self._trending, index] += own[:, parameter]
+            found[self._trending, index] += own[places, parameter]
         return found
 
     def scattered(self, untold: FloatArray) -> "Prior":

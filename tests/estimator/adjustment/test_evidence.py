@@ -31,6 +31,23 @@ def test_the_objective_is_the_density_of_the_observations():
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("theta", [(-40.0, 0.5), (-2.0, -45.0), (-60.0, -60.0)])
+def test_unknowns_that_the_prior_fixes_are_zero(theta):
+    """From a place where they are not: the density is that of observations without them, up to one in 10⁶."""
+    two = Prior.none(2).joined(Prior(np.linspace(0, -3, 6), np.ones((6, 1)), (Hyperparameter("first"),)))
+    two = two.joined(Prior(np.linspace(0, -3, 6), np.ones((6, 1)), (Hyperparameter("second"),)))
+    H, x, y = observed(2, 1.0)
+    linear = Linear(H.T @ H, H.T @ (y - H @ x), x)
+    wide, found, expected = 1e5, [], []
+    for at in (np.zeros(2), np.array(theta)):
+        variances = np.concatenate([np.full(2, wide), np.exp(two.offset[2:] + two.slopes[2:] @ at)])
+        expected.append(-2 * multivariate_normal(np.zeros(60), np.eye(60) + (H * variances) @ H.T).logpdf(y))
+        value, gradient = objective(linear, two, at)
+        found.append(value)
+    assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-3)
+    np.testing.assert_array_equal(gradient[np.less(theta, -30)], 0.0)
+
+
 def test_the_gradient_is_that_of_the_objective():
     H, _, y = observed(1, 2.0)
     linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
