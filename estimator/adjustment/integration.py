@@ -29,6 +29,7 @@ MOST_POINTS = 1500  # of that lattice
 EDGE = 1e-6  # of a logarithm: beyond a bound by rounding
 DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
 MOST_DEVIATION = 2.0  # of a combination of hyperparameters, for the length of a step
+NARROW, NARROW_STEPS = 2.0, 3  # a range that is no wider is crossed in so many steps
 LEAST_EFFECT = 1.0  # prior variance times information, from which an optional hyperparameter is not as good as none
 CLAIMED = 0.8  # probability that an optional hyperparameter is no greater than that of the claimed covariance
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
@@ -114,6 +115,9 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
     if joint.any():
         points, costs = _lattice(linear, prior, theta, _principal_steps(linear, prior, theta, joint, bounds), bounds)
         weight = np.exp(-(np.array(costs) - min(costs)) / 2)
+        ranging = joint & (np.ptp(bounds, axis=1) > EDGE)
+        at_ends = np.abs(np.array(points)[:, None, ranging] - bounds[ranging].T).min(axis=1) <= EDGE
+        weight *= 0.5 ** at_ends.sum(axis=1)  # by the trapezoidal rule
         mixture = _Mixture.of(linear, prior, points, weight / weight.sum())
         total += _positive(mixture.within + mixture.between - covariance, np.diag(covariance))
         mean += mixture.mean - at_best
@@ -130,23 +134,32 @@ def _principal_steps(
 ) -> FloatArray:
     """Steps (k, h) along the principal axes of −2 ln p in k hyperparameters, joint (h,), of LATTICE_STEP deviations.
 
-    One that is at a bound has its own, so that no axis leads out of its range at once; one without a range has none.
+    One that is at a bound, or has a narrow range, has its own, so that no axis leads out of its range at once; one
+    without a range has none. Along a narrow range the others follow as far as −2 ln p is quadratic.
     """
-    at_bound = joint & ((theta <= bounds[:, 0]) | (theta >= bounds[:, 1]))
-    within = np.flatnonzero(joint & ~at_bound)
+    width = np.ptp(bounds, axis=1)
+    at_bound = (theta <= bounds[:, 0] + EDGE) | (theta >= bounds[:, 1] - EDGE)
+    own = joint & (at_bound | (width <= NARROW))
+    within, ranging, axes = np.flatnonzero(joint & ~own), np.flatnonzero(own & (width > 0)), np.eye(len(theta))
     hessian = np.empty((len(within), len(within)))
     for row, index in enumerate(within):
-        away = DIFFERENCE * np.eye(len(theta))[index]
+        away = DIFFERENCE * axes[index]
         after, before = (objective(linear, prior, at)[1][within] for at in (theta + away, theta - away))
         hessian[row] = (after - before) / (2 * DIFFERENCE)
     values, vectors = np.linalg.eigh((hessian + hessian.T) / 4)
-    deviation = 1 / np.sqrt(np.clip(values, MOST_DEVIATION**-2, None))
+    values = np.clip(values, MOST_DEVIATION**-2, None)
     steps = np.zeros((len(within), len(theta)))
-    steps[:, within] = LATTICE_STEP * (vectors * deviation).T
-    ranging = at_bound & (bounds[:, 1] > bounds[:, 0])
-    width = np.ptp(bounds[ranging], axis=1)
-    apart = width / np.ceil(width / LATTICE_STEP)
-    return np.concatenate([steps, apart[:, None] * np.eye(len(theta))[ranging]])
+    steps[:, within] = LATTICE_STEP * (vectors / np.sqrt(values)).T
+    crossing = []
+    for index in ranging:
+        narrow = width[index] <= NARROW
+        step = axes[index].copy()
+        if narrow and len(within):
+            away = min(DIFFERENCE, width[index]) * np.where(theta[index] > bounds[index].mean(), -1, 1)
+            here, there = (objective(linear, prior, at)[1][within] for at in (theta, theta + away * axes[index]))
+            step[within] = -vectors @ ((vectors.T @ (there - here)) / (2 * values)) / away
+        crossing.append(width[index] / (NARROW_STEPS if narrow else np.ceil(width[index] / LATTICE_STEP)) * step)
+    return np.concatenate([steps, np.reshape(crossing, (-1, len(theta)))])
 
 
 def _lattice(

@@ -21,7 +21,9 @@ Frames = slice | IntArray
 FIXED = "fixed"
 FIRST, FREQUENCY, STEEP = "first coefficient", "frequency", "steepness"  # the names of hyperparameters
 LOWEST_FREQUENCY = 1e-2  # of a smooth path's coefficients, rad in half the time span
-STEEPNESS = (0.2, 1.0)  # of their decrease; 1 is that of waves
+STEEPNESS = (0.0, 1.0)  # of their decrease; 1 is that of waves, 0 that of ellipses
+POWER = 5 / 3  # of it: for branch points with a power of 2/3, as Kepler's motion has in complex time
+SHARPNESS = 3.0  # of the transition from a law with a frequency to one with a rate
 LONGEST = 1e6  # m, of a smooth path's coefficients: a bound on their law, which nothing comes near
 SCATTER = 1.0  # of the logarithm of the variances from a coefficient on that the tracks do not tell: the law is a trend
 
@@ -216,13 +218,13 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Smooth(Polynomial):
-    """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease as those of waves do.
+    """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease as those of orbits do.
 
     A wave of x rad in half the time span has coefficients ±2 Jⱼ(x): as large up to j = x, and beyond, less than any
-    power. Their envelope, over the first, is the law of their standard deviations (`_decrease`). Less steep, a power of
-    it stands for what is not made of waves of few frequencies, such as a passage of the periapsis. The variance of the
-    first coefficient, x, and the steepness are hyperparameters. They take the place of the choice of a degree, with its
-    uncertainty. Each coefficient that the tracks do not tell may break the law, for all that follow.
+    power. Those of an ellipse decrease as ρ^−j j^(−5/3), with the branch points of Kepler's motion on the Bernstein
+    ellipse of ρ. The law of the standard deviations has both as its ends (`_decrease`). The variance of the first
+    coefficient, frequency or rate, and the steepness are hyperparameters. They take the place of the choice of a
+    degree, with its uncertainty. Each coefficient that the tracks do not tell may break the law, for all that follow.
     """
 
     @property
@@ -252,14 +254,23 @@ class Smooth(Polynomial):
 def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The logarithms (k,) of the variances of coefficients over that of the first, and their derivatives (k, 2).
 
-    order (k,): j of each; at (2,): ln x and the steepness s. They are −2 s (g(j) − g(1)), with g = 0 for j ≤ x and
-    g = j arcosh(j/x) − √(j² − x²) beyond, as Bessel's Jⱼ(x) decreases with e^(−g).
+    order (k,): j of each; at (2,): t and the steepness s. They are −2 s (g(j) − g(1)) − 2 λ (j − 1) − 2 p ln(j/x),
+    with g = 0 and no power for j ≤ x, and g = j arcosh(j/x) − √(j² − x²) beyond, as Bessel's Jⱼ(x) decreases with
+    e^(−g). x is eᵗ and λ zero where t is greater than zero, and x is 1 and λ is −t where it is less, but for a smooth
+    transition: for s = 1 these are one law, as g(j) − g(1) grows by (j − 1) ln(1/x) for a smaller x. For s = 0 it is
+    that of coefficients ρ^−j j^−p with λ = ln ρ, those of a function whose nearest branch points are on the ellipse of
+    ρ about ±1.
 
-    Source: Abramowitz and Stegun 1964, 9.1.44, 9.1.45 and 9.3.7.
+    Source: Abramowitz and Stegun 1964, 9.1.44, 9.1.45 and 9.3.7; Trefethen 2019, Approximation Theory and
+    Approximation Practice, chapter 8.
     """
-    x, steepness = np.exp(at[0]), at[1]
+    t, steepness = at
+    log_x, rate = np.logaddexp(0.0, SHARPNESS * np.array([t, -t])) / SHARPNESS
+    x, wave = np.exp(log_x), np.exp(SHARPNESS * (t - log_x))  # its share in the transition
     beyond = np.maximum(np.append(order, 1.0), x)
     root = np.sqrt((beyond - x) * (beyond + x))
     g = beyond * np.arccosh(beyond / x) - root
     slope = g[-1] - g[:-1], root[:-1] - root[-1]  # of the logarithm of the standard deviation by s, and by s ln x
-    return 2 * steepness * slope[0], 2 * np.column_stack([steepness * slope[1], slope[0]])
+    power = POWER * np.log(beyond[:-1] / beyond[-1])
+    by_t = wave * (steepness * slope[1] + POWER * (order > x)) + (1 - wave) * (order - 1)
+    return 2 * (steepness * slope[0] - rate * (order - 1) - power), 2 * np.column_stack([by_t, slope[0]])
