@@ -235,7 +235,8 @@ def attitude_covariances(information: FloatArray, variance: float) -> FloatArray
     singular = ~found.any(axis=(1, 2))
     if singular.any():  # for cofactors
         values, vectors = np.linalg.eigh(bounded[singular])
-        found[singular] = (vectors / np.maximum(values, 1e-300)[:, None]) @ np.swapaxes(vectors, 1, 2)
+        least = max(variance, 1e-300)  # the information has no negative one but by rounding
+        found[singular] = (vectors / np.maximum(values, least)[:, None]) @ np.swapaxes(vectors, 1, 2)
     return variance * found
 
 

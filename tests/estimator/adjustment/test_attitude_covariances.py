@@ -26,3 +26,11 @@ def test_a_known_attitude_has_the_inverse_of_its_information():
 
 def test_without_any_noise_what_is_known_is_known_exactly():
     assert not attitude_covariances(np.eye(3)[None], 0.0).any()
+
+
+def test_an_attitude_that_is_known_about_two_axes_is_off_by_a_radian_at_most():
+    """Rounding makes the information about the third negative, by more than a variance of 1e-9."""
+    weak = np.array([[1e9, 1e9, 0.0], [1e9, 1e9 - 1e-6, 0.0], [0.0, 0.0, 1.0]])
+    assert np.linalg.eigvalsh(weak)[0] < -1e-7
+    [found] = attitude_covariances(weak[None], 1e-9)
+    assert np.linalg.eigvalsh(found)[-1] == pytest.approx(1.0)
