@@ -8,7 +8,7 @@ r, and the prior x ~ N(0, P⁻¹). All unknowns that are not in x have been elim
 Its derivative by the logarithm of an unknown's variance is 1 − Pᵢ (Mᵢᵢ + mᵢ²), with M = (A + P)⁻¹ and m the posterior
 mean. Source: MacKay, Neural Computation 4, 1992. θ is uniform within its bounds, that is, log-uniform in the density.
 
-Of a smooth path's coefficients the likely laws fix half at zero: these take no part in the algebra.
+Unknowns that the prior fixes, as many of a smooth path's coefficients, are zero: they take no part in the algebra.
 """
 
 from dataclasses import dataclass, field
@@ -242,7 +242,7 @@ def solved(information: FloatArray, right: FloatArray) -> FloatArray:
 
 def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean (p,) and covariance (p, p) of x for given hyperparameters."""
-    precision, _ = held(linear, prior, theta)
+    precision = held(linear, prior, theta)[0]
     found = _minimum(linear, prior, precision)
     mean, variance = np.zeros(len(precision)), np.zeros_like(precision)
     mean[found.loose] = found.mean
@@ -281,7 +281,7 @@ class _Minimum:
 def _minimum(linear: Linear, prior: Prior, precision: FloatArray) -> _Minimum:
     """For the prior's precision (p,), which may be the firmest."""
     loose = precision < linear.firmest
-    if not loose.any():
+    if not loose.any():  # LAPACK takes no empty matrix
         loose = ~loose
     rest, value = linear.among(loose)
     own = precision[loose]

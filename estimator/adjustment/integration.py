@@ -114,10 +114,9 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
         mean += mixture.mean - at_best
     if joint.any():
         points, costs = _lattice(linear, prior, theta, _principal_steps(linear, prior, theta, joint, bounds), bounds)
-        weight = np.exp(-(np.array(costs) - min(costs)) / 2)
-        ranging = joint & (np.ptp(bounds, axis=1) > EDGE)
-        at_ends = np.abs(np.array(points)[:, None, ranging] - bounds[ranging].T).min(axis=1) <= EDGE
-        weight *= 0.5 ** at_ends.sum(axis=1)  # by the trapezoidal rule
+        at_ends = np.abs(np.array(points)[:, None] - bounds.T).min(axis=1) <= EDGE
+        # By the trapezoidal rule; one without a range is at its ends in all points.
+        weight = np.exp(-(np.array(costs) - min(costs)) / 2) * 0.5 ** at_ends.sum(axis=1)
         mixture = _Mixture.of(linear, prior, points, weight / weight.sum())
         total += _positive(mixture.within + mixture.between - covariance, np.diag(covariance))
         mean += mixture.mean - at_best

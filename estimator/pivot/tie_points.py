@@ -28,8 +28,7 @@ SIGNIFICANCE = 1e-4  # probability that the same features are taken for differen
 LINEARITY = 5.0  # least standard deviation of a product over the second-order term that its linear model neglects
 MAX_TIE_POINTS = 8  # points compared between two bodies: more features are averaged in groups
 MAX_SPURIOUS = 1 / 3  # share of spurious information on an offset, above which its body is not tied
-RANK = 1e-3  # relative to the greatest: a combination of normalised misclosures that depends on the others, but for
-# the second-order terms, some 1e-4 of the misclosures' deviations, which its small size would magnify
+RANK = 1e-3  # relative to the greatest: a combination of normalised misclosures that second-order terms alone make
 ROUNDING = 1e-12  # relative to the greatest variance: the variance of products that depend on others
 
 

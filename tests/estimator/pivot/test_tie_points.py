@@ -297,7 +297,8 @@ def test_returning_features_reduce_the_error_as_predicted(kind):
 
 def test_ties_that_depend_on_others_are_not_magnified():
     """Four bodies that share 17 to 26 features with each other: a combination of their misclosures vanishes, but for
-    what its linear model neglects. `population case --seed 102 --index 13 --orbit --draws 5` had a NEES up to 211.
+    what its linear model neglects. Of `python -m baryscope.study.population case --seed 102 --index 13 --orbit
+    --method pivot --draws 5`, three were wrong, with a NEES up to 287.
     """
     case = drawn(102, 13)
     for draw in (2, 4):
