@@ -11,7 +11,7 @@ from baryscope.models.orbit import Orbit
 Reference = Literal["mean", "first"]
 Axes = Literal["inertial", "lvlh"]
 Noise = Literal["auto", "stereo", "fixed"]
-ConstantAxes = Literal["none", "lvlh", "sun"]
+ConstantAxes = Literal["none", "lvlh", "drag", "sun"]
 Burns = Literal["auto", "none"]
 Torque = Literal["none", "gravity-gradient"]
 Density = float | Literal["auto", "none"]
@@ -59,7 +59,8 @@ class PathOptions:
     exactly.
 
     acceleration: of the chaser, as its thrusters' log tells, for `pivot`, `ml` and `ekf`; constant_acceleration: an
-    unknown one of the target less the chaser, in LVLH axes, away from the Sun, or none, for `pivot` and `ml`.
+    unknown one of the target less the chaser, in LVLH axes, against the target's way through the air, away from the
+    Sun, or none, for `pivot` and `ml`.
 
     None means: relative-orbit if an orbit is given, else polynomial; sigma from the
     residuals; the torque that fits the tracks better.
@@ -83,7 +84,7 @@ class PathOptions:
             raise InputError(f"sigma is {self.sigma}, expected a standard deviation of {FINEST:g} to {COARSEST:g} m")
         _check_one_of("noise", self.noise, ("auto", "stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
-        _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "sun"))
+        _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "drag", "sun"))
         _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))
         _check_density("process_noise", self.process_noise, "m²/s³")
         _check_density("torque_noise", self.torque_noise, "rad²/s³")

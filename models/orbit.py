@@ -15,6 +15,7 @@ from baryscope.models.keplerian import ELEMENT_COUNT, PARAMETERS, Elements
 EARTH_MU = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, WGS 84
 EARTH_J2 = 1.08262668e-3  # EGM 96 and 2008
+EARTH_ROTATION_RATE = 7.2921159e-5  # rad/s
 RANGES = {
     "semi_major_axis": (1.0, 1e15, "m"),
     "gravitational_parameter": (1e-9, 1e30, "m³/s²"),

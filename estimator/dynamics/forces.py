@@ -21,7 +21,7 @@ from baryscope.models.ephemeris.sun import sun_direction, sunlit
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.ephemeris.utc import utc_of
 from baryscope.models.errors import InputError
-from baryscope.models.orbit import EARTH_RADIUS, Orbit
+from baryscope.models.orbit import EARTH_RADIUS, EARTH_ROTATION_RATE, Orbit
 
 FloatArray = NDArray[np.float64]
 
@@ -195,9 +195,10 @@ def firings_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end:
 
 
 def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: float) -> Force:
-    """An unknown constant acceleration of the target less that of the chaser, in LVLH axes or away from the Sun.
+    """An unknown constant acceleration of the target less that of the chaser, by axes.
 
-    That of light vanishes in the Earth's shadow.
+    lvlh: its three components; drag: against the target's velocity through air that turns with the Earth; sun: away
+    from the Sun, and none in the Earth's shadow.
 
     Raises:
         InputError: no orbit, or none with an epoch for the Sun.
@@ -210,6 +211,15 @@ def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: floa
         return Force(
             lambda time: lvlh_axes(target_states(orbit, time)), names, UNIT, np.full(3, BROAD), longest, np.zeros(0)
         )
+    if axes == "drag":
+        return Force(
+            lambda time: _against_air(target_states(orbit, time))[:, :, None],
+            ("deceleration by drag",),
+            UNIT,
+            np.array([BROAD]),
+            longest,
+            np.zeros(0),
+        )
     if orbit.epoch is None:
         raise InputError("constant_acceleration is sun, which needs the UTC of time 0; expected an orbit with an epoch")
     light = _light_of(orbit)
@@ -218,6 +228,12 @@ def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: floa
     changing = np.flatnonzero(np.abs(np.diff(share)) > 1e-6)
     breaks = np.unique(np.concatenate([fine[changing], fine[changing + 1]]))
     return Force(light, ("acceleration away from the Sun",), UNIT, np.array([BROAD]), longest, breaks)
+
+
+def _against_air(state: FloatArray) -> FloatArray:
+    """Unit vectors (n, 3) against the velocity through air that turns with the Earth, for states (n, 6) in I."""
+    through_air = state[:, 3:] - np.cross([0.0, 0.0, EARTH_ROTATION_RATE], state[:, :3])
+    return np.asarray(-through_air / np.linalg.norm(through_air, axis=1, keepdims=True))
 
 
 def _light_of(orbit: Orbit) -> Callable[[FloatArray], FloatArray]:

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, field_validator
 
-from baryscope.models.orbit import EARTH_RADIUS
+from baryscope.models.orbit import EARTH_RADIUS, EARTH_ROTATION_RATE
 from baryscope.models.scenario.schema import FileModel, Unit, Vector
 
 Coefficient = Annotated[float, Unit("m²/kg"), Field(ge=0, le=1e3)]
@@ -27,7 +27,7 @@ class Drag(FileModel):
     chaser: Coefficient
     scale_height: Annotated[float, Unit("m"), Field(ge=1e2, le=1e15)] = 60e3
     reference_radius: Annotated[float | None, Unit("m"), Field(gt=0, le=1e12)] = None
-    rotation_rate: Annotated[float, Unit("rad/s"), Field(ge=-0.01, le=0.01)] = 7.2921159e-5  # the Earth's
+    rotation_rate: Annotated[float, Unit("rad/s"), Field(ge=-0.01, le=0.01)] = EARTH_ROTATION_RATE
 
 
 class Light(FileModel):
