@@ -1,5 +1,6 @@
 """What moves the observed path at random, as columns with a variance each, for the posterior Cramér–Rao bound."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,16 +55,33 @@ def camera_axes(target: FloatArray) -> FloatArray:
 
 def _forced(world: World, orbit: Orbit, time: FloatArray) -> FloatArray:
     """The path's response (n, 3, 3 MODES) to orthonormal cosines of acceleration over the span."""
-    size = 1e-6  # m/s² √s: small enough to be linear
     order = np.repeat(np.arange(MODES), 3)
     axis = np.tile(np.eye(3), (MODES, 1))
     norm = np.where(order == 0, 1.0, np.sqrt(2.0)) / np.sqrt(world.span)
+    return response(
+        orbit, time, lambda t, here: (norm * np.cos(np.pi * order * t / world.span))[:, None] * axis, 3 * MODES, 1e-6
+    )
+
+
+def response(
+    orbit: Orbit,
+    time: FloatArray,
+    accelerations: Callable[[float, FloatArray], FloatArray],
+    count: int,
+    size: float,
+    breaks: Sequence[float] = (),
+) -> FloatArray:
+    """The path's response (n, 3, count) in C to accelerations of the chaser, per unit.
+
+    accelerations: of the time in s and the target's state (6,), (count, 3) in I; size: a factor so small that the
+    response is linear, so great that its digits are not lost; breaks: times at which they jump.
+    """
 
     def force(t: float, here: FloatArray, others: FloatArray) -> FloatArray:
         found = np.zeros((len(others) + 1, 3))
-        found[2:] = size * (norm * np.cos(np.pi * order * t / world.span))[:, None] * axis
+        found[2:] = size * accelerations(t, here)
         return found
 
-    state = np.tile([0.0, -20.0, 0.0, 0.0, 0.0, 0.0], (3 * MODES + 1, 1))
-    relative, _ = relative_motion(orbit, state, time, force)
+    state = np.tile([0.0, -20.0, 0.0, 0.0, 0.0, 0.0], (count + 1, 1))
+    relative, _ = relative_motion(orbit, state, time, force, breaks)
     return np.asarray(-(relative[1:] - relative[0]).transpose(1, 2, 0) / size)

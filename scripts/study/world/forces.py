@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from baryscope.models.ephemeris.sun import sun_direction
+from baryscope.models.ephemeris.utc import utc_of
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 from baryscope.study.population.motion import Force, Torque, lvlh_axes
 from baryscope.study.world.worlds import World
@@ -14,6 +16,7 @@ from baryscope.study.world.worlds import World
 FloatArray = NDArray[np.float64]
 
 TILT = np.deg2rad(10.0)  # of the Earth's magnetic dipole
+AIR_RATE = 2 * np.pi / 86_164.0905  # rad/s, of the atmosphere: once in a sidereal day
 STEPS = 600  # of piecewise constant accelerations that stand for white noise
 
 
@@ -40,8 +43,7 @@ def force_of(
     world: World, rng: np.random.Generator, orbit: Orbit, burns: tuple[Burn, ...]
 ) -> tuple[Force, list[float]]:
     """The acceleration besides the point mass's, see `relative_motion`, and the times at which it jumps."""
-    sun = rng.standard_normal(3)
-    sun /= np.linalg.norm(sun)
+    sun = towards_sun(orbit) if world.light else np.zeros(3)
     step = world.span / STEPS
     white = rng.standard_normal((STEPS, 3)) * np.sqrt(world.white / step)
     mu = orbit.gravitational_parameter
@@ -52,7 +54,7 @@ def force_of(
             places = here[:3] + np.concatenate([np.zeros((1, 3)), others[:, :3]])
             pull = j2_acceleration(mu, places)
             found[0], found[1:] = pull[0], pull[1:] - pull[0]
-        found[1:] += world.light * sun - world.drag * here[3:] / np.linalg.norm(here[3:])
+        found[1:] += world.light * sun - world.drag * through_air(here)
         if world.white:
             found[1:] += white[min(int(t / step), STEPS - 1)]
         for burn in burns:
@@ -62,6 +64,17 @@ def force_of(
 
     breaks = [edge for burn in burns for edge in (burn.begin, burn.end)]
     return force, breaks + ([step * k for k in range(1, STEPS)] if world.white else [])
+
+
+def towards_sun(orbit: Orbit) -> FloatArray:
+    """The unit vector (3,) from the Earth to the Sun at the orbit's epoch, in I."""
+    return np.asarray(sun_direction(utc_of(orbit.epoch, "epoch"), np.zeros(1))[0])
+
+
+def through_air(state: FloatArray) -> FloatArray:
+    """The unit vector (3,) along the velocity through air that turns with the Earth, for a state (6,) in I."""
+    found = state[3:] - np.cross([0.0, 0.0, AIR_RATE], state[:3])
+    return np.asarray(found / np.linalg.norm(found))
 
 
 def j2_acceleration(mu: float, place: FloatArray) -> FloatArray:

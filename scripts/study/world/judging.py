@@ -14,8 +14,9 @@ from baryscope.study.population.information import Watched, rms, unknowns_bound
 from baryscope.study.population.judging import accuracy, measured, of_estimate
 from baryscope.study.population.running import Line
 from baryscope.study.world.lasting_bound import lasting_bound
-from baryscope.study.world.scenes import Scene, rows_of, scene
+from baryscope.study.world.scenes import LOG_ERROR, Scene, rows_of, scene
 from baryscope.study.world.smoother import smoothed
+from baryscope.study.world.told_bound import unknown_of_told
 from baryscope.study.world.worlds import WORLDS, World
 
 FloatArray = NDArray[np.float64]
@@ -26,18 +27,24 @@ PEER = "smoother"
 
 @lru_cache(maxsize=1)
 def prepared(name: str, seed: int, draw: int) -> tuple[Scene, dict[str, float]]:
-    """A draw of a world and its bounds: with free attitudes, and with a free tumble where there is one."""
+    """A draw of a world and its bounds: with free attitudes, and with a free tumble where there is one.
+
+    And the same with what is not known of forces that are told.
+    """
     made = scene(WORLDS[name], seed, draw)
-    bounds = {"free": bound_of(made)}
-    if not made.world.eddy and not made.world.slip:
-        bounds["tumble"] = bound_of(made, made.turn)
+    unknown = unknown_of_told(made)
+    turns = {"free": None} if made.world.eddy or made.world.slip else {"free": None, "tumble": made.turn}
+    bounds = {}
+    for kind, turn in turns.items():
+        bounds[kind] = bound_of(made, turn)
+        bounds[kind + TOLD] = bounds[kind] if unknown is None else bound_of(replace(made, disturbance=unknown), turn)
     return made, bounds
 
 
 def bound_of(made: Scene, turn: FloatArray | None = None) -> float:
     """The posterior Cramér–Rao bound of the path's rms error, m.
 
-    Of forces it knows white acceleration by its density, the others exactly.
+    It knows the scene's disturbance by its variance, and all forces exactly.
     """
     if made.world.error_time:
         return rms(made.jacobian @ lasting_bound(made, turn) @ np.swapaxes(made.jacobian, 1, 2))
@@ -66,7 +73,10 @@ def judged(name: str, seed: int, draw: int, method: str) -> Line:
         except Exception as error:
             line |= {"failure": "crashed", "message": f"{type(error).__name__}: {error}"}
     free = method.startswith(("pivot", "score", PEER)) or "tumble" not in bounds
-    return line | {"bound": bounds["free" if free else "tumble"]}
+    kind = "free" if free else "tumble"
+    if method.endswith(TOLD):
+        line["told_bound"] = bounds[kind + TOLD]
+    return line | {"bound": bounds[kind]}
 
 
 def can_be_told(world: World) -> bool:
@@ -75,16 +85,16 @@ def can_be_told(world: World) -> bool:
 
 
 def told(made: Scene, options: PathOptions) -> tuple[Orbit | None, PathOptions]:
-    """The orbit with J2, the logged thrust, and that there is a constant acceleration, where the world has them."""
+    """The orbit with J2, the logged thrust, and that there is drag or light, where the world has them."""
     orbit, world = made.orbit, made.world
     if orbit is not None and world.j2:
         orbit = replace(orbit, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
     if made.burns is not None:
-        firing = 0.0 if world.logged == "exactly" else 0.01
+        firing = 0.0 if world.logged == "exactly" else LOG_ERROR
         log = KnownAcceleration(*rows_of(made.burns, world.span), axes="lvlh", firing=firing)
         options = replace(options, acceleration=log)
     if world.drag or world.light:
-        options = replace(options, constant_acceleration="lvlh")
+        options = replace(options, constant_acceleration="drag" if world.drag else "sun")
     return orbit, options
 
 

@@ -15,7 +15,7 @@ def table(lines: Sequence[Line]) -> Table:
     for line in lines:
         groups.setdefault((line["world"], line["method"]), []).append(line)
     headings = "world, method, draws, rms error mm, claimed mm, NEES, 95 % band, bound mm, rms/bound"
-    more = "announced, refused, density, time s"
+    more = "told bound mm, rms/told bound, announced, refused, density, time s"
     rows = tuple(_row(world, method, group) for (world, method), group in groups.items())
     return Table(tuple(f"{headings}, {more}".split(", ")), rows, left=2)
 
@@ -30,10 +30,11 @@ def _row(world: str, method: str, group: list[Line]) -> tuple[str, ...]:
     answers = [line for line in group if "rmse" in line]
     refused = str(len(group) - len(answers))
     if not answers:
-        return (world, method, str(len(group)), *["-"] * 7, refused, "-", "-")
+        return (world, method, str(len(group)), *["-"] * 9, refused, "-", "-")
     error, claimed, bound = (_rms([line[key] for line in answers]) for key in ("rmse", "predicted_rmse", "bound"))
     every = np.array([line["nees"] for line in answers])
     low, high = band(len(answers))
+    told = _rms([line.get("told_bound", np.nan) for line in answers])
     density = [value for line in answers if (value := line.get("density")) is not None]
     return (
         world,
@@ -45,6 +46,7 @@ def _row(world: str, method: str, group: list[Line]) -> tuple[str, ...]:
         f"{low:.2f}–{high:.2f}",
         f"{1e3 * bound:.3g}",
         f"{error / bound:.2f}",
+        *(("-", "-") if np.isnan(told) else (f"{1e3 * told:.3g}", f"{error / told:.2f}")),
         str(sum(line["announced"] for line in answers)),
         refused,
         f"{np.median(density):.1e}" if density else "-",

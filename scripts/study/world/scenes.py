@@ -41,6 +41,8 @@ POINTS = np.array(
 )
 TOOL = 0.05  # a pivot's tool has features as far from each other as Envisat's times this
 DISTANCE = 20.0  # m on V-bar
+SHIFT, TURN = 1e3, np.deg2rad(1.0)  # of a wrong orbit, m and rad
+LOG_ERROR = 0.01  # of each component of a burn, relative
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +124,13 @@ def _before_periapsis(world: World) -> Orbit:
 def _wrong(orbit: Orbit, rng: np.random.Generator) -> Orbit:
     """The orbit of a state that is 1 km beside the true one, and turned by 1°, both in any direction."""
     shift, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
-    state = orbit_state(orbit)
-    turn = Rotation.from_rotvec(np.deg2rad(1.0) * axis)
-    r, v = turn.apply(state[:3] + 1e3 * shift), turn.apply(state[3:])
+    return displaced(orbit, SHIFT * shift, TURN * axis)
+
+
+def displaced(orbit: Orbit, shift: FloatArray, turn: FloatArray) -> Orbit:
+    """The orbit of a state that is moved by a shift (3,) in m, then turned by a rotation vector (3,)."""
+    state, rotation = orbit_state(orbit), Rotation.from_rotvec(turn)
+    r, v = rotation.apply(state[:3] + shift), rotation.apply(state[3:])
     elements: dict[str, Any] = {**elements_of(np.concatenate([r, v]), orbit.gravitational_parameter)}
     return replace(orbit, **elements)
 
@@ -175,7 +181,7 @@ def _log(world: World, burns: tuple[Burn, ...], rng: np.random.Generator) -> tup
         return None
     if world.logged == "exactly":
         return burns
-    return tuple(replace(b, acceleration=b.acceleration * (1 + 0.01 * rng.standard_normal(3))) for b in burns)
+    return tuple(replace(b, acceleration=b.acceleration * (1 + LOG_ERROR * rng.standard_normal(3))) for b in burns)
 
 
 def rows_of(burns: tuple[Burn, ...], span: float) -> tuple[FloatArray, FloatArray]:

@@ -12,7 +12,8 @@ class World:
 
     orbit: at the first time, but for a random true anomaly unless `periapsis`, then the target passes it in mid-span;
     span and frames; j2: of the Earth on both bodies; drag: difference of the accelerations against the target's
-    velocity; light: difference in a fixed direction; white: density of white acceleration, m²/s³; burns: how many,
+    velocity through air that turns with the Earth; light: difference away from the Sun, whose place is that of the
+    orbit's epoch; white: density of white acceleration, m²/s³; burns: how many,
     of 1–3 mm/s² for 5–30 s in LVLH; logged: exactly, but for 1 % of each component, or not; eddy: rate at which the
     conducting target's angular velocity normal to the magnetic field decays, 1/s; wrong_orbit: the orbit told is off by
     1 km and 1°; attitude_noise of the camera and its boresight, rad; slip: deviation of a fixed pivot, m, of
@@ -44,7 +45,7 @@ class World:
 
 LOW = Orbit(7150e3, 0.001, 1.72, 2.09, 1.57)  # Envisat's
 VERY_LOW = Orbit(EARTH_RADIUS + 400e3, 0.001, 0.9, 1.0, 2.0)
-GEOSTATIONARY = Orbit(42_164e3, 0.0002, 0.001)
+GEOSTATIONARY = Orbit(42_164e3, 0.0002, 0.001, epoch="2026-06-21T12:00:00Z")  # a solstice, so without a shadow
 ECCENTRIC = Orbit(7000e3 / 0.3, 0.7, 1.1, 0.5, 0.8)
 
 WORLDS = {

@@ -8,13 +8,15 @@ import pytest
 from baryscope.estimator import PathOptions
 from baryscope.study.population.information import rms
 from baryscope.study.population.judging import nees
+from baryscope.study.population.motion import relative_motion
 from baryscope.study.world.__main__ import main
 from baryscope.study.world.forces import Burn
 from baryscope.study.world.judging import can_be_told, judged, prepared, told
 from baryscope.study.world.lasting_bound import lasting_bound
 from baryscope.study.world.report import band, table
-from baryscope.study.world.scenes import lasting, rows_of
+from baryscope.study.world.scenes import displaced, lasting, rows_of
 from baryscope.study.world.smoother import smoothed
+from baryscope.study.world.told_bound import unknown_of_told
 from baryscope.study.world.worlds import WORLDS
 
 
@@ -45,6 +47,39 @@ def test_bounds_of_white_acceleration_are_those_of_the_equations():
         _, bounds = prepared(name, 1, 1)
         assert bounds["tumble"] == pytest.approx(expected, rel=0.1)
         assert bounds["tumble"] <= bounds["free"]
+
+
+def test_what_a_force_that_is_told_must_cost():
+    """A factor more among six unknowns of a path costs √(7/6) if all weigh alike; what is known costs nothing."""
+    for name in ("400 km, drag", "geostationary, light"):
+        _, bounds = prepared(name, 1, 1)
+        for kind in ("free", "tumble"):
+            assert bounds[f"{kind} told"] == pytest.approx(bounds[kind] * np.sqrt(7 / 6), rel=0.03)
+    _, bounds = prepared("J2", 1, 1)
+    assert bounds["free told"] == bounds["free"]
+
+
+def test_what_is_not_known_of_a_log_and_of_an_orbit():
+    """Columns of what is told explain what it is off by, to the second order."""
+    made, _ = prepared("thrust logged to 1 %", 1, 1)
+    true = prepared("thrust logged", 1, 1)[0]
+    columns = unknown_of_told(made).columns
+    errors = np.concatenate([t.acceleration / b.acceleration - 1 for t, b in zip(true.burns, made.burns, strict=True)])
+    assert np.abs(errors).max() < 0.04
+    logged = replace(true, burns=made.burns)
+    flown = [unknown_of_told(replace(made, burns=one.burns)).columns.sum(axis=2) for one in (true, logged)]
+    change = np.abs(flown[0] - flown[1]).max()
+    np.testing.assert_allclose(columns @ errors, flown[0] - flown[1], atol=1e-3 * change)
+
+    wrong, right = (prepared(name, 1, 1)[0] for name in ("orbit file wrong", "J2"))
+    shift, axis = np.array([300.0, -200.0, 400.0]), np.array([0.004, 0.002, -0.006])
+    column = unknown_of_told(wrong).columns @ np.concatenate([shift, axis])
+    start = np.array([[0.0, -20, 0, 0, 0, 0]])
+    moved, here = (
+        relative_motion(orbit, start, wrong.time)[0][0] for orbit in (displaced(wrong.orbit, shift, axis), wrong.orbit)
+    )
+    np.testing.assert_allclose(column, here - moved, atol=0.02 * np.abs(moved - here).max())
+    assert unknown_of_told(right) is None
 
 
 def test_the_bound_of_errors_that_last_is_that_of_white_ones_where_they_do_not():
