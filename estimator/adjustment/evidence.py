@@ -170,9 +170,9 @@ def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) ->
     start (h,): hyperparameters from which the minimum is sought.
     """
     theta = maximise(linear, prior, start)
-    u = linear.rhs - held(linear, prior, theta)[0] * linear.x
-    change = conditional(linear, prior, theta)[0] - linear.x
-    return cost(linear, prior, theta) + float(u @ change)
+    precision = held(linear, prior, theta)[0]
+    found = _minimum(linear, prior, precision)
+    return float(found.determinants + precision @ linear.squares + prior.penalty(theta)[0])
 
 
 def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
@@ -269,10 +269,12 @@ def objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, F
 class _Minimum:
     """Of −2 ln p by x: its value but for the hyperparameters' own, and the unknowns (k,) that a prior does not fix.
 
-    loose (p,): which they are; mean (k,): the posterior's; factor (k, k): see `cholesky`.
+    determinants: the first two terms; loose (p,): which unknowns they are; mean (k,): the posterior's; factor (k, k):
+    see `cholesky`.
     """
 
     value: float
+    determinants: float
     loose: BoolArray
     mean: FloatArray
     factor: FloatArray
@@ -288,5 +290,7 @@ def _minimum(linear: Linear, prior: Prior, precision: FloatArray) -> _Minimum:
     factor = cholesky(rest.information, own)
     u = rest.rhs - own * rest.x
     change = dpotrs(factor, u, lower=True)[0]
-    value += 2 * np.log(factor.diagonal()).sum() - np.log(own[~prior.free[loose]]).sum()
-    return _Minimum(float(value + own @ rest.squares - u @ change), loose, rest.x + change, factor)
+    determinants = float(2 * np.log(factor.diagonal()).sum() - np.log(own[~prior.free[loose]]).sum())
+    return _Minimum(
+        float(determinants + value + own @ rest.squares - u @ change), determinants, loose, rest.x + change, factor
+    )

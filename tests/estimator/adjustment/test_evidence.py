@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baryscope.estimator.adjustment.evidence import Linear, maximise, objective, ranges
+from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise, objective, ranges
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -46,6 +46,19 @@ def test_unknowns_that_the_prior_fixes_are_zero(theta):
         found.append(value)
     assert found[1] - found[0] == pytest.approx(expected[1] - expected[0], rel=1e-3)
     np.testing.assert_array_equal(gradient[np.less(theta, -30)], 0.0)
+
+
+def test_the_complexity_of_unknowns_that_the_prior_fixes_away_from_zero():
+    """All that departs from the prior counts, and nothing of the observations but their information, however far they
+    are from what x would make them.
+    """
+    H, x, y = observed(3, 1.0)
+    y = y + 1e9
+    prior = Prior.none(2).joined(Prior.known(np.concatenate([np.exp(np.linspace(0, -3, 6)), np.full(6, 1e-30)])))
+    linear = Linear(H.T @ H, H.T @ (y - H @ x), x)
+    precision = held(linear, prior, np.zeros(0))[0]
+    expected = np.linalg.slogdet(H.T @ H + np.diag(precision))[1] - np.log(precision[2:]).sum() + precision @ x**2
+    assert complexity(linear, prior) == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_gradient_is_that_of_the_objective():
