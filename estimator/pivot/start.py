@@ -6,7 +6,9 @@ starts from a straight line, from coefficients that decrease fast or slowly, and
 without process noise.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,7 @@ from baryscope.estimator.pivot.refinement import (
 )
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
+from baryscope.models.errors import ComputationError
 
 FloatArray = NDArray[np.float64]
 
@@ -41,11 +44,15 @@ SETTLED = 0.1  # squared length of the last step, in units of the covariance of 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A solution for some frames: bodies, x (p,), observations with robust weights, and the hyperparameters (h,)."""
+    """A solution for some frames: bodies, x (p,), and observations with robust weights.
+
+    prior: from which it began; theta (h,): the hyperparameters of the path's own prior.
+    """
 
     bodies: tuple[Body, ...]
     x: FloatArray
     observations: Observations
+    prior: Prior
     theta: FloatArray | None = None
 
 
@@ -71,28 +78,46 @@ def linear_start(
     trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled, own.noise)
     for one in priors:
         bodies, x = _linear_solution(own, few.observations, sampled, one, even)
-        trials.append(_Trial(bodies, x, few.observations))
-    index = 0
+        trials.append(_Trial(bodies, x, few.observations, one))
     if len(trials) > 1:
-        both = zip(trials, priors, strict=True)
         variance = lasting * max(even.noise**2 if few.observations.precision is None else 1.0, least)
         known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
-        trials = [_stepped(trial, sampled, one, known, least, lasting, STEPS) for trial, one in both]
-        trials = [_stepped(trial, sampled, prior, known, least, lasting, SETTLING) for trial in trials]
-        index = _best(trials, sampled, prior, least, lasting)
-    found = trials[index]
+        trials = _settled(trials, partial(_stepped, sampled=sampled, known=known, least=least, lasting=lasting), prior)
+        found = trials[_best(trials, sampled, prior, least, lasting)]
+    else:
+        found = trials[0]
     pairs = zip(registered.bodies, found.bodies, strict=True)
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
-    if priors[index] is prior:
+    if found.prior is prior:
         return bodies, found.x, None
-    if priors[index] is not at_rest:
-        return bodies, found.x, priors[index]
+    if found.prior is not at_rest:
+        return bodies, found.x, found.prior
     assert found.theta is not None  # noqa: S101  it was stepped
     return bodies, found.x, prior.at(found.theta)
 
 
+def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior) -> list[_Trial]:
+    """The trials after steps under the priors from which they began, then under the path's own.
+
+    One that diverges, as may happen where its simple path is far from the true one, is left out.
+
+    Raises:
+        ComputationError: all diverge.
+    """
+    found, failure = [], None
+    for trial in trials:
+        try:
+            own = stepped(trial, prior=trial.prior, steps=STEPS)
+            found.append(stepped(own, prior=prior, steps=SETTLING))
+        except ComputationError as error:
+            failure = error
+    if not found and failure is not None:
+        raise failure
+    return found
+
+
 def _stepped(
-    trial: _Trial, sampled: SampledPath, prior: Prior, known: FloatArray, least: float, lasting: float, steps: int
+    trial: _Trial, prior: Prior, steps: int, *, sampled: SampledPath, known: FloatArray, least: float, lasting: float
 ) -> _Trial:
     """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`."""
     bodies, x, observations = trial.bodies, trial.x, trial.observations
@@ -115,7 +140,7 @@ def _stepped(
             break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least))
-    return _Trial(bodies, x, observations, theta)
+    return _Trial(bodies, x, observations, trial.prior, theta)
 
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float, lasting: float) -> int:

@@ -7,8 +7,10 @@ from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot import method
 from baryscope.estimator.pivot import start as starting
+from baryscope.estimator.pivot.free_attitudes import diverged
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.result import Status
+from baryscope.models.errors import ComputationError
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
 from baryscope.study.population.sensing import sampled
@@ -31,6 +33,27 @@ def test_a_place_at_rest_is_found_beside_a_path_that_follows_the_rotation(seed, 
     assert found.status is Status.GOOD
     assert not wrong(line)
     assert line["rmse"] < 0.05
+
+
+def test_a_start_that_diverges_is_left_out(monkeypatch):
+    time, R = turning(60)
+    case = make_case(time, R, at_rest(time), box_features(6, (10, 5, 5), 3), noise=NOISE)
+    usual, kept, failing = estimate_by_pivot(case.tracks, None, PathOptions()), starting._stepped, {0}
+    count = iter(range(1000))
+
+    def stepped(*trial, steps, **options):
+        if steps == starting.STEPS and next(count) in failing:
+            raise diverged()
+        return kept(*trial, steps=steps, **options)
+
+    monkeypatch.setattr(starting, "_stepped", stepped)
+    found = estimate_by_pivot(case.tracks, None, PathOptions())
+    assert next(count) > 2
+    assert found.status is usual.status
+    np.testing.assert_allclose(found.position, usual.position, atol=usual.predicted_rmse / 10)
+    failing.update(range(1000))
+    with pytest.raises(ComputationError, match="diverge"):
+        estimate_by_pivot(case.tracks, None, PathOptions())
 
 
 def test_a_path_with_an_orbit_begins_without_process_noise(monkeypatch):
