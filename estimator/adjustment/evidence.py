@@ -32,7 +32,7 @@ FIRMEST = 1e6  # prior precision over information: that of an unknown that the p
 RIDGE = 1e-13  # added to the scaled information, for directions without information and without a prior
 BELOW = 10.0  # of the logarithm of an optional hyperparameter: its range without an effect
 TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its mass
-SCAN = 16  # values of each hyperparameter in the search for a start
+SCAN, SCAN_STEP = 16, 0.3  # values of a hyperparameter in the search for a start, at most, and how far apart at least
 SWEEPS = 2  # of it, where there are several
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 
@@ -197,7 +197,7 @@ def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray
     theta = start.copy()
     for _ in range(1 if len(bounds) == 1 else SWEEPS):
         for index, (low, high) in enumerate(bounds):
-            values = np.linspace(low, high, SCAN)
+            values = np.linspace(low, high, min(SCAN, 1 + int(np.ceil((high - low) / SCAN_STEP))))
             costs = []
             for value in values:
                 theta[index] = value

@@ -1,7 +1,7 @@
 """Gaussian priors of a path's unknowns, whose variances depend on a few hyperparameters."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,9 +45,9 @@ class Trend:
     law: Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
     parameters: tuple[int | float, ...]
 
-    def at(self, order: FloatArray, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The logarithms of the variances (k,) and their derivatives (k, a) for hyperparameters (h,)."""
-        return self.law(order, np.array([theta[one] if isinstance(one, int) else one for one in self.parameters]))
+    def at(self, theta: FloatArray) -> tuple[float, ...]:
+        """The values (a,) of the parameters for hyperparameters (h,)."""
+        return tuple(float(theta[one]) if isinstance(one, int) else one for one in self.parameters)
 
     @property
     def free(self) -> tuple[tuple[int, int], ...]:
@@ -85,6 +85,7 @@ class Prior:
     scatter: FloatArray | float = 0.0
     trend: Trend | None = None
     order: FloatArray | float = 0.0
+    _laws: dict[tuple[float, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def none(cls, size: int) -> "Prior":
@@ -127,19 +128,30 @@ class Prior:
         """The inverse variances (p,), zero without a prior, for hyperparameters θ (h,)."""
         logarithm = self.offset + self.slopes @ theta
         if self.trend is not None:
-            numbers, places = self._numbers
-            logarithm[self._trending] += self.trend.at(numbers, theta)[0][places]
+            logarithm[self._trending] += self._law(self.trend, theta)[0]
         return np.asarray(np.exp(np.minimum(-logarithm, MOST)))
 
     def derivatives(self, theta: FloatArray) -> FloatArray:
         """Those (p, h) of the variances' logarithms by the hyperparameters θ (h,)."""
         if self.trend is None:
             return self.slopes
-        numbers, places = self._numbers
-        found, own = self.slopes.copy(), self.trend.at(numbers, theta)[1]
+        found, own = self.slopes.copy(), self._law(self.trend, theta)[1]
         for parameter, index in self.trend.free:
-            found[self._trending, index] += own[places, parameter]
+            found[self._trending, index] += own[:, parameter]
         return found
+
+    def _law(self, trend: Trend, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What the trend adds to the logarithms of the variances (k,) that have one, and its derivatives (k, a).
+
+        The last one is kept, as a search asks for the derivatives, too, and changes other hyperparameters.
+        """
+        at = trend.at(theta)
+        if at not in self._laws:
+            numbers, places = self._numbers
+            self._laws.clear()
+            logarithm, derivatives = trend.law(numbers, np.array(at))
+            self._laws[at] = logarithm[places], derivatives[places]
+        return self._laws[at]
 
     def scattered(self, untold: FloatArray) -> "Prior":
         """The prior with its scatter, for the shares (p,) of the variances that the observations do not tell."""
@@ -206,7 +218,7 @@ class Prior:
         rest = self.hyperparameters[:index] + self.hyperparameters[index + 1 :]
         trend = None if self.trend is None else self.trend.fixed(index, value)
         if trend is not None and not trend.free:
-            offset[self._trending] += trend.at(self._order[self._trending], np.zeros(0))[0]
+            offset[self._trending] += self._law(trend, np.zeros(0))[0]
             trend = None
         slopes = np.delete(self.slopes, index, axis=1)
         return replace(self, offset=offset, slopes=slopes, hyperparameters=rest, trend=trend)
