@@ -40,6 +40,7 @@ def test_elimination_changes_nothing(path, variance):
     smoothness = Smoothness.of(parameters, prior, path, mean[BEFORE : BEFORE + s], variance)
     found = variance * smoothness.added(theta)
     reached = smoothness.likeliest(theta + 1.0)
-    assert cost(linear, everything, reached) <= cost(linear, everything, theta) + 1e-3
+    # The search ends where slopes are below 1e-2: along a flat direction of a deviation of 10, 1e-2 above the minimum.
+    assert cost(linear, everything, reached) <= cost(linear, everything, theta) + 1e-2
     # The positive part is taken of other matrices.
     np.testing.assert_allclose(found, expected, rtol=2e-2, atol=2e-2 * np.abs(expected).max())
