@@ -269,14 +269,20 @@ def scaled(problem: Linearised, variance: float) -> Linear:
 
 
 def bounded_cost(
-    problem: Linearised, weight: FloatArray, variance: float, prior: Prior, theta: FloatArray | None = None
+    problem: Linearised,
+    weight: FloatArray,
+    variance: float,
+    prior: Prior,
+    theta: FloatArray | None = None,
+    gate: float = GATE,
 ) -> float:
     """−2 ln of the marginal likelihood of a solution, up to a constant, with outliers of a bounded cost.
 
     An observation that is not used costs as much as any outlier. weight (n, m): robust; variance: of an observation of
-    weight 1; theta (h,): hyperparameters from which those of the greatest likelihood are sought.
+    weight 1; theta (h,): hyperparameters from which those of the greatest likelihood are sought; gate: the cost of an
+    outlier.
     """
-    gained = np.minimum(squares_of_used(problem, weight) / variance - GATE, 0.0)
+    gained = np.minimum(squares_of_used(problem, weight) / variance - gate, 0.0)
     return float(gained.sum()) + complexity(scaled(problem, variance), prior, theta)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import MEDIAN, reweighted
+from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
 from baryscope.estimator.dynamics.paths import FIRST, FREQUENCY, STEEP, STEEPNESS, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
@@ -139,21 +139,22 @@ def _stepped(
         if solution.step <= SETTLED * variance:
             break
         bodies, x = solution.bodies, solution.x
-        observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least))
+        observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least, many=True))
     return _Trial(bodies, x, observations, trial.prior, theta)
 
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float, lasting: float) -> int:
     """The trial of the greatest marginal likelihood, with outliers of a bounded cost, for the least variance of any."""
-    problems, variances = [], []
+    problems, mixtures = [], []
     for trial in trials:
         problem = linearised(trial.bodies, trial.observations, sampled, trial.x)
         weight = trial.observations.weight
         problems.append(problem)
         share = max(values_for_path(trial.bodies, trial.observations) / (3 * float(weight.sum())), 1e-3)
-        variances.append(max(float(np.median(squares_of_used(problem, weight))) / (MEDIAN * share), least))
+        mixtures.append(Mixture.of(squares_of_used(problem, weight), share, least))
+    finest = min(mixtures, key=lambda one: one.variance)
     scores = [
-        bounded_cost(problem, trial.observations.weight, lasting * min(variances), prior, trial.theta)
+        bounded_cost(problem, trial.observations.weight, lasting * finest.variance, prior, trial.theta, finest.gate)
         for trial, problem in zip(trials, problems, strict=True)
     ]
     return int(np.argmin(scores))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.reweighting import GATE, reweighted
+from baryscope.estimator.adjustment.reweighting import GATE, Mixture, reweighted
 from baryscope.estimator.registration.screening import screen
 from synthetic import ENVISAT, attitude, box_features, make_case
 
@@ -132,3 +132,30 @@ def test_reweighting_is_idempotent_and_zero_residuals_are_inliers():
     again = reweighted(first * squares, first, 3 * first.sum())
     np.testing.assert_allclose(again, first, atol=0.02)
     np.testing.assert_array_equal(reweighted(np.zeros((4, 3)), np.ones((4, 3)), 30.0), 1)
+
+
+@pytest.mark.parametrize("dof", [3.0, 1.8, 1.0])
+@pytest.mark.parametrize("ratio, share", [(16.0, 0.28), (100.0, 0.1)])
+def test_outliers_near_by_have_a_share_and_a_variance(dof, ratio, share):
+    """Drawn from the mixture itself: the median's noise would be up to a quarter too large. The gate is where both are
+    as likely. Of 6000 inliers at least, the variance is known to 1/√3000 = 2 %, more with what is taken for another.
+    """
+    rng = np.random.default_rng(4)
+    wrong = rng.random(9000) < share
+    squares = 0.25 * np.where(wrong, ratio, 1.0) * rng.chisquare(dof, 9000)
+    found = Mixture.of(squares, dof / 3, 0.0)
+    assert found.variance == pytest.approx(0.25, rel=0.08)
+    expected = (2 * np.log(1 / share - 1) + dof * np.log(ratio)) / (1 - 1 / ratio)
+    assert found.gate == pytest.approx(min(expected, GATE), rel=0.1)
+    # the weights are probabilities: as many outliers as there are, in the mean
+    assert found.weights(squares).mean() == pytest.approx(1 - share, abs=0.02)
+
+
+def test_where_there_are_few_outliers_or_none_the_gate_is_that_of_few():
+    rng = np.random.default_rng(5)
+    for dof in (3.0, 1.0):
+        assert Mixture.of(rng.chisquare(dof, 600), dof / 3, 0.0).gate == GATE
+    squares = rng.chisquare(3.0, 600)
+    squares[:30] = 1e4
+    assert Mixture.of(squares, 1.0, 0.0).gate == GATE
+    assert Mixture.of(np.zeros(10), 1.0, 1e-9).variance == 1e-9
