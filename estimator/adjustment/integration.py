@@ -98,6 +98,8 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
             weight[[at[index] < least for at in points]] = 0.0
             points.append(lowest)
             weight = np.append(weight, BELOW / GRID_STEP * np.exp(-max(none - min(costs), 0.0) / 2))
+            if not weight.any():  # rounding makes −2 ln p fall where nothing has an effect
+                weight[-1] = 1.0
         weight /= weight.sum()
         values = np.array([at[index] for at in points])
         centre = float(weight @ values)

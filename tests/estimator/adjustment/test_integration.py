@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from baryscope.estimator.adjustment import integration
 from baryscope.estimator.adjustment.evidence import BELOW, NO_EFFECT, Linear, conditional, cost, maximise, ranges
 from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
 from baryscope.estimator.dynamics.paths import LONGEST, Smooth
@@ -90,6 +91,24 @@ def test_an_optional_hyperparameter_without_an_effect_is_not_significant():
             found.append(posterior(linear, unknown, theta).significance[0])
     assert len(found) > 10
     assert found == [0.0] * len(found)
+
+
+def test_rounding_that_makes_nothing_far_less_likely_leaves_it_likely(monkeypatch):
+    """Case 109/4 without its orbit: near the end of the range, where nothing has an effect, −2 ln p fell by 10⁹."""
+    unknown = Prior.none(2).joined(Prior(PRIOR.offset[2:], PRIOR.slopes[2:], (Hyperparameter("scale", optional=True),)))
+    H, _, y = observed(0, 1e-3)
+    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    theta = ranges(linear, unknown)[:, 0] + 1e-6
+    expected = conditional(linear, unknown, theta)[1]
+    kept = integration.likeliest_without
+
+    def rounded(*problem):
+        return kept(*problem)[0], kept(*problem)[1] + 1e9
+
+    monkeypatch.setattr(integration, "likeliest_without", rounded)
+    monkeypatch.setattr(integration, "_along", lambda linear, prior, theta, *_: ([theta], [cost(linear, prior, theta)]))
+    found = posterior(linear, unknown, theta)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize(("theta", "low", "high"), [(1.0, -NINETY, NINETY), (-3.0, -3.0, NINETY), (4.0, -NINETY, 4.0)])
