@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
 
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.evidence import Linear, conditional, held, maximise, ranges
 from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
@@ -27,7 +28,6 @@ from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equa
 from baryscope.estimator.ml.priors import Priors
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.refinement import least_variance
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 

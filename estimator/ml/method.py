@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f
 
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
 from baryscope.estimator.adjustment.diagnostics import (
     cluster_of,
     covered_by,
@@ -42,7 +43,6 @@ from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
-from baryscope.estimator.pivot.refinement import least_variance, values_for_path
 from baryscope.estimator.prediction import PredictedBody
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence

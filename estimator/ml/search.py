@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.ml.initial_tumble import fit_tumble
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.refinement import least_variance
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, Reason

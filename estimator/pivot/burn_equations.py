@@ -20,7 +20,8 @@ from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import frame_covariances, roots_in_C
 from baryscope.estimator.pivot.free_attitudes import Solution
-from baryscope.estimator.pivot.refinement import ROUNDING, Subsample
+from baryscope.estimator.pivot.refinement import ROUNDING
+from baryscope.estimator.pivot.subsample import Subsample
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit

@@ -22,14 +22,9 @@ from baryscope.estimator.pivot.burn_equations import BurnEquations, BurnFit, bur
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
-from baryscope.estimator.pivot.refinement import (
-    SUBSAMPLE_FRAMES,
-    Start,
-    bounded_cost,
-    refined,
-    scaled,
-    subsampled,
-)
+from baryscope.estimator.pivot.reduced import bounded_cost, scaled
+from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit

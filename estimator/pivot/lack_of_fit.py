@@ -10,7 +10,7 @@ from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
-from baryscope.estimator.pivot.refinement import subsampled
+from baryscope.estimator.pivot.subsample import subsampled
 
 FloatArray = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.diagnostics import (
     REJECTED,
     attitude_series,
@@ -41,18 +42,11 @@ from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit
-from baryscope.estimator.pivot.refinement import (
-    ROUNDING,
-    SUBSAMPLE_FRAMES,
-    Start,
-    is_cut_short,
-    least_variance,
-    refined,
-    subsampled,
-)
+from baryscope.estimator.pivot.refinement import ROUNDING, Start, is_cut_short, refined
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.start import linear_start
 from baryscope.estimator.pivot.strays import without_strays
+from baryscope.estimator.pivot.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body

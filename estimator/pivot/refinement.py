@@ -1,17 +1,18 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise
+from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom, least_variance
+from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
-from baryscope.estimator.adjustment.reweighting import GATE, reweighted
+from baryscope.estimator.adjustment.reweighting import reweighted
 from baryscope.estimator.adjustment.stereo import moved_to, varies_with_range
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
@@ -23,24 +24,15 @@ from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
-from baryscope.estimator.pivot.free_attitudes import (
-    MOST_HALVINGS,
-    Linearised,
-    Solution,
-    StepStart,
-    linearised,
-    squares_of_used,
-)
+from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, Holding, Plain
+from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body
-from baryscope.models.errors import ComputationError, Reason
-from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 MAX_ROUNDS = 30
 WANDERING = 12  # rounds after which steps, with weights that are at rest, follow noise in a direction that is not told
@@ -53,10 +45,8 @@ SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over whi
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
-SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, the degree and the spurious information
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
-MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +58,7 @@ class Start:
     those of bodies in their frames; inliers (n, m): which passed screening. lasting: how many frames have the same
     errors of the features, as the registered bodies tell; variance: of an observation of weight 1, as these tell;
     errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
-    slips: whether the position may have white noise, as that of a
-    pivot that slips.
+    slips: whether the position may have white noise, as that of a pivot that slips.
     """
 
     path: Path
@@ -88,162 +77,295 @@ class Start:
     slips: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Subsample:
-    """A subsample of bodies and observations: rows (k,) are the frames kept, every steps-th of each body."""
-
-    bodies: tuple[Body, ...]
-    observations: Observations
-    rows: IntArray
-    steps: tuple[int, ...]
-
-
 def refined(start: Start, options: PathOptions) -> Pivot:
     """The solution of Gauss–Newton steps until steps and changes of the weights are small, with tie points applied.
 
     Raises:
         ComputationError: too few values for the unknowns.
     """
-    path, measured, observations = start.path, start.measured, start.observations
-    bodies, x = start.bodies, start.x
-    sampled = as_seen(path, start.sampled, start.errors, x)
-    theta: FloatArray | None = None
-    simple, slip, lasting, brought_back, extended = start.first_prior, 0.0, start.lasting, False, False
-    scan = True  # the whole ranges of several hyperparameters, in the first round and in the last
-    converged, rounds, variance, floor = False, 0, np.nan, least_variance(measured, ROUNDING)
-    stereo = varies_with_range(measured, options.noise)
-    here, halvings = None, 0
-    holding, most, path_unknowns = Holding.of(start.bodies), MAX_ROUNDS, np.nan
-    solution: Solution | None = None
-    last: LastStep | None = None
-    plain: Plain | None = None
-    while not converged and rounds < most:
-        rounds += 1
-        if stereo:
-            observations = moved_to(observations, measured, _points_in_C(bodies, sampled.position(x), measured))
-        told = lasting * max(options.sigma**2 if options.sigma else variance, floor)
-        shift = _shift(start.errors, sampled.position(x), slip, told)
-        of_frame = max(start.variance if np.isnan(variance) else variance, floor)
-        offsets = holding.information(of_frame, lasting)
-        problem = linearised(bodies, observations, sampled, x, shift, offsets)
-        last_one = halvings == MOST_HALVINGS or rounds == most  # which ends with a step
-        if here is not None and not last_one and here.is_worse(problem, observations.weight):
-            # The linearised problem does not hold as far as the step went.
-            halvings, (bodies, x) = halvings + 1, here.halfway(bodies, x)
-            sampled = as_seen(path, sampled.itself, start.errors, x)
-            continue
-        halvings = 0
-        cost = float(problem.squares.sum())
-        if np.isnan(variance):
-            variance = cost / _dof(bodies, observations, float(path.prior.free.sum()))
-        prior = path.prior if simple is None else simple
-        together = lasting * max(variance, floor)
-        theta = maximise(scaled(problem, together), prior, None if scan else theta)
-        solution = stepped(problem, prior, theta, together)
-        bodies, x = solution.bodies, solution.x
-        sampled = as_seen(path, sampled.itself, start.errors, x)
-        if holding.firm is None:  # else what holds the offsets tells some
-            path_unknowns = float(np.vdot(solution.covariance, problem.matrix))
-        dof = _dof(bodies, observations, path_unknowns)
-        variance = (cost + problem.noise_cost) / dof
-        if measured.precision is not None:
-            precision = held(scaled(problem, together), prior, theta)[0]
-            here = StepStart(problem, observations.weight, max(variance, floor), lasting, precision)
-        weight = reweighted(solution.squares, observations.weight, dof, floor)
-        if rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
-            weight = np.sqrt(weight * observations.weight)
-        least = max(variance, floor)
-        unweighted = solution.squares / np.where(weight > 0, observations.weight, 1.0)
-        changed = abs(float(np.vdot(unweighted, weight)) - cost)
-        faster = last is not None and solution.step > last.decrease
-        last = LastStep(
+    search = _Refinement(start, options)
+    while not search.converged and search.rounds < search.most:
+        search.go_on()
+    return search.found()
+
+
+class _Refinement:
+    """The iteration, with where it is and what it takes for given until it has converged.
+
+    bodies, with points from the centre of mass, and x (p,) of the path, sampled at all times; observations with their
+    robust weights; theta (h,): the likeliest hyperparameters of the path's prior; variance: of an observation of
+    weight 1, from the residuals; simple: the prior of a simple path, while the weights settle; scan: whether the
+    hyperparameters are sought in their whole ranges, if there are several, as in the first round and in the last.
+
+    Given, and looked at again once the steps have converged: lasting, how many frames have the same errors; slip, the
+    variance of a position that slips, m²; told: the variance for which shift (n, 3, 3), the frames' own, was told;
+    holding: what holds the offsets, and offsets (k, 3, 3) by which information; plain: the solution before they were
+    held against spurious information. Lost bodies are brought back once, and frames of few features join once.
+
+    here: from where a step led, while it may be too long, and how often it was halved. Of the last step there are the
+    problem, the solution, the variance `together` of what all frames tell for it, its cost, and its decrease, `last`;
+    faster: whether that was greater than that of the step before.
+    """
+
+    def __init__(self, start: Start, options: PathOptions) -> None:
+        self.start, self.options = start, options
+        self.path, self.bodies, self.x, self.observations = start.path, start.bodies, start.x, start.observations
+        self.sampled = as_seen(start.path, start.sampled, start.errors, start.x)
+        self.theta: FloatArray | None = None
+        self.variance, self.path_unknowns = np.nan, np.nan
+        self.floor = least_variance(start.measured, ROUNDING)
+        self.stereo = varies_with_range(start.measured, options.noise)
+        self.simple, self.scan = start.first_prior, True
+        self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
+        self.shift: FloatArray | None = None
+        self.holding = Holding.of(start.bodies)
+        self.plain: Plain | None = None
+        self.brought_back, self.extended = False, False
+        self.here: StepStart | None = None
+        self.halvings, self.rounds, self.most, self.converged = 0, 0, MAX_ROUNDS, False
+        self.last: LastStep | None = None
+        self.faster = False
+
+    def go_on(self) -> None:
+        """One round: a step, halved as long as it is too long, new weights, and what has to hold at the end."""
+        self.rounds += 1
+        problem = self._linearised()
+        if self._leads_uphill(problem):
+            return
+        dof = self._step(problem)
+        self._reweight(dof)
+        settled = self._has_settled()
+        self.converged = settled and self.simple is None and (self.scan or len(self.path.prior.hyperparameters) < 2)
+        self.scan = settled
+        if self.simple is not None:
+            self.scan = settled or self.rounds >= SIMPLE_ROUNDS
+            if self.scan:
+                self.simple, self.here = None, None
+        self.converged = self.converged and self._is_complete() and self._is_consistent()
+        self._hold_offsets()
+
+    def _linearised(self) -> Linearised:
+        """The problem where the iteration is, with what depends on the place."""
+        start = self.start
+        if self.stereo:
+            points = _points_in_C(self.bodies, self._origin(), start.measured)
+            self.observations = moved_to(self.observations, start.measured, points)
+        sigma, lasting = self.options.sigma, self.lasting
+        self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
+        self.shift = _shift(start.errors, self._origin(), self.slip, self.told)
+        of_frame = max(start.variance if np.isnan(self.variance) else self.variance, self.floor)
+        self.offsets = self.holding.information(of_frame, lasting)
+        return linearised(self.bodies, self.observations, self.sampled, self.x, self.shift, self.offsets)
+
+    def _leads_uphill(self, problem: Linearised) -> bool:
+        """Whether the linearised problem did not hold as far as the last step went, which is then halved."""
+        last_one = self.halvings == MOST_HALVINGS or self.rounds == self.most  # which ends with a step
+        if self.here is None or last_one or not self.here.is_worse(problem, self.observations.weight):
+            self.halvings = 0
+            return False
+        self.halvings += 1
+        self._move(*self.here.halfway(self.bodies, self.x))
+        return True
+
+    def _step(self, problem: Linearised) -> float:
+        """A step with the likeliest hyperparameters, and the variance after it; returns the degrees of freedom."""
+        self.problem, self.cost = problem, float(problem.squares.sum())
+        prior = self.path.prior if self.simple is None else self.simple
+        if np.isnan(self.variance):
+            free = float(self.path.prior.free.sum())
+            self.variance = self.cost / degrees_of_freedom(self.bodies, self.observations, free)
+        self.together = self.lasting * self.least
+        self.theta = maximise(scaled(problem, self.together), prior, None if self.scan else self.theta)
+        self.solution = stepped(problem, prior, self.theta, self.together)
+        self._move(self.solution.bodies, self.solution.x)
+        if self.holding.firm is None:  # else what holds the offsets tells some
+            self.path_unknowns = float(np.vdot(self.solution.covariance, problem.matrix))
+        dof = degrees_of_freedom(self.bodies, self.observations, self.path_unknowns)
+        self.variance = (self.cost + problem.noise_cost) / dof
+        if self.start.measured.precision is not None:
+            precision = held(scaled(problem, self.together), prior, self.theta)[0]
+            self.here = StepStart(problem, self.observations.weight, self.least, self.lasting, precision)
+        return dof
+
+    def _reweight(self, dof: float) -> None:
+        """The robust weights of the residuals before the step, and what this tells of convergence."""
+        solution, before = self.solution, self.observations.weight
+        weight = reweighted(solution.squares, before, dof, self.floor)
+        if self.rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
+            weight = np.sqrt(weight * before)
+        unweighted = solution.squares / np.where(weight > 0, before, 1.0)
+        changed = abs(float(np.vdot(unweighted, weight)) - self.cost)
+        self.faster = self.last is not None and solution.step > self.last.decrease
+        self.last = LastStep(
             solution.step,
-            problem.offset_change(solution),
+            self.problem.offset_change(solution),
             # The first round knows neither weights nor variance.
-            rounds > 1 and changed <= WEIGHT_CHANGE_TOLERANCE * max(cost, floor * dof),
+            self.rounds > 1 and changed <= WEIGHT_CHANGE_TOLERANCE * max(self.cost, self.floor * dof),
         )
-        settled = last.steady and last.decrease <= STEP_TOLERANCE * least
-        observations = observations.weighted(weight)
-        scan, converged = settled, settled and simple is None and (scan or len(prior.hyperparameters) < 2)
-        if simple is not None:
-            scan = settled or rounds >= SIMPLE_ROUNDS
-            simple, here = (None, None) if scan else (simple, here)
-        if converged and not brought_back and rounds < most:
-            near = brought_back_bodies(
-                bodies, observations.weight, (start.bodies, start.shapes), start.observations, sampled.position(x)
-            )
-            if near is not None:
-                (bodies, weight), brought_back, converged, here = near, True, False, None
-                observations = observations.weighted(weight)
-        if converged and not extended and rounds < most:
-            extended = True
-            spurious = partial(spurious_of_known, bodies, observations, sampled.position(x), least, shift)
-            more = with_few_features(solution, observations.weight, measured, sampled, lasting * least, spurious)
-            if more is not None:
-                (bodies, weight), converged, here = more, False, None
-                observations = observations.weighted(weight)
-        if converged and rounds < most and (richer := _richer(path, solution, theta, together, sampled)) is not None:
-            path, converged, here = richer, False, None
-            x = np.pad(x, (0, path.size - len(x)))
-            sampled = as_seen(path, interpolated(path.at, path.frequency, start.time), start.errors, x)
-        if converged and start.slips:
-            found_slip = position_variance(bodies, observations, sampled.position(x), least)
-            converged = abs(found_slip - slip) <= SLIP_TOLERANCE * max(found_slip, slip)
-            slip = found_slip
-        if converged:
-            found_lasting = frames_per_error(bodies, observations, sampled.position(x))
-            converged = abs(found_lasting - lasting) <= LASTING_TOLERANCE * max(found_lasting, lasting)
-            here = here if converged else None
-            lasting = found_lasting
-        if converged and shift is not None and options.sigma is None:
-            converged = abs(lasting * variance - told) <= SHIFT_TOLERANCE * told
+        self.observations = self.observations.weighted(weight)
+
+    def _has_settled(self) -> bool:
+        """Whether the last step and the last change of weights are small."""
+        assert self.last is not None  # noqa: S101  there was a step
+        return self.last.steady and self.last.decrease <= STEP_TOLERANCE * self.least
+
+    def _is_complete(self) -> bool:
+        """Whether bodies, frames and the path's modes are all there; any that are not join now."""
+        if self.rounds == self.most:
+            return True
+        joins = not self.brought_back and self._bring_back_bodies()
+        joins = joins or (not self.extended and self._add_few_features()) or self._enrich_path()
+        if joins:
+            self.here = None
+        return not joins
+
+    def _bring_back_bodies(self) -> bool:
+        """Whether a body is lost, which is then at the path again."""
+        start = self.start
+        registered = (start.bodies, start.shapes)
+        near = brought_back_bodies(
+            self.bodies, self.observations.weight, registered, start.observations, self._origin()
+        )
+        self.brought_back = near is not None
+        return self._take(near)
+
+    def _add_few_features(self) -> bool:
+        """Whether frames that show two features join a body."""
+        self.extended = True
+        variance = self.lasting * self.least
+        weight, measured = self.observations.weight, self.start.measured
+        return self._take(with_few_features(self.solution, weight, measured, self.sampled, variance, self._spurious))
+
+    def _take(self, found: tuple[tuple[Body, ...], FloatArray] | None) -> bool:
+        """Whether there are other bodies and weights (n, m), which then take the place of those before."""
+        if found is None:
+            return False
+        self.bodies, weight = found
+        self.observations = self.observations.weighted(weight)
+        return True
+
+    def _enrich_path(self) -> bool:
+        """Whether the modes of process noise that the path leaves out matter; then it has twice as many."""
+        path = self.path
+        if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
+            return False
+        assert self.theta is not None  # noqa: S101  there was a step
+        density = path.density if path.density is not None else float(np.exp(self.theta[-1]))
+        least = OMITTED * _typical(self.sampled.covariance(self.together * self.solution.covariance))
+        if path.omitted_variance(density) <= least:
+            return False
+        self.path = path.with_modes(2 * path.count)
+        self.x = np.pad(self.x, (0, self.path.size - len(self.x)))
+        sampled = interpolated(self.path.at, self.path.frequency, self.start.time)
+        self.sampled = as_seen(self.path, sampled, self.start.errors, self.x)
+        return True
+
+    def _is_consistent(self) -> bool:
+        """Whether slip, the errors' duration and the frames' shifts are those that were taken for given.
+
+        Those that are not are taken anew.
+        """
+        if self.start.slips:
+            slip = position_variance(self.bodies, self.observations, self._origin(), self.least)
+            before, self.slip = self.slip, slip
+            if abs(slip - before) > SLIP_TOLERANCE * max(slip, before):
+                return False
+        lasting = frames_per_error(self.bodies, self.observations, self._origin())
+        before, self.lasting = self.lasting, lasting
+        if abs(lasting - before) > LASTING_TOLERANCE * max(lasting, before):
+            self.here = None
+            return False
+        if self.shift is None or self.options.sigma is not None:
+            return True
+        return abs(lasting * self.variance - self.told) <= SHIFT_TOLERANCE * self.told
+
+    def _hold_offsets(self) -> None:
+        """Hold the offsets against spurious information where the iteration ends, or wanders in what is not told.
+
+        Where that leads to squares that noise does not make, the offsets are told after all: back to their prior alone.
+        """
+        assert self.last is not None  # noqa: S101  there was a step
+        together, simple = self.lasting * self.least, self.simple is not None
         # Steps that become longer lead to a place that the tracks do tell.
-        wandering = holding.firm is None and simple is None and last.steady and not faster and rounds >= WANDERING
-        contradicted = plain is not None and cost > plain.cost + CONTRADICTED * lasting * least
-        if converged or wandering or contradicted:
-            spurious = partial(spurious_of_known, bodies, observations, sampled.position(x), least, shift)
-            if plain is not None and plain.is_told(problem.bodies, cost, lasting * least, spurious):
-                bodies, x = plain.bodies, np.pad(plain.x, (0, path.size - len(plain.x)))
-                plain, converged, here = None, False, None
-                holding, most = holding.of_prior_alone(), rounds + MAX_ROUNDS
-                sampled = as_seen(path, sampled.itself, start.errors, x)
-            # Not before: far from the solution, and with outliers, what is told may seem spurious.
-            elif converged or wandering:
-                firmer = holding.firmer(least, lasting, solution.offset_covariance, offsets, spurious)
-                if firmer is not None:
-                    plain = Plain.of(bodies, x, cost, spurious) if holding.firm is None else plain
-                    holding, converged, here, most = firmer, False, None, rounds + FIRM_ROUNDS
-    assert solution is not None and last is not None  # noqa: S101, PT018  there was a round
-    scale = options.sigma**2 if options.sigma is not None else variance
-    together = lasting * max(scale, floor)
-    linear = scaled(problem, together)
-    assert theta is not None  # noqa: S101  there was a round
-    found = posterior(linear, path.prior, theta)
-    solution = solution.with_covariance(found.covariance / together, problem.bodies)
-    solution, tied, refused = tie_bodies(
-        solution, together, observations, sampled.position(x), shift, frame_variance=max(scale, floor)
-    )
-    return Pivot(
-        path=path,
-        sampled=sampled,
-        inliers=start.inliers,
-        solution=solution,
-        observations=observations,
-        frame_variance=scale,
-        residual_variance=variance,
-        lasting=lasting,
-        shift=shift,
-        posterior=found,
-        path_unknowns=path_unknowns,
-        converged=converged,
-        rounds=rounds,
-        holding=holding,
-        offsets=offsets,
-        slip=float(np.sqrt(slip)),
-        tie_points=tied,
-        refused=refused,
-        last=last,
-    )
+        at_rest = self.last.steady and not self.faster and not simple
+        wandering = self.holding.firm is None and at_rest and self.rounds >= WANDERING
+        contradicted = self.plain is not None and self.cost > self.plain.cost + CONTRADICTED * together
+        if not (self.converged or wandering or contradicted):
+            return
+        if self.plain is not None and self.plain.is_told(self.problem.bodies, self.cost, together, self._spurious):
+            plain, self.plain = self.plain, None
+            self.holding = self.holding.of_prior_alone()
+            self._go_on_for(MAX_ROUNDS)
+            self._move(plain.bodies, np.pad(plain.x, (0, self.path.size - len(plain.x))))
+        # Not before: far from the solution, and with outliers, what is told may seem spurious.
+        elif self.converged or wandering:
+            covariance = self.solution.offset_covariance
+            firmer = self.holding.firmer(self.least, self.lasting, covariance, self.offsets, self._spurious)
+            if firmer is None:
+                return
+            if self.holding.firm is None:
+                self.plain = Plain.of(self.bodies, self.x, self.cost, self._spurious)
+            self.holding = firmer
+            self._go_on_for(FIRM_ROUNDS)
+
+    def found(self) -> Pivot:
+        """The solution, with the covariance for unknown hyperparameters and with tie points."""
+        assert self.theta is not None and self.last is not None  # noqa: S101, PT018  there was a round
+        scale = self.options.sigma**2 if self.options.sigma is not None else self.variance
+        of_frame = max(scale, self.floor)
+        together = self.lasting * of_frame
+        found = posterior(scaled(self.problem, together), self.path.prior, self.theta)
+        solution, tied, refused = tie_bodies(
+            self.solution.with_covariance(found.covariance / together, self.problem.bodies),
+            together,
+            self.observations,
+            self._origin(),
+            self.shift,
+            frame_variance=of_frame,
+        )
+        return Pivot(
+            path=self.path,
+            sampled=self.sampled,
+            inliers=self.start.inliers,
+            solution=solution,
+            observations=self.observations,
+            frame_variance=scale,
+            residual_variance=self.variance,
+            lasting=self.lasting,
+            shift=self.shift,
+            posterior=found,
+            path_unknowns=self.path_unknowns,
+            converged=self.converged,
+            rounds=self.rounds,
+            holding=self.holding,
+            offsets=self.offsets,
+            slip=float(np.sqrt(self.slip)),
+            tie_points=tied,
+            refused=refused,
+            last=self.last,
+        )
+
+    @property
+    def least(self) -> float:
+        """The variance of an observation of weight 1, at least that of rounding."""
+        return max(self.variance, self.floor)
+
+    def _origin(self) -> FloatArray:
+        """The path (n, 3) in C, m, as the camera sees it."""
+        return self.sampled.position(self.x)
+
+    def _move(self, bodies: tuple[Body, ...], x: FloatArray) -> None:
+        """Go to bodies and x (p,)."""
+        self.bodies, self.x = bodies, x
+        self.sampled = as_seen(self.path, self.sampled.itself, self.start.errors, x)
+
+    def _go_on_for(self, rounds: int) -> None:
+        """Not converged yet, for so many rounds more at most."""
+        self.most, self.converged, self.here = self.rounds + rounds, False, None
+
+    def _spurious(self) -> Sequence[FloatArray]:
+        """The spurious information (3, 3) on each body's offset, in the weights' units."""
+        return spurious_of_known(self.bodies, self.observations, self._origin(), self.least, self.shift)
 
 
 def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, variance: float) -> FloatArray | None:
@@ -256,43 +378,6 @@ def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, varianc
         return None
     slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
     return (slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)) / variance
-
-
-def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: float) -> Solution:
-    """A step with given hyperparameters (h,)."""
-    return problem.step(variance * held(scaled(problem, variance), prior, theta)[0])
-
-
-def scaled(problem: Linearised, variance: float) -> Linear:
-    """The reduced problem in the unknowns of the path, for a variance of an observation of weight 1."""
-    return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
-
-
-def bounded_cost(
-    problem: Linearised,
-    weight: FloatArray,
-    variance: float,
-    prior: Prior,
-    theta: FloatArray | None = None,
-    gate: float = GATE,
-) -> float:
-    """−2 ln of the marginal likelihood of a solution, up to a constant, with outliers of a bounded cost.
-
-    An observation that is not used costs as much as any outlier. weight (n, m): robust; variance: of an observation of
-    weight 1; theta (h,): hyperparameters from which those of the greatest likelihood are sought; gate: the cost of an
-    outlier.
-    """
-    gained = np.minimum(squares_of_used(problem, weight) / variance - gate, 0.0)
-    return float(gained.sum()) + complexity(scaled(problem, variance), prior, theta)
-
-
-def _richer(path: Path, solution: Solution, theta: FloatArray, variance: float, sampled: SampledPath) -> Path | None:
-    """The path with twice the modes of process noise if those left out matter; None if they do not."""
-    if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
-        return None
-    density = path.density if path.density is not None else float(np.exp(theta[-1]))
-    least = OMITTED * _typical(sampled.covariance(variance * solution.covariance))
-    return path.with_modes(2 * path.count) if path.omitted_variance(density) > least else None
 
 
 def is_cut_short(found: Pivot) -> bool:
@@ -311,29 +396,6 @@ def _typical(covariance: FloatArray) -> float:
     return float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3
 
 
-def values_for_path(bodies: tuple[Body, ...], observations: Observations) -> float:
-    """Number of values less all unknowns except the path's.
-
-    A frame has three unknowns of its rotation, a body three of each point less three of its orientation.
-    """
-    frames = sum(len(body.frames) for body in bodies)
-    points = sum(3 * len(body.features) - 3 for body in bodies)
-    return 3 * float(observations.weight.sum()) - 3 * frames - points
-
-
-def _dof(bodies: tuple[Body, ...], observations: Observations, path_size: float) -> float:
-    """The degrees of freedom: number of values less that of all unknowns."""
-    dof = values_for_path(bodies, observations) - path_size
-    if dof <= 0:
-        frames = sum(len(body.frames) for body in bodies)
-        raise ComputationError(
-            f"{counted(frames, 'frame that shows', 'frames that show')} an attitude, with "
-            f"{counted(observations.count, 'observation')}: too few for a path of {path_size:.3g} unknowns",
-            Reason.TOO_FEW_FRAMES,
-        )
-    return dof
-
-
 def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Observations) -> FloatArray:
     """The estimated positions (n, m, 3) in C, m; the measured ones where no body has the feature."""
     estimated = measured.position.copy()
@@ -341,23 +403,3 @@ def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Observa
         image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
         estimated[np.ix_(body.frames, body.features)] = image
     return estimated
-
-
-def least_variance(observations: Observations, rounding: float) -> float:
-    """The variance of rounding for an observation of weight 1; rounding: relative to the greatest distance."""
-    if observations.precision is not None:
-        return 1e-9
-    position = observations.position
-    return rounding**2 * float(np.einsum("kmi,kmi->km", position, position).max(initial=0.0))
-
-
-def subsampled(bodies: tuple[Body, ...], observations: Observations, most: int) -> Subsample:
-    """A subsample of about `most` of the bodies' frames, with at least MIN_BODY_FRAMES of each body."""
-    every = max(1, sum(len(body.frames) for body in bodies) // most)
-    steps = tuple(max(1, min(every, len(body.frames) // MIN_BODY_FRAMES)) for body in bodies)
-    rows = np.sort(np.concatenate([body.frames[::step] for body, step in zip(bodies, steps, strict=True)]))
-    few = tuple(
-        replace(body, frames=np.searchsorted(rows, body.frames[::step]), attitude=body.attitude[::step])
-        for body, step in zip(bodies, steps, strict=True)
-    )
-    return Subsample(few, observations.frames(rows), rows, steps)

@@ -23,7 +23,9 @@ from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance
-from baryscope.estimator.pivot.refinement import STEP_TOLERANCE, SUBSAMPLE_FRAMES, scaled, subsampled
+from baryscope.estimator.pivot.reduced import scaled
+from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
+from baryscope.estimator.pivot.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
@@ -22,13 +23,8 @@ from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.offset_prior import a_priori_information
-from baryscope.estimator.pivot.refinement import (
-    Subsample,
-    bounded_cost,
-    scaled,
-    stepped,
-    values_for_path,
-)
+from baryscope.estimator.pivot.reduced import bounded_cost, scaled, stepped
+from baryscope.estimator.pivot.subsample import Subsample
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError

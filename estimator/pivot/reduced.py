@@ -1,0 +1,39 @@
+"""The problem in the unknowns of the path alone, with its prior: its scale, a step, and what a solution costs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.evidence import Linear, complexity, held
+from baryscope.estimator.adjustment.reweighting import GATE
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, squares_of_used
+
+FloatArray = NDArray[np.float64]
+
+
+def scaled(problem: Linearised, variance: float) -> Linear:
+    """The reduced problem in the unknowns of the path, for a variance of an observation of weight 1."""
+    return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
+
+
+def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: float) -> Solution:
+    """A step with given hyperparameters (h,)."""
+    return problem.step(variance * held(scaled(problem, variance), prior, theta)[0])
+
+
+def bounded_cost(
+    problem: Linearised,
+    weight: FloatArray,
+    variance: float,
+    prior: Prior,
+    theta: FloatArray | None = None,
+    gate: float = GATE,
+) -> float:
+    """−2 ln of the marginal likelihood of a solution, up to a constant, with outliers of a bounded cost.
+
+    An observation that is not used costs as much as any outlier. weight (n, m): robust; variance: of an observation of
+    weight 1; theta (h,): hyperparameters from which those of the greatest likelihood are sought; gate: the cost of an
+    outlier.
+    """
+    gained = np.minimum(squares_of_used(problem, weight) / variance - gate, 0.0)
+    return float(gained.sum()) + complexity(scaled(problem, variance), prior, theta)
