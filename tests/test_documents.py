@@ -95,7 +95,9 @@ def check_the_table(summary):
 
 
 def smaller(command):
-    """The command with one draw of one scenario, where a campaign would take its hours; long flights are cut short."""
+    """The command with one draw of one scenario by one worker, where a campaign would take its hours; long flights are
+    cut short.
+    """
     if "fly" in command and float(command[command.index("--duration") + 1]) > LONG_FLIGHT:
         return ["60" if before == "--duration" else word for before, word in zip(["", *command], command, strict=False)]
     if "campaign" not in command:
@@ -104,7 +106,7 @@ def smaller(command):
     if "--suite" in command:
         command += ["--scenario", "slow-stereo"] if "reach" in command and "--scenario" not in command else []
         command += [] if "--draws" in command else ["--draws", "1"]
-    return command
+    return command if {"merge", "--report", "--scheduler"} & {*command} else [*command, "--workers", "1"]
 
 
 @pytest.mark.parametrize("document", [*FRONT, *PAGES])

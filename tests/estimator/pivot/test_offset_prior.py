@@ -123,14 +123,11 @@ def test_a_spin_does_not_lead_away_along_its_axis(noise):
 def test_what_seems_spurious_where_the_solution_begins_is_told_after_all():
     """Features nearly in a line: with the centre of mass on it, attitudes are so noisy that nothing else seems told.
 
-    `python -m baryscope.study.population case --seed 60 --index 99 --method pivot`, whose centre is 2.6 radii away, and
-    `--seed 94 --index 15`: they were off by 2.6 radii, and wrong with a NEES of 126.
+    `python -m baryscope.study.population case --seed 94 --index 15 --method pivot` was wrong with a NEES of 126.
     """
-    for seed, index in ((60, 99), (94, 15)):
-        case = drawn(seed, index)
-        found = estimate_by_pivot(sampled(case).tracks, None, PathOptions())
-        line = of_estimate(found, case.path)
-        assert line["announced"] or not wrong(line)  # 60/99 comes to rest or not as kernels of the processor round
+    case = drawn(94, 15)
+    found = estimate_by_pivot(sampled(case).tracks, None, PathOptions())
+    assert not wrong(of_estimate(found, case.path))
 
 
 @pytest.mark.parametrize("more, told", [(19.0, False), (20.0, True)])
