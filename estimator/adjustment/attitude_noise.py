@@ -30,6 +30,7 @@ LIMIT = 22.0  # χ² of three degrees of freedom, beyond which an attitude stray
 MEDIAN = 2.366  # of it
 ROUGH = 3.0  # times the median, from which the rotation is too fast to be fitted
 AROUND = 41  # attitudes whose median χ² tells how well the fits describe the rotation
+FLIP = 1.0  # rad, by which an attitude beside others is turned only where its labels are exchanged
 ROUNDS = 4  # of the fit's robust weights
 MIN_SHARED = 3  # features, by which the axes of bodies are known to each other
 ALIKE = 0.2  # rms distance between points of two bodies over their distance from a line: more are not the same points
@@ -70,12 +71,16 @@ def strays(bodies: Sequence[Body], observations: Observations, variance: float) 
     found = [np.zeros(len(body.frames), dtype=bool) for body in bodies]
     for group, turning in _together(bodies, observations, variance):
         order = np.argsort(turning.frames, kind="stable")
+        flipped = _flipped(turning.frames[order], turning.attitude[order])
+        stray = np.zeros(len(order), dtype=bool)
+        stray[order[flipped]] = True
+        order = order[~flipped]
         squared, tested = _departures(turning.part(order))
         if tested.any():
             around = median_filter(squared, AROUND, mode="nearest")
             usual = np.maximum(np.median(squared[tested]), around) / MEDIAN
-            stray = np.zeros(len(order), dtype=bool)
             stray[order] = tested & (squared > LIMIT * np.maximum(usual, 1.0))
+        if stray.any():
             ends = np.cumsum([len(bodies[index].frames) for index in group])
             for index, own in zip(group, np.split(stray, ends[:-1]), strict=True):
                 found[index] = own
@@ -130,6 +135,35 @@ def excess_noise(body: Body, observations: Observations, variance: float) -> flo
     return max(float(squared[tested].mean()) / 3, 1.0)
 
 
+def _rates(frames: IntArray, attitude: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The rates (n, 3) from each attitude (n, 3, 3) to the next, rad per frame, the last once more, and their medians
+    around.
+    """
+    rate = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]) / np.maximum(np.diff(frames), 1)[:, None]
+    rate = np.concatenate([rate, rate[-1:]])
+    return rate, median_filter(rate, (2 * REACH - 1, 1), mode="nearest")
+
+
+def _flipped(frames: IntArray, attitude: FloatArray) -> BoolArray:
+    """Which attitudes (n, 3, 3), in ascending frames, are far from where the rate around leads from those next to them.
+
+    Exchanged labels may turn a body by as much as half a turn, and fit well nevertheless. None where attitudes are too
+    noisy, or the rotation too fast, to tell.
+    """
+    if len(frames) < 2 * REACH + 1:
+        return np.zeros(len(frames), dtype=bool)
+    rate, median = _rates(frames, attitude)
+    gap = np.maximum(np.diff(frames), 1)
+    near = np.linalg.norm(median[:-1], axis=1) * gap < FLIP  # the body has not turned far since
+    departure = np.linalg.norm((rate - median)[:-1], axis=1) * gap
+    jump = near & (departure > FLIP)
+    if not jump.any() or np.median(departure[near]) > FLIP / 4:
+        return np.zeros(len(frames), dtype=bool)
+    stays = near & ~jump
+    jumps = np.append(jump, False) | np.append(False, jump)
+    return jumps & ~np.append(stays, False) & ~np.append(False, stays)
+
+
 def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:
     """χ² (n,) of each attitude's departure from a rotation fitted to those near; and which have enough of these, (n,).
 
@@ -159,8 +193,7 @@ def _departures_from(turning: _Turning, degree: int) -> tuple[FloatArray, BoolAr
     near = sliding_window_view(index, size)
     near = np.where(near < 0, np.arange(n)[:, None], near)
     apart = frames[near] - frames[:, None]
-    rate = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]) / np.maximum(np.diff(frames), 1)[:, None]
-    rate = median_filter(np.concatenate([rate, rate[-1:]]), (size - 2, 1), mode="nearest")
+    rate = _rates(frames, attitude)[1]
     farthest = max(FARTHEST, FARTHEST_TURN / max(float(np.median(np.linalg.norm(rate, axis=1))), 1e-9))
     used = (apart != 0) & (np.abs(apart) <= farthest)
     there = np.swapaxes(attitude, 1, 2)[:, None] @ attitude[near]

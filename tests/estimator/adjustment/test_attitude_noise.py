@@ -54,6 +54,26 @@ def test_a_slow_rotation_is_fitted_over_attitudes_that_are_far_apart():
     assert len(found) >= 4
 
 
+@pytest.mark.parametrize("step", [0.0, 0.02, 0.1])
+def test_a_flip_is_found_where_too_few_attitudes_are_near_to_fit_a_rotation(step):
+    """After four attitudes near by there is one, turned by 2 rad, and no other for a long time."""
+    body, observations = seen(step, np.zeros(0, dtype=int), 0.0)
+    frames = np.r_[0:40, 46:50, 55, 120:150]
+    attitude = body.attitude[frames]
+    few = Body(body.features, frames, POINTS, attitude)
+    assert not of_one(few, observations).any()
+    turned = Rotation.from_rotvec([2.0, 0.0, 0.0]).as_matrix()
+    flipped = Body(body.features, frames, POINTS, np.where((frames == 55)[:, None, None], attitude @ turned, attitude))
+    np.testing.assert_array_equal(frames[of_one(flipped, observations)], [55])
+
+
+def test_where_rotations_are_too_fast_for_their_frames_nothing_is_a_flip():
+    body, observations = seen(2.5, np.zeros(0, dtype=int), 0.0)
+    frames = np.sort(np.random.default_rng(1).permutation(400)[:80])
+    few = Body(body.features, frames, POINTS, body.attitude[frames])
+    assert not of_one(few, observations).any()
+
+
 def test_attitudes_of_a_body_of_few_frames_are_compared_with_those_of_another():
     """Eight frames of 400 are a body with axes of its own: three attitudes are off by half a turn."""
     body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)

@@ -9,19 +9,27 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import LastStep
 from baryscope.estimator.pivot.joint_covariance import is_at_rest
 from baryscope.estimator.pivot.method import estimate_by_pivot, solve_pivot
+from baryscope.estimator.result import Status
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
 from baryscope.study.population.sensing import sampled
 from synthetic import make_case
 
+AXIS = np.array([0.6, 0.0, 0.8])
 
-def test_steps_that_only_noise_asks_for_are_no_lack_of_convergence():
-    """A pure spin: a step of 30 cm along its axis is several deviations of its apparent information, which is noise."""
+
+def spinning():
+    """The solution of a pure spin about AXIS."""
     time = np.linspace(0.0, 270.0, 60)
-    spin = Rotation.from_rotvec(np.outer(0.07 * time, [0.6, 0.0, 0.8])).as_matrix()
+    spin = Rotation.from_rotvec(np.outer(0.07 * time, AXIS)).as_matrix()
     points = np.random.default_rng(3).normal(size=(6, 3))
     case = make_case(time, spin, np.tile([4.0, -19.0, 3.0], (60, 1)), points, noise=0.1, seed=1)
-    solved = solve_pivot(case.tracks, None, PathOptions(trajectory="fixed"))
+    return solve_pivot(case.tracks, None, PathOptions(trajectory="fixed"))
+
+
+def test_steps_that_only_noise_asks_for_are_no_lack_of_convergence():
+    """A step of 30 cm along a pure spin's axis is several deviations of its apparent information, which is noise."""
+    solved = spinning()
     information = np.linalg.inv(solved.solution.offset_covariance)
     axis = np.linalg.eigh(information)[1][:, 0]
 
@@ -35,6 +43,16 @@ def test_steps_that_only_noise_asks_for_are_no_lack_of_convergence():
     assert not stepped(0.3 * axis, steady=False)
     assert not stepped(0.3 * across)
     assert not stepped(5.0 * axis)  # the covariance claims three radii
+
+
+def test_an_attitude_that_is_flipped_by_itself_tells_nothing():
+    """`population case --seed 108 --index 69`: two labels are exchanged where no other attitude is near; 158° off, it
+    told the place along a spin's axis to 13 mm, 0.3 m off.
+    """
+    case = drawn(108, 69)
+    found = estimate_by_pivot(sampled(case).tracks, None, PathOptions())
+    assert found.status is Status.NOT_OBSERVABLE
+    assert not wrong(of_estimate(found, case.path))
 
 
 def test_a_few_attitudes_that_are_far_off_tell_nothing():
