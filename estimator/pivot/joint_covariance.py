@@ -127,8 +127,16 @@ def _least(found: Pivot) -> float:
 
 
 def _prior(found: Pivot) -> OffsetPrior:
-    """That of the bodies' offsets, in the weights' units."""
-    return OffsetPrior(block_diag(*found.known_offsets), block_diag(*found.offsets))
+    """That of the bodies' offsets, in the weights' units, as wide as its likeliest where they contradict it.
+
+    Of an offset that is told, it is next to nothing. Where tracks lead one far off that hardly tell it, its width is
+    all that is claimed.
+    """
+    known = block_diag(*found.known_offsets)
+    offsets = np.concatenate([body.points.mean(axis=0) for body in found.bodies])
+    held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
+    wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
+    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets))
 
 
 def _spurious(found: Pivot) -> FloatArray:

@@ -45,6 +45,16 @@ def test_steps_that_only_noise_asks_for_are_no_lack_of_convergence():
     assert not stepped(5.0 * axis)  # the covariance claims three radii
 
 
+def test_the_prior_is_as_wide_as_an_offset_that_contradicts_it():
+    """`population case --seed 102 --index 63 --orbit`: led 12.5 m off along an axis that hardly anything tells, by 3.4
+    deviations of the prior, it was wrong with a NEES of 46.
+    """
+    case = drawn(102, 63)
+    found = estimate_by_pivot(sampled(case).tracks, case.orbit, PathOptions(sigma=1.0))
+    assert found.status is Status.NOT_OBSERVABLE
+    assert not wrong(of_estimate(found, case.path))
+
+
 def test_an_attitude_that_is_flipped_by_itself_tells_nothing():
     """`population case --seed 108 --index 69`: two labels are exchanged where no other attitude is near; 158° off, it
     told the place along a spin's axis to 13 mm, 0.3 m off.
