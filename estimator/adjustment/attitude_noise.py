@@ -161,7 +161,7 @@ def _flipped(frames: IntArray, attitude: FloatArray) -> BoolArray:
         return np.zeros(len(frames), dtype=bool)
     stays = near & ~jump
     jumps = np.append(jump, False) | np.append(False, jump)
-    return jumps & ~np.append(stays, False) & ~np.append(False, stays)
+    return np.asarray(jumps & ~np.append(stays, False) & ~np.append(False, stays))
 
 
 def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:

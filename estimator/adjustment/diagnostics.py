@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.findings import FewFrames
+from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.result import Cluster
@@ -22,9 +23,11 @@ def cluster_of(body: Body, points: FloatArray, covariance: FloatArray, labels: S
     """The body as a cluster of a result.
 
     points (m, 3) in m from the centre of mass, in the body's axes; covariance (3, 3) of their centroid, m²; labels of
-    all features of the tracks.
+    all features of the tracks. The axes of features in a line are those in which the centre of mass is in one plane
+    with the line: it is not uncertain across it.
     """
     centroid = points.mean(axis=0)
+    covariance = made_definite(covariance[None])[0]
     own = tuple(labels[index] for index in body.features)
     return Cluster(own, body.features, body.frames, body.intervals, points - centroid, -centroid, covariance)
 
@@ -71,7 +74,7 @@ def few_frames(weight: FloatArray, unknowns: float) -> tuple[FewFrames, ...]:
     unknowns as with free attitudes, where as many frames are needed as path and offsets have unknowns.
     """
     unknowns += 3  # of the offset
-    frames = int(np.count_nonzero((weight >= REJECTED).sum(axis=1) >= 3))
+    frames = int(np.count_nonzero((weight >= REJECTED).sum(axis=1) >= 2))
     return (FewFrames(frames, unknowns),) if 2 * frames < unknowns else ()
 
 

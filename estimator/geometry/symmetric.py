@@ -86,11 +86,11 @@ def made_definite(covariance: FloatArray) -> FloatArray:
 
     Kilometres along one axis and micrometres across cannot stand in one matrix.
     """
+    rounding = (DIGITS * np.trace(covariance, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     try:
-        np.linalg.cholesky(covariance)
+        np.linalg.cholesky(covariance - rounding)
     except np.linalg.LinAlgError:
-        rounding = DIGITS * np.trace(covariance, axis1=1, axis2=2)
-        return np.asarray(covariance + rounding[:, None, None] * np.eye(3))
+        return np.asarray(covariance + 2 * rounding)
     return covariance
 
 

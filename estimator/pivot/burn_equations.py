@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, held, maximise, solved
+from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
@@ -21,7 +22,6 @@ from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.pivot.drift import frame_covariances, roots_in_C
 from baryscope.estimator.pivot.free_attitudes import Solution
 from baryscope.estimator.pivot.refinement import ROUNDING
-from baryscope.estimator.pivot.subsample import Subsample
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit

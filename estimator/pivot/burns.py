@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, cost, maximise
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burns_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
@@ -24,7 +25,6 @@ from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
 from baryscope.estimator.pivot.reduced import bounded_cost, scaled
 from baryscope.estimator.pivot.refinement import Start, refined
-from baryscope.estimator.pivot.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit

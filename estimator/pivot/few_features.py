@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import SampledPath
-from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
 from baryscope.estimator.pivot.free_attitudes import Solution
+from baryscope.estimator.pivot.rods import best_attitudes
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -88,8 +88,7 @@ def _is_told(covariance: FloatArray, spurious: FloatArray, most: float) -> bool:
 def _attitudes(own: Observations, body: Body, origin: FloatArray, variance: float) -> tuple[FloatArray, BoolArray]:
     """The attitudes (n, 3, 3) R_C_S of n frames, by the body's points about the origin (n, 3), and which are known."""
     apart = own.position - origin[:, None]
-    moments = np.einsum("km,kmi,mj->kij", own.weight, apart, body.points, optimize=True)
-    attitude = matrix_from_quaternion(rotation_from_moments(moments)[0])
+    attitude = best_attitudes(own, body.points, origin)
     squares = own.weight * own.squares(apart - np.einsum("kij,mj->kmi", attitude, body.points))
     fit = squares.sum(axis=1) < GATE * variance * np.count_nonzero(own.weight > 0, axis=1)
     of_attitude = attitude_covariances(attitude_information(own, attitude, body.points), variance)

@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from baryscope.estimator.adjustment.subsample import subsampled
 from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
 from baryscope.estimator.findings import LackOfFit
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
-from baryscope.estimator.pivot.subsample import subsampled
 
 FloatArray = NDArray[np.float64]
 

@@ -26,6 +26,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
@@ -40,17 +41,18 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
-from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS, is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import lack_of_fit
-from baryscope.estimator.pivot.refinement import ROUNDING, Start, is_cut_short, refined
+from baryscope.estimator.pivot.refinement import ROUNDING, Start, refined
 from baryscope.estimator.pivot.ridge import with_ridges
+from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
 from baryscope.estimator.pivot.start import linear_start
 from baryscope.estimator.pivot.strays import without_strays
-from baryscope.estimator.pivot.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
+from baryscope.estimator.registration.rods import find_rods
 from baryscope.estimator.registration.screening import screen
 from baryscope.estimator.result import Estimate, Motion, Noise
 from baryscope.estimator.tracks import FeatureTracks, errors_of
@@ -62,6 +64,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
+SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 SELF_CHECKING = 5  # features of a frame: without any one of them, four still show whether they fit
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
@@ -170,7 +173,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     """
     trajectory = trajectory_of(options.trajectory, orbit)
     inliers = screen(tracks.position, tracks.seen, tracks.covariance)
-    registered = find_bodies(tracks.position, inliers, tracks.time)
+    registered = _registered(tracks, inliers)
     most = max(len(body.features) for body in registered.bodies)
     if most > MAX_BODY_FEATURES:
         raise ComputationError(
@@ -179,7 +182,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             Reason.TOO_LARGE,
         )
     measured = observations_of(tracks, tracks.seen)
-    registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
+    if not registered.in_line:
+        registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
     observations = _restricted(measured, registered.bodies, inliers)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
@@ -191,9 +195,12 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         sampled = interpolated(path.at, path.frequency, tracks.time[few.rows])
         least = least_variance(measured, ROUNDING)
         bodies, x, simple = linear_start(registered, few, sampled, path.prior, least, lasting)
+        everywhere = interpolated(path.at, path.frequency, tracks.time)
+        if registered.in_line:
+            bodies = attitudes_about(bodies, observations, everywhere.position(x))
         start = Start(
             path,
-            interpolated(path.at, path.frequency, tracks.time),
+            everywhere,
             tracks.time,
             tuple(body.points for body in registered.bodies),
             bodies,
@@ -208,17 +215,42 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             slips=options.process_noise == "auto" and trajectory.kind == "polynomial",
         )
         found = _refined(start, options)
-        if not is_cut_short(found):
+        if not _is_cut_short(found):
             break
     found, fewer = without_strays(found, start, options)
     # Where burns are left to noise, attitudes stray by it: all are looked at once more.
-    burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
+    if registered.in_line:  # which have no attitude without a path
+        burned, with_burns = found, start
+    else:
+        burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
     found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
+    if registered.in_line and spurious_share(found) > SPURIOUS:
+        raise ComputationError(
+            "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
+            Reason.COLLINEAR_FEATURES,
+        )
     findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors)
+
+
+def _registered(tracks: FeatureTracks, inliers: BoolArray) -> Registered:
+    """The bodies of features that give attitudes; those in a line where there are none.
+
+    Raises:
+        ComputationError: there are neither.
+    """
+    try:
+        return find_bodies(tracks.position, inliers, tracks.time)
+    except ComputationError as error:
+        if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES):
+            raise
+        rods = find_rods(tracks.position, inliers)
+        if rods is None:
+            raise
+        return rods
 
 
 def _lasting(registered: Registered, observations: Observations) -> float:
@@ -239,6 +271,17 @@ def _refined(start: Start, options: PathOptions) -> Pivot:
         if found.converged:
             return found
     return refined(start, options)
+
+
+def _is_cut_short(found: Pivot) -> bool:
+    """Whether a smooth path has degrees beyond its highest that matter."""
+    smooth = smooth_in(found.path)
+    if smooth is None:
+        return False
+    own = found.posterior.theta[: len(smooth.prior.hyperparameters)]
+    # In some directions the path is told far better than its places are, as where its offset is hardly known.
+    information = found.posterior.information[smooth.size - 3 : smooth.size].max()
+    return smooth.omitted_variance(own) * float(information) > SEEN
 
 
 def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:

@@ -21,6 +21,7 @@ FloatArray = NDArray[np.float64]
 
 RADII = 2.0  # standard deviation of each coordinate of the offset, in the rms radius of very many features
 LEAST = 1e-3  # information of the tracks over that of the prior: less is as good as none
+RANK = 1e-12  # of variances: across the plane of a line and the centre of mass there is none
 NOTICEABLE = 1e-4  # information of the prior over that of the tracks, from which spurious information matters to it
 CONTRADICTED = 15.0  # increase of the squared residuals over their variance where offsets are held, which noise is not
 DEVIATIONS = 3.0  # of the noise of the sum of squares from one place to another
@@ -154,7 +155,8 @@ def against_spurious(
     held (k, 3, 3), so that its inverse is I besides; spurious (3, 3) of each body.
     """
     each = np.arange(len(known))
-    own = np.linalg.inv(covariance.reshape(len(known), 3, len(known), 3)[each, :, each]) - held
+    offset = covariance.reshape(len(known), 3, len(known), 3)[each, :, each]
+    own = np.linalg.pinv(offset, rcond=RANK, hermitian=True) - held
     values, axes = np.linalg.eigh((own + np.swapaxes(own, 1, 2)) / 2)
     values = np.maximum(values, LEAST * known[:, None])
     root = axes / np.sqrt(values)[:, None]

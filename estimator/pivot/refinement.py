@@ -20,7 +20,6 @@ from baryscope.estimator.dynamics.paths import Path, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
 from baryscope.estimator.dynamics.seen import as_seen
-from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
@@ -46,7 +45,6 @@ SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weight
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 OMITTED = 0.01  # of the variance: more than that of the modes left out
-SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,17 +376,6 @@ def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, varianc
         return None
     slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
     return (slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)) / variance
-
-
-def is_cut_short(found: Pivot) -> bool:
-    """Whether a smooth path has degrees beyond its highest that matter."""
-    smooth = smooth_in(found.path)
-    if smooth is None:
-        return False
-    own = found.posterior.theta[: len(smooth.prior.hyperparameters)]
-    # In some directions the path is told far better than its places are, as where its offset is hardly known.
-    information = found.posterior.information[smooth.size - 3 : smooth.size].max()
-    return smooth.omitted_variance(own) * float(information) > SEEN
 
 
 def _typical(covariance: FloatArray) -> float:

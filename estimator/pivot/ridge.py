@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import held
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
@@ -25,7 +26,6 @@ from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance
 from baryscope.estimator.pivot.reduced import scaled
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
-from baryscope.estimator.pivot.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 

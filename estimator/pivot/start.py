@@ -17,6 +17,7 @@ from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
+from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.paths import FIRST, FREQUENCY, STEEP, STEEPNESS, SampledPath
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
@@ -24,7 +25,7 @@ from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, fra
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.pivot.reduced import bounded_cost, scaled, stepped
-from baryscope.estimator.pivot.subsample import Subsample
+from baryscope.estimator.pivot.rods import solution_of_rods
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
@@ -71,12 +72,10 @@ def linear_start(
     at_rest = waves[0].fixed(FIRST, NOTHING) if smooth else None
     simple = [quiet] if at_rest is None else [*waves, at_rest]
     priors = [*simple, prior] if prior.hyperparameters else [prior]
-    trials, even = [], drift_equations(own, [np.ones(len(body.frames)) for body in own.bodies], sampled, own.noise)
-    for one in priors:
-        bodies, x = _linear_solution(own, few.observations, sampled, one, even)
-        trials.append(_Trial(bodies, x, few.observations, one))
+    solution = _linear_solutions(own, few.observations, sampled)
+    trials = [_Trial(*solution(one), few.observations, one) for one in priors]
     if len(trials) > 1:
-        variance = lasting * max(even.noise**2 if few.observations.precision is None else 1.0, least)
+        variance = lasting * max(own.noise**2 if few.observations.precision is None else 1.0, least)
         known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
         trials = _settled(trials, partial(_stepped, sampled=sampled, known=known, least=least, lasting=lasting), prior)
         found = trials[_best(trials, sampled, prior, least, lasting)]
@@ -159,11 +158,22 @@ def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float
 def _in_subsample(registered: Registered, few: Subsample) -> Registered:
     """The registered bodies in the frames of a subsample."""
     origins = zip(registered.origins, few.steps, strict=True)
-    return Registered(few.bodies, tuple(origin[::step] for origin, step in origins), registered.noise)
+    return replace(registered, bodies=few.bodies, origins=tuple(origin[::step] for origin, step in origins))
+
+
+def _linear_solutions(
+    registered: Registered, observations: Observations, sampled: SampledPath
+) -> Callable[[Prior], tuple[tuple[Body, ...], FloatArray]]:
+    """What gives bodies with points from the centre of mass, and x (p,), by linear least squares with a prior."""
+    if registered.in_line:
+        return partial(solution_of_rods, registered, observations, sampled)
+    roots = [np.ones(len(body.frames)) for body in registered.bodies]
+    even = drift_equations(registered, roots, sampled, registered.noise)
+    return partial(_linear_solution, registered, observations, sampled, even)
 
 
 def _linear_solution(
-    registered: Registered, observations: Observations, sampled: SampledPath, prior: Prior, even: DriftEquations
+    registered: Registered, observations: Observations, sampled: SampledPath, even: DriftEquations, prior: Prior
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted (even), weighted."""
     roots = frame_roots(registered.bodies, observations, even.solved(prior).offsets)

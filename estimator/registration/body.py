@@ -17,7 +17,8 @@ class Body:
     """Features that are seen together: one rigid body with its own axes S.
 
     features (m,) and frames (n,): indices into the tracks; points (m, 3) in S, m; attitude (n, 3, 3) R_C_S;
-    intervals: those in which the body is seen.
+    intervals: those in which the body is seen; in_line: whether the features are in a line, by which they have no
+    attitude: how they are turned about it follows from where the centre of mass is.
     """
 
     features: IntArray
@@ -25,6 +26,7 @@ class Body:
     points: FloatArray
     attitude: FloatArray
     intervals: tuple[Interval, ...] = ()
+    in_line: bool = False
 
     def moved(self, change: FloatArray) -> "Body":
         """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points."""

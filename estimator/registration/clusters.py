@@ -58,6 +58,11 @@ class Registered:
     origins: tuple[FloatArray, ...]
     noise: float
 
+    @property
+    def in_line(self) -> bool:
+        """Whether the features of all bodies are in a line: third axis; the others are arbitrary in each frame."""
+        return all(body.in_line for body in self.bodies)
+
 
 def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None = None) -> Registered:
     """The rigid bodies in position (n, m, 3) in C, m, and the noise of a coordinate from the residuals of registration.

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.pivot.elimination import AllFrames, eliminated
 from baryscope.estimator.registration.body import Body
 
 N, M = 30, 5

@@ -1,0 +1,96 @@
+"""A path from features in a line, which have no attitude of their own.
+
+The centre of mass is at one place along such a line, and at one distance from it. The first is linear in the path:
+u · (c − g(t; x)) = d, for the direction u and the centroid c of the features in a frame. The second follows, and with
+it the attitude: the line and the centre of mass are in one plane of the body.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
+from baryscope.estimator.pivot.drift import drift_equations
+from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.offset_prior import RADII, radius_of_many
+from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.clusters import Registered
+
+FloatArray = NDArray[np.float64]
+
+NEAREST = 0.01  # of a rod's length: the distance of the centre of mass from its line, at least
+
+
+def solution_of_rods(
+    rods: Registered, observations: Observations, sampled: SampledPath, prior: Prior
+) -> tuple[tuple[Body, ...], FloatArray]:
+    """Bodies with points from the centre of mass and attitudes, and the path's x (p,), by linear least squares."""
+    frames = sum(len(body.frames) for body in rods.bodies)
+    roots = [_roots(body, rods.noise, frames) for body in rods.bodies]
+    equations = drift_equations(rods, roots, sampled, rods.noise)
+    drift = replace(equations, values=sum(map(len, roots))).solved(prior)
+    origin, bodies = sampled.position(drift.x), []
+    for body, centroid, offset in zip(rods.bodies, rods.origins, drift.offsets, strict=True):
+        apart = centroid - origin[body.frames]
+        along = body.attitude[:, :, 2]
+        across = apart - np.einsum("ki,ki->k", apart, along)[:, None] * along
+        away = max(float(np.median(np.linalg.norm(across, axis=1))), NEAREST * float(np.ptp(body.points[:, 2])))
+        bodies.append(replace(body, points=body.points + np.array([away, 0.0, offset[2]])))
+    return attitudes_about(bodies, observations, origin), drift.x
+
+
+def _roots(body: Body, noise: float, frames: int) -> FloatArray:
+    """Those of what a rod tells in each frame, (n, 3, 3), for `drift_equations`.
+
+    Along the line, the place of the centre of mass; across it, that it is near, which all frames together tell as well
+    as the prior of an offset does. noise: of a coordinate along the line, m; frames: of all rods.
+    """
+    root = np.swapaxes(body.attitude, 1, 2).copy()
+    root[:, :2] *= noise / (RADII * radius_of_many(body.points) * np.sqrt(frames))
+    return root
+
+
+def attitudes_about(bodies: Sequence[Body], observations: Observations, origin: FloatArray) -> tuple[Body, ...]:
+    """The bodies with the attitudes that fit best for their points, the centre of mass at origin (n, 3) in C, m."""
+    return tuple(
+        replace(body, attitude=best_attitudes(_own(body, observations), body.points, origin[body.frames]))
+        for body in bodies
+    )
+
+
+def _own(body: Body, observations: Observations) -> Observations:
+    return observations.features(body.features).frames(body.frames)
+
+
+def best_attitudes(own: Observations, points: FloatArray, origin: FloatArray) -> FloatArray:
+    """The attitudes (n, 3, 3) R_C_S that fit best for points (m, 3) about origins (n, 3) in C, m, by the weights."""
+    apart = own.position - origin[:, None]
+    moments = np.einsum("km,kmi,mj->kij", own.weight, apart, points, optimize=True)
+    return np.asarray(matrix_from_quaternion(rotation_from_moments(moments)[0]))
+
+
+def spurious_share(found: Pivot) -> float:
+    """The spurious information on the path over that on it, in the direction where it is greatest.
+
+    A frame does not see what moves the centre of mass across the plane in which it is with the line: the attitude
+    follows. But with the noise φ of that attitude, the distance from the line seems to change by φ times as much. For
+    the information Q on the distance, the direction t across the plane and the path's Jacobian J, the information is
+    Σ Q φ² Jᵀ t tᵀ J. Along the axis of a spin, and across a plane in which the line stays, there is no other.
+    """
+    total = np.zeros_like(found.solution.covariance)
+    for body, noisy in zip(found.bodies, found.noisy_attitudes, strict=True):
+        centroid = body.points.mean(axis=0)
+        along = np.linalg.svd(body.points - centroid)[2][0]
+        away = centroid - (centroid @ along) * along
+        away /= max(float(np.linalg.norm(away)), 1e-300)
+        turned = np.einsum("i,kij,j->k", along, noisy.covariance, along)
+        seen = np.einsum("i,kij,j->k", away, noisy.known, away)
+        across = noisy.attitude @ np.cross(along, away)
+        matrices = (seen * turned)[:, None, None] * across[:, :, None] * across[:, None]
+        total += noisy.every * found.sampled.gram(noisy.frames, matrices)
+    return float(np.linalg.eigvals(found.solution.covariance @ total).real.max())

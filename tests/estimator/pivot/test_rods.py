@@ -1,0 +1,73 @@
+"""The centre of mass from features in a line, such as two."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.result import Status
+from baryscope.models.errors import ComputationError, Reason
+from free_paths import BOTH, FEATURES, NOISE, found_by, in_orbit, squared_error, turning
+from synthetic import make_case
+
+TWO = FEATURES[[0, 3]]
+LINE = TWO[0] + np.array([[0.0], [0.4], [1.0]]) * (TWO[1] - TWO[0])
+DRAWS, FRAMES = 16, 150
+
+
+def case(features, seed, noise=NOISE):
+    time, R = turning(FRAMES)
+    return make_case(time, R, in_orbit(time), features, noise=noise, seed=seed)
+
+
+@BOTH
+@pytest.mark.parametrize("features", [TWO, LINE], ids=["two", "three in a line"])
+def test_errors_are_as_large_as_claimed(method, features):
+    """Each square is χ²₃: the mean of sixteen lies in its band of 99.9 %."""
+    squares = []
+    for seed in range(DRAWS):
+        made = case(features, seed)
+        found = found_by(method, made.tracks, "relative-orbit", process_noise="none")
+        assert found.status is Status.GOOD
+        squares.append(squared_error(found, made))
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * DRAWS) / DRAWS
+    assert low < np.mean(squares) < high
+
+
+def test_without_noise_two_features_tell_the_centre_of_mass_exactly():
+    made = case(TWO, 0, noise=0.0)
+    found = found_by("pivot", made.tracks, "relative-orbit", process_noise="none")
+    np.testing.assert_allclose(found.position, made.com, atol=1e-5)
+    (cluster,) = found.clusters
+    expected = np.linalg.norm(TWO, axis=1)  # from the centre of mass
+    np.testing.assert_allclose(np.linalg.norm(cluster.points - cluster.centre_of_mass, axis=1), expected, atol=1e-5)
+
+
+def test_without_an_orbit_a_smooth_path_is_told_as_well():
+    made = case(LINE, 3)
+    found = estimate(made.tracks)
+    assert found.status is Status.GOOD
+    assert squared_error(found, made) < chi2.ppf(0.9999, 3)
+    assert found.predicted_rmse < 0.1
+
+
+@pytest.mark.parametrize(
+    ("height", "words", "reason"),
+    [
+        (0.0, "at most 2 features are seen together", Reason.TOO_FEW_FEATURES),
+        (0.5, "lie in a line, which turns too little", Reason.COLLINEAR_FEATURES),
+    ],
+    ids=["in a plane", "on a cone"],
+)
+def test_lines_that_turn_about_one_axis_are_refused(height, words, reason):
+    """Nothing but noise tells the place along the axis, which no offset of features in a line has to itself."""
+    time = np.arange(100.0)
+    angle = 0.1 * time
+    turned = np.zeros((100, 3, 3))
+    turned[:, 0, 0] = turned[:, 1, 1] = np.cos(angle)
+    turned[:, 1, 0], turned[:, 0, 1], turned[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
+    flat = np.array([[1.0, 0.2, 0.3], [-0.5, 0.8, 0.3 + height]])
+    tracks = make_case(time, turned, np.tile([4.0, -19.0, 3.0], (100, 1)), flat, noise=0.01, seed=0).tracks
+    with pytest.raises(ComputationError, match=words) as raised:
+        estimate(tracks)
+    assert raised.value.reason is reason
