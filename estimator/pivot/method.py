@@ -5,7 +5,7 @@ connects the frames.
 """
 
 import time as clock
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
-from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, Subsample, subsampled
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
@@ -172,58 +172,23 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         ComputationError: the tracks do not determine the unknowns.
     """
     trajectory = trajectory_of(options.trajectory, orbit)
-    inliers = screen(tracks.position, tracks.seen, tracks.covariance)
-    registered = _registered(tracks, inliers)
-    most = max(len(body.features) for body in registered.bodies)
-    if most > MAX_BODY_FEATURES:
-        raise ComputationError(
-            f"{most} features in a cluster, for which the adjustment would take hours: "
-            f"use at most {MAX_BODY_FEATURES} of them at a time, or the method score",
-            Reason.TOO_LARGE,
-        )
-    measured = observations_of(tracks, tracks.seen)
-    if not registered.in_line:
-        registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
-    observations = _restricted(measured, registered.bodies, inliers)
-    span = (float(tracks.time[0]), float(tracks.time[-1]))
+    given = _Given.of(tracks)
+    registered, span = given.registered, (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
-    errors = errors_of(tracks)
-    few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
-    lasting = _lasting(registered, observations)
+    slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     for highest in SMOOTH_DEGREES:
-        path = chosen_path(options, orbit, *span, errors, highest)
-        sampled = interpolated(path.at, path.frequency, tracks.time[few.rows])
-        least = least_variance(measured, ROUNDING)
-        bodies, x, simple = linear_start(registered, few, sampled, path.prior, least, lasting)
-        everywhere = interpolated(path.at, path.frequency, tracks.time)
-        if registered.in_line:
-            bodies = attitudes_about(bodies, observations, everywhere.position(x))
-        start = Start(
-            path,
-            everywhere,
-            tracks.time,
-            tuple(body.points for body in registered.bodies),
-            bodies,
-            x,
-            measured,
-            observations,
-            inliers,
-            lasting,
-            registered.noise**2 if measured.precision is None else 1.0,
-            errors,
-            simple,
-            slips=options.process_noise == "auto" and trajectory.kind == "polynomial",
-        )
+        path = chosen_path(options, orbit, *span, errors_of(tracks), highest)
+        start = replace(given.start(path), slips=slips)
         found = _refined(start, options)
         if not _is_cut_short(found):
             break
     found, fewer = without_strays(found, start, options)
-    # Where burns are left to noise, attitudes stray by it: all are looked at once more.
-    if registered.in_line:  # which have no attitude without a path
-        burned, with_burns = found, start
+    if registered.in_line:
+        start = fewer
     else:
+        # Where burns are left to noise, attitudes stray by it: all are looked at once more.
         burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
-    found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
+        found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
     if registered.in_line and spurious_share(found) > SPURIOUS:
         raise ComputationError(
@@ -233,7 +198,73 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
-    return found.at_mean(errors)
+    return found.at_mean(errors_of(tracks))
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What is there before a path is chosen.
+
+    The tracks, and inliers (n, m) among them; all observations, measured, and those of the registered bodies in their
+    frames; few of them, from which solutions start; lasting: how many frames have the same errors of the features.
+    """
+
+    tracks: FeatureTracks
+    inliers: BoolArray
+    registered: Registered
+    measured: Observations
+    observations: Observations
+    few: Subsample
+    lasting: float
+
+    @classmethod
+    def of(cls, tracks: FeatureTracks) -> "_Given":
+        """That of tracks.
+
+        Raises:
+            InputError: a singular covariance.
+            ComputationError: there are no bodies, or too large ones.
+        """
+        inliers = screen(tracks.position, tracks.seen, tracks.covariance)
+        registered = _registered(tracks, inliers)
+        most = max(len(body.features) for body in registered.bodies)
+        if most > MAX_BODY_FEATURES:
+            raise ComputationError(
+                f"{most} features in a cluster, for which the adjustment would take hours: "
+                f"use at most {MAX_BODY_FEATURES} of them at a time, or the method score",
+                Reason.TOO_LARGE,
+            )
+        measured = observations_of(tracks, tracks.seen)
+        if not registered.in_line:
+            registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
+        observations = _restricted(measured, registered.bodies, inliers)
+        few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
+        return cls(tracks, inliers, registered, measured, observations, few, _lasting(registered, observations))
+
+    def start(self, path: Path) -> Start:
+        """The initial solution for a path."""
+        time, registered, given = self.tracks.time, self.registered, self.measured.precision is not None
+        sampled = interpolated(path.at, path.frequency, time[self.few.rows])
+        least = least_variance(self.measured, ROUNDING)
+        bodies, x, simple = linear_start(registered, self.few, sampled, path.prior, least, self.lasting)
+        everywhere = interpolated(path.at, path.frequency, time)
+        if registered.in_line:
+            bodies = attitudes_about(bodies, self.observations, everywhere.position(x))
+        return Start(
+            path,
+            everywhere,
+            time,
+            tuple(body.points for body in registered.bodies),
+            bodies,
+            x,
+            self.measured,
+            self.observations,
+            self.inliers,
+            self.lasting,
+            1.0 if given else registered.noise**2,
+            errors_of(self.tracks),
+            simple,
+        )
 
 
 def _registered(tracks: FeatureTracks, inliers: BoolArray) -> Registered:
