@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.findings import FewFrames
+from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
 from baryscope.estimator.registration.body import Body
@@ -27,7 +28,8 @@ def cluster_of(body: Body, points: FloatArray, covariance: FloatArray, labels: S
     with the line: it is not uncertain across it.
     """
     centroid = points.mean(axis=0)
-    covariance = made_definite(covariance[None])[0]
+    if are_in_line(points):
+        covariance = made_definite(covariance[None])[0]
     own = tuple(labels[index] for index in body.features)
     return Cluster(own, body.features, body.frames, body.intervals, points - centroid, -centroid, covariance)
 

@@ -15,6 +15,12 @@ FloatArray = NDArray[np.float64]
 IN_LINE = 0.03  # rms distance from a line over that along it, up to which points are in a line
 
 
+def are_in_line(points: FloatArray) -> bool:
+    """Whether points (m, 3) are in a line, so that their axes are those of the line and the origin."""
+    values = np.linalg.eigvalsh(_inertia(points))
+    return bool(values[0] <= IN_LINE**2 * values[-1])
+
+
 def offset_by_points(points: FloatArray) -> FloatArray:
     """Jacobian (3, 3 m) of the centroid of points (m, 3) by the points, in axes attached to the points.
 
@@ -23,9 +29,8 @@ def offset_by_points(points: FloatArray) -> FloatArray:
     centroid = points.mean(axis=0)
     mean = np.tile(np.eye(3), len(points)) / len(points)
     found = mean + cross_matrices(centroid[None])[0] @ turn_by_points(points)
-    values, axes = np.linalg.eigh(_inertia(points))
-    if values[0] <= IN_LINE**2 * values[-1]:
-        across = np.cross(axes[:, 0], centroid)
+    if are_in_line(points):
+        across = np.cross(np.linalg.eigh(_inertia(points))[1][:, 0], centroid)
         found = found - np.outer(across, across @ found) / max(float(across @ across), 1e-300)
     return np.asarray(found)
 

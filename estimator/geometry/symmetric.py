@@ -88,9 +88,9 @@ def made_definite(covariance: FloatArray) -> FloatArray:
     """
     rounding = (DIGITS * np.trace(covariance, axis1=1, axis2=2))[:, None, None] * np.eye(3)
     try:
-        np.linalg.cholesky(covariance - rounding)
+        np.linalg.cholesky(covariance - rounding / 2)
     except np.linalg.LinAlgError:
-        return np.asarray(covariance + 2 * rounding)
+        return np.asarray(covariance + rounding)
     return covariance
 
 

@@ -105,7 +105,7 @@ def test_insufficient_tracks_are_refused_in_one_sentence(method, noise):
     empty = with_positions(four, np.full_like(four.tracks.position, np.nan))
     for tracks, expected in (
         (fixed_case(noise=noise, features=line).tracks, "lie in a line"),
-        (fixed_case(noise=noise, features=FEATURES[:2]).tracks, "at most 2 features are seen together"),
+        (fixed_case(noise=noise, features=FEATURES[:1]).tracks, "at most 1 feature is seen together"),
         (empty, "at most 0 features are seen together"),
     ):
         with pytest.raises(ComputationError) as caught:
