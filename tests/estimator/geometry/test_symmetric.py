@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.geometry.symmetric import (
+    inverse_across,
+    made_definite,
+    null_space_of,
+    symmetric_pseudo_inverse,
+)
 
 
 def test_pseudo_inverse_is_independent_of_scale():
@@ -53,3 +58,20 @@ def test_an_inverse_across_rotations_holds_for_points_of_any_weights(ratio):
     found = inverse_across(matrix, turns, weight)
     size = np.sqrt(np.diag(exact))
     np.testing.assert_allclose(found / np.outer(size, size), exact / np.outer(size, size), atol=1e-9)
+
+
+@pytest.mark.parametrize("lost", [0.0, 1e-16, 1e-13, 1e-9])
+def test_covariances_that_rounding_leaves_indefinite_are_wider_by_what_it_lost(lost):
+    """lost: an eigenvalue below zero over the trace, as of large terms that cancel."""
+    axes = np.linalg.qr(np.random.default_rng(6).normal(size=(200, 3, 3)))[0]
+    size = 10.0 ** np.random.default_rng(7).uniform(-6, 18, 200)
+    given = (axes * np.array([1.0, 0.3, -lost])) @ np.swapaxes(axes, 1, 2) * size[:, None, None]
+    found = made_definite((given + np.swapaxes(given, 1, 2)) / 2)
+    assert (np.linalg.eigvalsh(found)[:, 0] > 0).all()
+    np.linalg.cholesky(found)
+    assert (np.abs(found - given).max(axis=(1, 2)) < (2 * lost + 2e-14) * size).all()
+
+
+def test_covariances_that_are_definite_stay_as_they_are():
+    given = np.array([np.diag([1e6, 1.0, 1e-6]), np.eye(3)])
+    assert made_definite(given) is given
