@@ -4,6 +4,7 @@ Each has a few unknowns x. A path sampled at given times is a function of x with
 polynomials are linear in x. Relative motion stands in `relative_motion`.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -264,13 +265,14 @@ def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray
     Source: Abramowitz and Stegun 1964, 9.1.44, 9.1.45 and 9.3.7; Trefethen 2019, Approximation Theory and
     Approximation Practice, chapter 8.
     """
-    t, steepness = at
-    log_x, rate = np.logaddexp(0.0, SHARPNESS * np.array([t, -t])) / SHARPNESS
-    x, wave = np.exp(log_x), np.exp(SHARPNESS * (t - log_x))  # its share in the transition
-    beyond = np.maximum(np.append(order, 1.0), x)
-    root = np.sqrt((beyond - x) * (beyond + x))
-    g = beyond * np.arccosh(beyond / x) - root
-    slope = g[-1] - g[:-1], root[:-1] - root[-1]  # of the logarithm of the standard deviation by s, and by s ln x
-    power = POWER * np.log(beyond[:-1] / beyond[-1])
-    by_t = wave * (steepness * slope[1] + POWER * (order > x)) + (1 - wave) * (order - 1)
-    return 2 * (steepness * slope[0] - rate * (order - 1) - power), 2 * np.column_stack([by_t, slope[0]])
+    t, steepness = map(float, at)
+    log_x = max(t, 0.0) + math.log1p(math.exp(-SHARPNESS * abs(t))) / SHARPNESS  # positive, so that g(1) is zero
+    x, rate, wave = math.exp(log_x), log_x - t, math.exp(SHARPNESS * (t - log_x))  # wave: its share in the transition
+    beyond, after = np.maximum(order, x), order - 1
+    root, ratio = np.sqrt((beyond - x) * (beyond + x)), beyond / x
+    g = beyond * np.arccosh(ratio) - root
+    derivatives = np.empty((len(order), 2))
+    # Of the logarithm of the standard deviation, g has the derivative −√(j² − x²) by ln x.
+    derivatives[:, 0] = wave * (steepness * root + POWER * (order > x)) + (1 - wave) * after
+    derivatives[:, 1] = -g
+    return -2 * (steepness * g + rate * after + POWER * np.log(ratio)), 2 * derivatives
