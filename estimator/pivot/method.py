@@ -183,6 +183,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         found = _refined(start, options)
         if not _is_cut_short(found):
             break
+        # Of a path with more degrees they tell less.
+        _refuse_untold(found, registered)
     found, fewer = without_strays(found, start, options)
     if registered.in_line:
         start = fewer
@@ -191,11 +193,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         burned, with_burns = with_unknown_burns(found, registered, orbit, start, options)
         found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
-    if registered.in_line and spurious_share(found) > SPURIOUS:
-        raise ComputationError(
-            "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
-            Reason.COLLINEAR_FEATURES,
-        )
+    _refuse_untold(found, registered)
     findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
@@ -329,6 +327,19 @@ def _refuse_few_frames(bodies: tuple[Body, ...], path: Path) -> None:
             f"{counted(frames, 'frame shows', 'frames show')} an attitude, too few for {path.name}: "
             f"more than {free // 3 + count} needed",
             Reason.TOO_FEW_FRAMES,
+        )
+
+
+def _refuse_untold(found: Pivot, registered: Registered) -> None:
+    """Check that features in a line tell the path by more than noise.
+
+    Raises:
+        ComputationError: they do not.
+    """
+    if registered.in_line and spurious_share(found) > SPURIOUS:
+        raise ComputationError(
+            "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
+            Reason.COLLINEAR_FEATURES,
         )
 
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.pivot import method
 from baryscope.estimator.result import Status
 from baryscope.models.errors import ComputationError, Reason
 from free_paths import BOTH, FEATURES, NOISE, found_by, in_orbit, squared_error, turning
@@ -51,6 +52,17 @@ def test_without_an_orbit_a_smooth_path_is_told_as_well():
     assert found.predicted_rmse < 0.1
 
 
+def about_one_axis(height):
+    """Tracks of two features that turn about an axis, one higher than the other by some m."""
+    time = np.arange(100.0)
+    angle = 0.1 * time
+    turned = np.zeros((100, 3, 3))
+    turned[:, 0, 0] = turned[:, 1, 1] = np.cos(angle)
+    turned[:, 1, 0], turned[:, 0, 1], turned[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
+    flat = np.array([[1.0, 0.2, 0.3], [-0.5, 0.8, 0.3 + height]])
+    return make_case(time, turned, np.tile([4.0, -19.0, 3.0], (100, 1)), flat, noise=0.01, seed=0).tracks
+
+
 @pytest.mark.parametrize(
     ("height", "words", "reason"),
     [
@@ -61,13 +73,22 @@ def test_without_an_orbit_a_smooth_path_is_told_as_well():
 )
 def test_lines_that_turn_about_one_axis_are_refused(height, words, reason):
     """Nothing but noise tells the place along the axis, which no offset of features in a line has to itself."""
-    time = np.arange(100.0)
-    angle = 0.1 * time
-    turned = np.zeros((100, 3, 3))
-    turned[:, 0, 0] = turned[:, 1, 1] = np.cos(angle)
-    turned[:, 1, 0], turned[:, 0, 1], turned[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
-    flat = np.array([[1.0, 0.2, 0.3], [-0.5, 0.8, 0.3 + height]])
-    tracks = make_case(time, turned, np.tile([4.0, -19.0, 3.0], (100, 1)), flat, noise=0.01, seed=0).tracks
     with pytest.raises(ComputationError, match=words) as raised:
-        estimate(tracks)
+        estimate(about_one_axis(height))
     assert raised.value.reason is reason
+
+
+def test_what_tells_no_path_is_refused_before_paths_of_more_degrees(monkeypatch):
+    """These take minutes where frames are many."""
+    paths = []
+
+    def refined(start, options):
+        paths.append(start.path)
+        return kept(start, options)
+
+    kept = method.refined
+    monkeypatch.setattr(method, "refined", refined)
+    monkeypatch.setattr(method, "_is_cut_short", lambda found: True)
+    with pytest.raises(ComputationError, match="lie in a line"):
+        estimate(about_one_axis(0.5))
+    assert len(paths) == 1
