@@ -10,7 +10,7 @@ from baryscope.estimator.registration.body import Body
 
 IntArray = NDArray[np.intp]
 
-SUBSAMPLE_FRAMES = 3000  # frames, approximately, for burns and ridges
+SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, burns and ridges
 MIN_BODY_FRAMES = 20  # frames of each body that a subsample keeps
 
 

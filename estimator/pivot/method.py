@@ -26,7 +26,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.stereo import observations_of
-from baryscope.estimator.adjustment.subsample import Subsample, subsampled
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, Subsample, subsampled
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.details import PivotDetails, TiedClusters
@@ -63,7 +63,6 @@ from baryscope.models.words import counted
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-START_FRAMES = 1000  # frames, approximately, for the initial solution
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 SELF_CHECKING = 5  # features of a frame: without any one of them, four still show whether they fit
@@ -237,7 +236,7 @@ class _Given:
         if not registered.in_line:
             registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
         observations = _restricted(measured, registered.bodies, inliers)
-        few = subsampled(registered.bodies, observations, START_FRAMES)
+        few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
         return cls(tracks, inliers, registered, measured, observations, few, _lasting(registered, observations))
 
     def start(self, path: Path) -> Start:
