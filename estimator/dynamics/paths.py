@@ -271,8 +271,5 @@ def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray
     beyond, after = np.maximum(order, x), order - 1
     root, ratio = np.sqrt((beyond - x) * (beyond + x)), beyond / x
     g = beyond * np.arccosh(ratio) - root
-    derivatives = np.empty((len(order), 2))
-    # Of the logarithm of the standard deviation, g has the derivative −√(j² − x²) by ln x.
-    derivatives[:, 0] = wave * (steepness * root + POWER * (order > x)) + (1 - wave) * after
-    derivatives[:, 1] = -g
-    return -2 * (steepness * g + rate * after + POWER * np.log(ratio)), 2 * derivatives
+    by_t = wave * (steepness * root + POWER * (order > x)) + (1 - wave) * after  # −root is the derivative of g by ln x
+    return -2 * (steepness * g + rate * after + POWER * np.log(ratio)), 2 * np.column_stack([by_t, -g])

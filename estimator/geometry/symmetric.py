@@ -82,16 +82,16 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
 
 
 def made_definite(covariance: FloatArray) -> FloatArray:
-    """Covariances (n, 3, 3) that are positive definite in double precision, wider by rounding where they are not.
+    """Covariances (n, 3, 3) that are positive definite in double precision, wider by what rounding lost where it did.
 
     Kilometres along one axis and micrometres across cannot stand in one matrix. Of terms that cancel, rounding may be
-    more than that of what is left: then all is added that is below zero.
+    more than that of what is left.
     """
     rounding = DIGITS * np.trace(covariance, axis1=1, axis2=2)
     try:
         np.linalg.cholesky(covariance - rounding[:, None, None] * np.eye(3) / 2)
     except np.linalg.LinAlgError:
-        missing = rounding - np.minimum(np.linalg.eigvalsh(covariance)[:, 0], 0.0)
+        missing = np.maximum(rounding - np.linalg.eigvalsh(covariance)[:, 0], 0.0)
         return np.asarray(covariance + missing[:, None, None] * np.eye(3))
     return covariance
 
