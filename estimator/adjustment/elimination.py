@@ -60,11 +60,11 @@ class Sums:
     def eliminate(self, rows: FloatArray, solved: FloatArray) -> None:
         """Subtract from the points' equations what other unknowns of n frames take, three of each.
 
-        rows (n, 3, 3 + 3 m + 1): their blocks with the frames' shifts and the points, and right-hand sides; solved: by
+        rows (3 + 3 m + 1, 3, n): their blocks with the frames' shifts and the points, and right-hand sides; solved: by
         their own blocks.
         """
-        size = rows.shape[2] - 3
-        outer = rows[:, :, 3:].reshape(-1, size).T @ solved[:, :, 3:].reshape(-1, size)
+        size = len(rows) - 3
+        outer = rows[3:].reshape(size, -1) @ solved[3:].reshape(size, -1).T
         self.points -= outer[:-1, :-1]
         self.points_rhs -= outer[:-1, -1]
 
@@ -147,35 +147,44 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
         index = as_slice(body.frames[part])
         here, origin = own.frames(index), frames.origin[index]
         R_C_B, found = at_best_attitudes(here, body.attitude[part], origin, body.points)
-        R_B_C = np.swapaxes(R_C_B, 1, 2)
         total.points_sizes += np.diagonal(found.point, axis1=1, axis2=2).ravel()
         total.points_rhs += found.point_rhs.ravel()
         total.points += block_diag(*found.point)
-        # Rows of the frames' shifts τ: by τ, by the points, and the right-hand side. Eliminate the frames' rotations.
-        coupling = np.concatenate([found.turn_shift, found.turn_points(), found.turn_rhs[:, :, None]], axis=2)
-        inverse, by_turn = symmetric_inverses(found.turn), np.swapaxes(found.turn_shift, 1, 2)
-        solved = inverse @ coupling
+        # Three rows of each frame: by its shift τ, by the points, and the right-hand side. Eliminate its rotation.
+        coupling = _rows(found.turn_shift, found.turn_points(), found.turn_rhs)
+        inverse = symmetric_inverses(found.turn)
+        solved = np.einsum("kij,qjk->qik", inverse, coupling)
         total.eliminate(coupling, solved)
-        rows = np.concatenate([found.shift, found.shift_points(), found.shift_rhs[:, :, None]], axis=2)
-        rows -= by_turn @ solved
+        rows = _rows(found.shift, found.shift_points(), found.shift_rhs)
+        rows -= np.einsum("kji,qjk->qik", found.turn_shift, solved)
         squares = found.squares
         if frames.shift is not None:
-            known = rows[:, :, :3]
-            noise = R_B_C @ frames.shift[index] @ R_C_B
-            gained = noise @ np.linalg.inv(np.eye(3) + known @ noise) @ rows
+            noise = np.swapaxes(R_C_B, 1, 2) @ frames.shift[index] @ R_C_B
+            known = rows[:3].transpose(2, 1, 0)
+            gained = np.einsum("kij,qjk->qik", noise @ np.linalg.inv(np.eye(3) + known @ noise), rows)
             total.eliminate(rows, gained)
-            moved, rhs = gained[:, :, -1], rows[:, :, -1]
-            total.noise_cost += float(np.vdot(moved, rhs - (known @ moved[:, :, None])[:, :, 0]))
-            turned = solved[:, :, -1] - (inverse @ found.turn_shift @ moved[:, :, None])[:, :, 0]
-            there = origin + (R_C_B @ moved[:, :, None])[:, :, 0]
+            moved, rhs = gained[-1].T, rows[-1].T
+            total.noise_cost += float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
+            turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)
+            there = origin + np.einsum("kij,kj->ki", R_C_B, moved)
             squares = pieces(here, R_C_B @ exp_rotation(turned), there, body.points).squares
-            rows = rows - known @ gained
-        rows = R_C_B @ rows
-        of_path, sizes = path.gram_and_diagonal(index, rows[:, :, :3] @ R_B_C, R_C_B @ found.shift @ R_B_C)
+            rows = rows - np.einsum("kij,qjk->qik", known, gained)
+        rows = np.einsum("kij,qjk->qik", np.asfortranarray(R_C_B), rows)
+        R_B_C = np.swapaxes(R_C_B, 1, 2)
+        left = rows[:3].transpose(2, 1, 0) @ R_B_C
+        of_path, sizes = path.gram_and_diagonal(index, left, R_C_B @ found.shift @ R_B_C)
         total.path += of_path
         total.path_sizes += sizes
-        moments = path.moment(index, rows[:, :, 3:])
+        moments = path.moment(index, rows[3:].transpose(2, 1, 0))
         total.path_points += moments[:, :-1]
         total.path_rhs += moments[:, -1]
         attitudes[part], all_squares[part] = R_C_B, squares
     return replace(body, attitude=attitudes), total, all_squares
+
+
+def _rows(by_shift: FloatArray, by_points: FloatArray, rhs: FloatArray) -> FloatArray:
+    """Three rows of each of n frames, (3 + 3 m + 1, 3, n): by the shift (n, 3, 3), the points (n, 3, 3 m), and (n, 3).
+
+    With the frames last in memory, so that sums run along them.
+    """
+    return np.concatenate([by_shift.T, by_points.T, rhs.T[None]])

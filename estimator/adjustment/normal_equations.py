@@ -43,18 +43,17 @@ class Pieces:
 
     def turn_points(self) -> FloatArray:
         """The blocks (n, 3, 3 m) that couple each frame's φ with the points."""
-        n, m = self._weight.shape
         if self._precision is None:
+            m = len(self.arms)
             arms = np.ascontiguousarray(np.swapaxes(self.arms, 0, 1)).reshape(3, 3 * m)
             return np.asarray(arms * np.repeat(self._weight, 3, axis=1)[:, None, :])
-        return np.ascontiguousarray((self.arms @ self._precision).transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
+        return _beside(np.einsum("mij,kmjl->kmil", self.arms, self._precision))
 
     def shift_points(self) -> FloatArray:
         """The blocks (n, 3, 3 m) that couple each frame's τ with the points."""
-        n, m = self._weight.shape
         if self._precision is None:
-            return np.asarray(np.tile(np.eye(3), m) * np.repeat(self._weight, 3, axis=1)[:, None, :])
-        return np.ascontiguousarray(self._precision.transpose(0, 2, 1, 3)).reshape(n, 3, 3 * m)
+            return np.asarray(np.tile(np.eye(3), len(self.arms)) * np.repeat(self._weight, 3, axis=1)[:, None, :])
+        return _beside(self._precision)
 
     def in_other_axes(self, attitude: FloatArray) -> FloatArray:
         """For the same weights along all axes, the blocks w R (n, 3, 3 m) that couple each frame's R τ with the points.
@@ -118,26 +117,7 @@ class Pieces:
 
 def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
     """The blocks of the normal equations at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, m, points (m, 3) in B, m."""
-    if observations.precision is None:
-        return _Seen.of(observations, origin, points).pieces(attitude)
-    w, R, arms = observations.weight, attitude[:, None], cross_matrices(points)
-    residual = (observations.position - origin[:, None]) @ attitude - points
-    precision = w[:, :, None, None] * (np.swapaxes(R, 2, 3) @ observations.precision @ R)
-    weighted = (precision @ residual[..., None])[..., 0]
-    levers = arms @ precision
-    return Pieces(
-        turn=np.einsum("kmij,mlj->kil", levers, arms, optimize=True),
-        turn_shift=levers.sum(axis=1),
-        shift=precision.sum(axis=1),
-        point=precision.sum(axis=0),
-        turn_rhs=np.einsum("mij,kmj->ki", arms, weighted, optimize=True),
-        shift_rhs=np.einsum("kmi->ki", weighted),
-        point_rhs=weighted.reshape(len(w), -1).sum(axis=0).reshape(-1, 3),
-        squares=np.einsum("kmi,kmi->km", weighted, residual),
-        _weight=w,
-        arms=arms,
-        _precision=precision,
-    )
+    return _seen(observations, origin, points).pieces(attitude)
 
 
 def at_best_attitudes(
@@ -147,17 +127,20 @@ def at_best_attitudes(
 
     Arguments as in `pieces`.
     """
+    seen = _seen(observations, origin, points)
+    best = attitude @ exp_rotation(seen.best_turns(attitude))
+    return best, seen.pieces(best)
+
+
+def _seen(observations: Observations, origin: FloatArray, points: FloatArray) -> "_Weighted | _Precise":
+    """The observations from origins (n, 3) in C of points (m, 3) in B."""
     if observations.precision is None:
-        seen = _Seen.of(observations, origin, points)
-        best = _turned(attitude, seen.turn, _cross_sums(seen.moments, np.asfortranarray(attitude)))
-        return best, seen.pieces(best)
-    found = pieces(observations, attitude, origin, points)
-    best = _turned(attitude, found.turn, found.turn_rhs)
-    return best, pieces(observations, best, origin, points)
+        return _Weighted.of(observations, origin, points)
+    return _Precise.of(observations, observations.precision, origin, points)
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _Weighted:
     """Observations of the same weight along all axes, from the centre of mass, and what holds for all attitudes.
 
     offset d (n, m, 3) in C; total Σ w d (n, 3) and moments Σ w b dᵀ (n, 3, 3); turn (n, 3, 3): the block of φ in B.
@@ -173,13 +156,18 @@ class _Seen:
     turn: FloatArray
 
     @classmethod
-    def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Seen":
+    def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Weighted":
         """Those of points (m, 3) in B, for origins (n, 3) in C."""
         w, arms = np.asfortranarray(observations.weight), cross_matrices(points)
         offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
         weighted = w[:, :, None] * offset
         moments = (points.T @ weighted.T).T
         return cls(w, points, arms, offset, np.einsum("kmi->ki", weighted), moments, turn_information(w, arms))
+
+    def best_turns(self, attitude: FloatArray) -> FloatArray:
+        """The rotation vectors (n, 3) in B from attitudes (n, 3, 3) to the best ones, in one step."""
+        rhs = _cross_sums(self.moments, np.asfortranarray(attitude))
+        return np.asarray(np.einsum("kij,kj->ki", symmetric_inverses(self.turn), rhs))
 
     def pieces(self, attitude: FloatArray) -> Pieces:
         """See `pieces`."""
@@ -201,15 +189,77 @@ class _Seen:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class _Precise:
+    """Observations with precisions, from the centre of mass: as `_Weighted`, precision w P (n, m, 3, 3) in C."""
+
+    weight: FloatArray
+    points: FloatArray
+    arms: FloatArray
+    offset: FloatArray
+    precision: FloatArray
+
+    @classmethod
+    def of(
+        cls, observations: Observations, precision: FloatArray, origin: FloatArray, points: FloatArray
+    ) -> "_Precise":
+        """Those of points (m, 3) in B, for origins (n, 3) in C."""
+        w = np.asfortranarray(observations.weight)
+        offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
+        weighted = w[:, :, None, None] * np.asfortranarray(precision)
+        return cls(w, points, cross_matrices(points), offset, weighted)
+
+    def best_turns(self, attitude: FloatArray) -> FloatArray:
+        """The rotation vectors (n, 3) in B from attitudes (n, 3, 3) to the best ones, in one step."""
+        precision, _, weighted = self._in_body(np.asfortranarray(attitude))
+        turn = np.einsum("kmij,mlj->kil", self._levers(precision), self.arms)
+        return np.asarray(np.einsum("kij,kj->ki", symmetric_inverses(turn), self._torques(weighted)))
+
+    def pieces(self, attitude: FloatArray) -> Pieces:
+        """See `pieces`."""
+        precision, residual, weighted = self._in_body(np.asfortranarray(attitude))
+        levers = self._levers(precision)
+        return Pieces(
+            turn=np.einsum("kmij,mlj->kil", levers, self.arms),
+            turn_shift=levers.sum(axis=1),
+            shift=precision.sum(axis=1),
+            point=precision.sum(axis=0),
+            turn_rhs=self._torques(weighted),
+            shift_rhs=np.einsum("kmi->ki", weighted),
+            point_rhs=weighted.sum(axis=0),
+            squares=np.einsum("kmi,kmi->km", weighted, residual),
+            _weight=self.weight,
+            arms=self.arms,
+            _precision=precision,
+        )
+
+    def _in_body(self, attitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """In B: precisions (n, m, 3, 3), residuals (n, m, 3), and both multiplied."""
+        half = np.einsum("kmij,kjl->kmil", self.precision, attitude)
+        precision = np.einsum("kji,kmjl->kmil", attitude, half)
+        residual = np.einsum("kmj,kji->kmi", self.offset, attitude)
+        residual -= self.points
+        return precision, residual, np.einsum("kmij,kmj->kmi", precision, residual)
+
+    def _levers(self, precision: FloatArray) -> FloatArray:
+        """[b]× P (n, m, 3, 3) for precisions in B."""
+        return np.asarray(np.einsum("mij,kmjl->kmil", self.arms, precision))
+
+    def _torques(self, weighted: FloatArray) -> FloatArray:
+        """Σ b × P r (n, 3)."""
+        return np.asarray(np.einsum("mij,kmj->ki", self.arms, weighted))
+
+
+def _beside(blocks: FloatArray) -> FloatArray:
+    """Blocks (n, m, 3, 3) of m points beside each other, (n, 3, 3 m), with the frames last in memory."""
+    n, m = blocks.shape[:2]
+    return np.ascontiguousarray(blocks.transpose(1, 3, 2, 0)).reshape(3 * m, 3, n).T
+
+
 def _sums(weight: FloatArray, matrices: FloatArray) -> FloatArray:
     """Σ w A (n, 3, 3) for weights (n, m) and matrices (m, 3, 3), with the frames last in memory."""
     n, m = weight.shape
     return np.asarray((np.swapaxes(matrices, 1, 2).reshape(m, 9).T @ weight.T).reshape(3, 3, n).T)
-
-
-def _turned(attitude: FloatArray, turn: FloatArray, rhs: FloatArray) -> FloatArray:
-    """The attitudes (n, 3, 3) after the step of their own equations."""
-    return np.asarray(attitude @ exp_rotation(np.einsum("kij,kj->ki", symmetric_inverses(turn), rhs)))
 
 
 def attitude_information(observations: Observations, attitude: FloatArray, points: FloatArray) -> FloatArray:
