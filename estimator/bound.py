@@ -15,10 +15,11 @@ from baryscope.estimator.adjustment.diagnostics import cluster_of, observability
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen, errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion

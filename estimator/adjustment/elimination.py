@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, pieces
 from baryscope.estimator.adjustment.observations import Observations, as_slice
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import FULL, elements_of, symmetric_inverses
 from baryscope.estimator.registration.body import Body

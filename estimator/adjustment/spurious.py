@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, pieces
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
 from baryscope.estimator.registration.body import Body

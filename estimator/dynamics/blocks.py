@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.paths import Frames
 from baryscope.estimator.dynamics.polynomials import lagrange_weights
+from baryscope.estimator.dynamics.sampled_path import Frames
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]

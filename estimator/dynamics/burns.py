@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from baryscope.estimator.dynamics.extended import Extended, parts_of
 from baryscope.estimator.dynamics.forces import longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.relative_motion import beyond_gradient
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import Orbit
 

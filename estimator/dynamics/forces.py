@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors
 from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, are_within, forced
-from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.options import ConstantAxes
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.sun import sun_direction, sunlit

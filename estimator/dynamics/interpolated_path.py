@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.blocks import FEWEST, KNOTS, Blocks
-from baryscope.estimator.dynamics.paths import Frames, SampledPath, product
+from baryscope.estimator.dynamics.sampled_path import Frames, IsotropicPath, SampledPath, product
 from baryscope.estimator.geometry.symmetric import FULL, elements_of
 
 FloatArray = NDArray[np.float64]
@@ -15,6 +15,7 @@ IntArray = NDArray[np.intp]
 
 PHASE = 1.8  # rad of the highest frequency in a block: an error of 3e-13, and of 1e-9 of a wave of twice that frequency
 WORTHWHILE = 2  # frames of a knot, on average, from which interpolation is faster
+WORTHWHILE_IN_AXES = 8  # for a path that is the same in three axes
 
 
 class InterpolatedPath(SampledPath):
@@ -117,4 +118,7 @@ def interpolated(at: Callable[[FloatArray], SampledPath], frequency: float, time
     if not max(FEWEST, WORTHWHILE * KNOTS * count) <= len(time) or span <= 0:
         return at(time)
     blocks = Blocks.over(time, span / np.ceil(count))
-    return InterpolatedPath(blocks, at(blocks.knots.ravel()))
+    at_knots = at(blocks.knots.ravel())
+    if isinstance(at_knots, IsotropicPath) and len(time) < WORTHWHILE_IN_AXES * KNOTS * count:
+        return at(time)
+    return InterpolatedPath(blocks, at_knots)

@@ -1,11 +1,10 @@
 """Models of the path of the centre of mass in C: what they have in common, and fixed points and polynomials in time.
 
-Each has a few unknowns x. A path sampled at given times is a function of x with a Jacobian. Fixed points and
-polynomials are linear in x. Relative motion stands in `relative_motion`.
+Each has a few unknowns x, and can be sampled at given times (`sampled_path`). Fixed points and polynomials are linear
+in x. Relative motion stands in `relative_motion`.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,10 +13,9 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior, Trend
+from baryscope.estimator.dynamics.sampled_path import IsotropicPath, SampledPath
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-Frames = slice | IntArray
 
 FIXED = "fixed"
 FIRST, FREQUENCY, STEEP = "first coefficient", "frequency", "steepness"  # the names of hyperparameters
@@ -42,7 +40,7 @@ class Path(Protocol):
         """The number of unknowns x."""
         ...
 
-    def at(self, time: FloatArray) -> "SampledPath":
+    def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
         ...
 
@@ -56,109 +54,13 @@ class Path(Protocol):
         """The prior of x."""
         ...
 
-    def rate_at(self, time: FloatArray) -> "SampledPath":
+    def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s: a sampled path in m/s instead of m."""
         ...
 
     def gravity_gradient(self, time: FloatArray) -> FloatArray | None:
         """The gravity gradient (n, 3, 3) along the orbit in C, 1/s²; None if the model has none."""
         ...
-
-
-@dataclass(frozen=True)
-class SampledPath:
-    """A path at n times: the function position, x (p,) → (n, 3) in m in C, and its jacobian (n, 3, p) by x.
-
-    If it is what a camera with errors sees (`seen`): seen_of, the path itself, and turn (n, 3, p), the derivative by x
-    of the attitudes that it sees, as rotation vectors in C.
-    """
-
-    jacobian: FloatArray
-    position: Callable[[FloatArray], FloatArray]
-    seen_of: "SampledPath | None" = None
-    turn: FloatArray | None = None
-
-    @property
-    def itself(self) -> "SampledPath":
-        """The path itself, whatever a camera sees."""
-        return self if self.seen_of is None else self.seen_of
-
-    @property
-    def size(self) -> int:
-        """The number of unknowns."""
-        return int(self.jacobian.shape[2])
-
-    @property
-    def frames(self) -> int:
-        """The number of times n."""
-        return len(self.jacobian)
-
-    def covariance(self, of_x: FloatArray) -> FloatArray:
-        """The covariance (n, 3, 3) of the positions, m², for the covariance (p, p) of x."""
-        return np.asarray(self.times(of_x) @ np.swapaxes(self.jacobian, 1, 2))
-
-    def times(self, columns: FloatArray) -> FloatArray:
-        """The products (n, 3, k) of the Jacobian with columns (p, k)."""
-        # One multiplication: one for each frame would take several times as long.
-        return np.asarray((self.jacobian.reshape(-1, self.size) @ columns).reshape(self.frames, 3, -1))
-
-    def gram(self, frames: Frames, weights: FloatArray) -> FloatArray:
-        """Σ Jᵀ W J (p, p) over k ascending frames, for symmetric weights (k, 3, 3)."""
-        own = self.jacobian[frames]
-        return np.asarray(own.reshape(-1, self.size).T @ (weights @ own).reshape(-1, self.size))
-
-    def gram_and_diagonal(
-        self, frames: Frames, weights: FloatArray, others: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """That, and the diagonal (p,) of the same for other weights (k, 3, 3)."""
-        own = self.jacobian[frames]
-        return self.gram(frames, weights), np.asarray(np.einsum("kip,kip->p", own, others @ own))
-
-    def mean_square(self) -> FloatArray:
-        """The mean (p, p) of Jᵀ J over the frames."""
-        return self.gram(slice(0, self.frames), np.broadcast_to(np.eye(3), (self.frames, 3, 3))) / self.frames
-
-    def moment(self, frames: Frames, values: FloatArray) -> FloatArray:
-        """Σ Jᵀ v (..., p, c) over k ascending frames, for values (..., k, 3, c)."""
-        *lead, _, _, columns = values.shape
-        return product(self.jacobian[frames].reshape(-1, self.size), values.reshape(*lead, -1, columns))
-
-    @property
-    def offset(self) -> FloatArray:
-        """The position (n, 3) at x = 0, where known accelerations alone bring it, m."""
-        return self.position(np.zeros(self.size))
-
-    def extended(self, columns: FloatArray) -> "SampledPath":
-        """The path with further unknowns, of which it is a linear function with columns (n, 3, k)."""
-        size = self.size
-        return SampledPath(
-            np.concatenate([self.jacobian, columns], axis=2),
-            lambda x: self.position(x[:size]) + columns @ x[size:],
-            None if self.seen_of is None else self.seen_of.extended(columns),
-            None if self.turn is None else np.concatenate([self.turn, np.zeros_like(columns)], axis=2),
-        )
-
-    def frames_at(self, index: IntArray) -> "SampledPath":
-        """The path at some of its times, by their ascending indices (k,)."""
-        seen_of = None if self.seen_of is None else self.seen_of.frames_at(index)
-        turn = None if self.turn is None else self.turn[index]
-        return SampledPath(self.jacobian[index], lambda x: self.position(x)[index], seen_of, turn)
-
-    def moved(self, by: FloatArray) -> "SampledPath":
-        """The path moved by (n, 3) in m."""
-        seen_of = None if self.seen_of is None else self.seen_of.moved(by)
-        return SampledPath(self.jacobian, lambda x: self.position(x) + by, seen_of, self.turn)
-
-    def lengths(self, directions: FloatArray) -> FloatArray:
-        """The rms displacement (k,) of the path, m, for changes (p, k) of x."""
-        return np.asarray(np.sqrt(np.mean(np.sum(self.times(directions) ** 2, axis=1), axis=0)))
-
-
-def product(jacobian: FloatArray, values: FloatArray) -> FloatArray:
-    """Jᵀ v (..., p, c) for J (k, p) and v (..., k, c), in one multiplication."""
-    rows = np.moveaxis(values, -2, 0)
-    found = jacobian.T @ rows.reshape(len(jacobian), -1)
-    return np.asarray(np.moveaxis(found.reshape(-1, *rows.shape[1:]), 0, -2))
 
 
 @dataclass(frozen=True)
@@ -213,8 +115,7 @@ class Polynomial:
 
     def _sampled(self, terms: NDArray[Any]) -> SampledPath:
         """The sampled path for the values (n, degree + 1) of the Chebyshev polynomials or of their derivatives."""
-        jacobian = np.einsum("nd,ij->nidj", terms, np.eye(3)).reshape(len(terms), 3, self.size)
-        return SampledPath(jacobian, lambda x: np.asarray(terms @ x.reshape(-1, 3)))
+        return IsotropicPath(terms)
 
 
 @dataclass(frozen=True)

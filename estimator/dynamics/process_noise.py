@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import Extended, parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, Motion, are_within, forced, highest_frequency
-from baryscope.estimator.dynamics.paths import FIXED, Path, SampledPath
+from baryscope.estimator.dynamics.paths import FIXED, Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.dynamics.sampled_path import SampledPath, of_three_axes
 from baryscope.estimator.options import Density
 
 FloatArray = NDArray[np.float64]
@@ -74,14 +75,15 @@ class Disturbed(Extended):
 
     def at(self, time: FloatArray) -> SampledPath:
         """The path at times (n,) in s."""
-        own, response = _isotropic(free_modes(self._scaled(time), self.count)[0]), self._response(time)
-        return self.base.at(time).extended(own if response is None else own + response.position(time))
+        own, response = free_modes(self._scaled(time), self.count)[0], self._response(time)
+        base = self.base.at(time)
+        return base.with_terms(own) if response is None else base.extended(of_three_axes(own) + response.position(time))
 
     def rate_at(self, time: FloatArray) -> SampledPath:
         """The velocity at times (n,) in s."""
-        own = _isotropic(free_modes(self._scaled(time), self.count)[1] / (self.end - self.begin))
-        response = self._response(time)
-        return self.base.rate_at(time).extended(own if response is None else own + response.velocity(time))
+        own = free_modes(self._scaled(time), self.count)[1] / (self.end - self.begin)
+        base, response = self.base.rate_at(time), self._response(time)
+        return base.with_terms(own) if response is None else base.extended(of_three_axes(own) + response.velocity(time))
 
     def _scaled(self, time: FloatArray) -> FloatArray:
         return np.asarray((time - self.begin) / (self.end - self.begin))
@@ -107,7 +109,7 @@ class Disturbed(Extended):
         def pull(at: FloatArray) -> FloatArray:
             found = self.base.gravity_gradient(at)
             assert found is not None  # noqa: S101  as at the times above
-            return found @ _isotropic(free_modes(self._scaled(at), self.count)[0])
+            return found @ of_three_axes(free_modes(self._scaled(at), self.count)[0])
 
         return forced(times, (self.begin + self.end) / 2, self.base.gravity_gradient, pull, longest)
 
@@ -127,12 +129,6 @@ def disturbed(path: Path, noise: Density, begin: float, end: float, known: float
 def noise_in(path: Path) -> Disturbed | None:
     """The part of a path that has process noise, if one has."""
     return next((one for one in parts_of(path) if isinstance(one, Disturbed)), None)
-
-
-def _isotropic(values: FloatArray) -> FloatArray:
-    """Columns (n, 3, 3 k) of three equal axes for values (n, k) of k scalar functions."""
-    n, k = values.shape
-    return np.asarray(np.einsum("nk,ij->nikj", values, np.eye(3)).reshape(n, 3, 3 * k))
 
 
 def wave_numbers(count: int) -> FloatArray:

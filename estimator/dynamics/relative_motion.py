@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion, Panels
-from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.trajectory import gravity_difference, gravity_gradient, lvlh_axes, target_states

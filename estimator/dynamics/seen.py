@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors, parts_of
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
 

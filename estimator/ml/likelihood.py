@@ -21,8 +21,8 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, Pieces, pieces
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.blocks import PAIRS
-from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.rotation import Attitudes
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse

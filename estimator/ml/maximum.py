@@ -16,9 +16,10 @@ from baryscope.estimator.adjustment.stereo import moved_to, observations_of, var
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import errors_in
 from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse

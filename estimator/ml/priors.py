@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.evidence import Linear
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.ml.likelihood import Equations
 from baryscope.models.attitude import INERTIA_BASIS
 

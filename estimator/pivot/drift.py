@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, maximise
 from baryscope.estimator.adjustment.normal_equations import pieces, turn_information
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses, symmetric_pseudo_inverse
 from baryscope.estimator.pivot.offset_prior import a_priori_information

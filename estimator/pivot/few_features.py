@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.pivot.free_attitudes import Solution
 from baryscope.estimator.pivot.rods import best_attitudes
 from baryscope.estimator.registration.body import Body

@@ -12,7 +12,8 @@ from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.findings import Finding
 from baryscope.estimator.pivot.free_attitudes import Solution

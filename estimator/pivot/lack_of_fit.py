@@ -5,7 +5,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from baryscope.estimator.adjustment.subsample import subsampled
-from baryscope.estimator.dynamics.paths import Polynomial, SampledPath
+from baryscope.estimator.dynamics.paths import Polynomial
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.findings import LackOfFit
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot

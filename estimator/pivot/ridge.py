@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import held
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import factor_of

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.dynamics.paths import SampledPath
 from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
 from baryscope.estimator.pivot.drift import drift_equations
 from baryscope.estimator.pivot.found import Pivot

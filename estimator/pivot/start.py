@@ -18,9 +18,10 @@ from baryscope.estimator.adjustment.evidence import held, maximise
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
-from baryscope.estimator.dynamics.paths import FIRST, FREQUENCY, STEEP, STEEPNESS, SampledPath
+from baryscope.estimator.dynamics.paths import FIRST, FREQUENCY, STEEP, STEEPNESS
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.offset_prior import a_priori_information

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.paths import Path, SampledPath
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.bound import _expected, _truth, cramer_rao_bound
 from baryscope.estimator.camera.rig import Rig
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.ml.likelihood import Model, equations
 from baryscope.estimator.prose import verdict
 from baryscope.models.attitude import INERTIA_BASIS

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from baryscope.estimator.dynamics.paths import SampledPath
+from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
