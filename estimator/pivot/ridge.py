@@ -6,6 +6,12 @@ only. So the ridge is followed either way, as far as the outer nodes of a Gaussi
 points from the tangent are added (the points of Julier and Uhlmann, Proc. IEEE 92, 2004, that are optimal instead of
 transformed). It is a curve in path and offsets with all other unknowns at their best, but for the place along wider
 directions, which stays; weights and hyperparameters are as found.
+
+Steps creep there: the noise of the attitudes does not make the cost steeper, on average, so that the matrix of Gauss
+and Newton is too large along offsets of bodies by the spurious information in it. Where that is most of it, each step
+comes nearer to the minimum by a small share of the way only: dozens of nearly equal steps would be needed. Along the
+last step the change of the next one shows the curvature over that of the matrix; divided by it, the step is that of the
+secant method.
 """
 
 from dataclasses import dataclass, replace
@@ -19,10 +25,11 @@ from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsample
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
+from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.joint_covariance import JointCovariance
 from baryscope.estimator.pivot.reduced import scaled
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
@@ -36,6 +43,10 @@ MOST_RIDGES = 3  # that are followed: those of the widest directions
 MOST_STRETCHES = 6  # in which a ridge is followed to its node, with those that were too long
 MOST_STEPS = 12  # at the end of a stretch
 HELD = 1e6  # information on the place along a direction, in its standard deviations, that holds it
+LEAST = 0.1  # of the curvature over that of Gauss and Newton's matrix: a step is lengthened tenfold at most
+RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
+CREEPING = 0.7  # of it, from which steps are long enough
+ALIGNED = 0.7  # cosine between a step and the last one, either way, from which it goes on along it
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +164,7 @@ class _Few:
         """
         found, variance, measures = self.found, self.found.variance, self.wide.measures[: len(target)]
         holding = HELD * variance * measures.T
+        last: Step | None = None
         for step in range(MOST_STEPS):
             problem = linearised(place.bodies, self.observations, self.path, place.x, self.shift, found.known_offsets)
             precision = held(scaled(problem, variance), found.path.prior, found.posterior.theta)[0]
@@ -166,10 +178,49 @@ class _Few:
                 solution = there.step(variance * precision)
             except ComputationError:
                 return None
-            place = _Place(solution.bodies, solution.x)
             if step and solution.step <= STEP_TOLERANCE * variance:
-                return place
+                return _Place(solution.bodies, solution.x)
+            # The first step follows the ridge to the target, the second one comes back to it.
+            longer = None if last is None or step == 1 else secant_step(there, solution, last)
+            last = Step(there.bodies, there.x, there.offset_change(solution))
+            end = solution if longer is None else longer
+            place = _Place(end.bodies, end.x)
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Where a step began, bodies and x (p,), and by what it would have changed the offsets of the bodies, (3 k,) m."""
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    change: FloatArray
+
+
+def secant_step(problem: Linearised, solution: Solution, last: Step) -> Solution | None:
+    """The solution of a step that goes on along the way from the last place, as far as the secant tells.
+
+    None where the step does not creep.
+    """
+    if [body.points.shape for body in last.bodies] != [body.points.shape for body in problem.bodies]:
+        return None
+    pairs = list(zip(problem.bodies, last.bodies, strict=True))
+    way = np.concatenate([offset_by_points(own.points) @ (own.points - then.points).ravel() for own, then in pairs])
+    here = problem.offset_change(solution)
+    metric = np.linalg.pinv(solution.offset_covariance, rcond=RANK, hermitian=True)
+    by_way, length = metric @ way, float(way @ metric @ way)
+    along = float(by_way @ here)
+    if not along * along > ALIGNED**2 * length * float(here @ metric @ here):
+        return None
+    curvature = float(by_way @ (last.change - here)) / length
+    if curvature > CREEPING:
+        return None
+    more = along / length * (1 / max(curvature, LEAST) - 1)
+    moved = (
+        replace(body, points=body.points + more * (own.points - then.points))
+        for body, (own, then) in zip(solution.bodies, pairs, strict=True)
+    )
+    return replace(solution, x=solution.x + more * (problem.x - last.x), bodies=tuple(moved))
 
 
 def _turned_centroid(body: Body, like: Body) -> FloatArray:
