@@ -6,6 +6,7 @@ diagonal itself may be rounding error alone; `sizes` is then the diagonal before
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -14,10 +15,14 @@ UPPER = np.triu_indices(3)  # rows and columns of the six elements that make a s
 FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # which of them stands where in the matrix
 DIGITS = 1e-14  # of the trace: what is added to a covariance that rounding leaves indefinite
 RANK_TOLERANCE = 1e-13  # eigenvalue of the scaled matrix up to which a direction belongs to the null space
+REGULAR = 1e-10  # least eigenvalue of the scaled matrix from which it is far from having one
 
 
 def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
     """Pseudo-inverse (p, p) of a symmetric positive semidefinite matrix (p, p): zero in its null space."""
+    regular = _inverse_of_regular(matrix, sizes)
+    if regular is not None:
+        return regular
     scale, values, vectors = _scaled(matrix, sizes)
     inverse = np.where(values > RANK_TOLERANCE, 1 / np.where(values > RANK_TOLERANCE, values, 1.0), 0.0)
     return np.asarray((vectors * inverse) @ vectors.T * np.outer(scale, scale))
@@ -40,6 +45,8 @@ def inverse_across(matrix: FloatArray, along: FloatArray, sizes: FloatArray) -> 
 
 def null_space_of(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
     """A basis (p, k) of the null space in which `symmetric_pseudo_inverse` is zero; its columns are not normalised."""
+    if _inverse_of_regular(matrix, sizes) is not None:
+        return np.zeros((len(matrix), 0))
     scale, values, vectors = _scaled(matrix, sizes)
     return np.asarray(scale[:, None] * vectors[:, values <= RANK_TOLERANCE])
 
@@ -54,10 +61,34 @@ def factor_of(covariance: FloatArray) -> FloatArray:
 
 def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The scale 1/√sizes (p,), and the eigenvalues, ascending, and eigenvectors of the matrix scaled by it."""
-    diagonal = np.diag(matrix) if sizes is None else sizes
-    scale = np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
+    scale = _scale(matrix, sizes)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     return scale, values, vectors
+
+
+def _scale(matrix: FloatArray, sizes: FloatArray | None) -> FloatArray:
+    """1/√sizes (p,), 1 where that is zero."""
+    diagonal = np.diag(matrix) if sizes is None else sizes
+    return np.where(diagonal > 0, 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0)), 1.0)
+
+
+def _inverse_of_regular(matrix: FloatArray, sizes: FloatArray | None) -> FloatArray | None:
+    """The inverse of a matrix whose null space is certainly empty, in a fifth of the time of eigenvalues; else None.
+
+    The least eigenvalue is at least one over the trace of the inverse.
+    """
+    if not len(matrix):  # LAPACK takes no empty matrix
+        return None
+    scale = _scale(matrix, sizes)
+    both = np.outer(scale, scale)
+    factor, indefinite = dpotrf(matrix * both, lower=True)
+    if indefinite:
+        return None
+    lower, _ = dpotri(factor, lower=True)
+    if not np.trace(lower) < 1 / REGULAR:
+        return None
+    inverse = np.tril(lower) + np.tril(lower, -1).T
+    return np.asarray(inverse * both)
 
 
 def elements_of(matrix: FloatArray) -> FloatArray:

@@ -33,6 +33,17 @@ def test_null_space_is_left_out_and_returned():
     assert null_space_of(np.zeros((2, 2))).shape == (2, 2)
 
 
+@pytest.mark.parametrize("least", [1e-2, 1e-8, 1e-11, 1e-12])
+def test_small_eigenvalues_are_inverted_as_well(least):
+    """By Cholesky's factor, or by eigenvalues where the null space might not be empty."""
+    axes, _ = np.linalg.qr(np.random.default_rng(2).normal(size=(7, 7)))
+    values = np.array([1.0, 1.1, 1.2, 1.3, 1.5, 2.0, least])
+    matrix = (axes * values) @ axes.T
+    found = symmetric_pseudo_inverse((matrix + matrix.T) / 2)
+    np.testing.assert_allclose(matrix @ found, np.eye(7), rtol=0, atol=20 * np.finfo(float).eps / least)
+    assert null_space_of(matrix).shape == (7, 0)
+
+
 def test_rounding_left_by_elimination_belongs_to_the_null_space():
     """A direction whose information was 1e8 before the elimination and is 1e-7 after it: 1e-15 of its size."""
     matrix, sizes = np.diag([1e8, 1e-7]), np.array([1e8, 1e8])
