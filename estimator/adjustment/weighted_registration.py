@@ -6,7 +6,8 @@ From there on steps of Gauss and Newton improve poses and points together: the p
 eliminated frame by frame. The body's own pose is no unknown: points change without a common turn or shift.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered
 
 FloatArray = NDArray[np.float64]
+_Fitted = tuple[Body, FloatArray, FloatArray]
 
 SHAPE_FRAMES = 1000  # of a body, from which its points are improved, approximately
 ROUNDS = 8  # of steps at most: with all observations, and with robust weights
@@ -28,35 +30,94 @@ ENOUGH = 1e-3  # relative decrease of the cost by a round, below which the next 
 MOST_TURN = 0.5  # rad, of a step
 CLEARLY = 9.0  # 2 ln of the likelihood ratio from which a reversed pose counts as better
 POSE = 6  # unknowns of a frame
+REJECTED = 0.5  # weight of an observation, below which it is an outlier
+SOFT_ROUNDS = 5  # with the weights of least absolute residuals, where there are outliers
+MOST_ROUNDS = 15  # with robust weights
+ENOUGH_VALUES = 30  # degrees of freedom, from which residuals tell the variance of a body
+FAR = 10.0  # a body's variance over that of another, from which it is taken for wrong
+STEADY = 0.1  # change of a weight that needs no further round
 
 
-def with_covariances(registered: Registered, observations: Observations) -> Registered:
-    """The bodies registered by observations (n, m) with precisions; without these as they are."""
+def with_covariances(registered: Registered, observations: Observations) -> tuple[Registered, Observations]:
+    """The bodies registered by observations (n, m) with precisions, and these with robust weights; else as they are.
+
+    Where a body has far greater residuals than another, as where labels are exchanged, its weights are as much smaller.
+    """
     if observations.precision is None:
-        return registered
-    pairs = zip(registered.bodies, registered.origins, strict=True)
-    found = [_improved(body, origin, observations) for body, origin in pairs]
-    return replace(registered, bodies=tuple(body for body, _ in found), origins=tuple(origin for _, origin in found))
+        return registered, observations
+    found = [
+        _improved(body, origin, observations.frames(body.frames).features(body.features))
+        for body, origin in zip(registered.bodies, registered.origins, strict=True)
+    ]
+    weight = observations.weight.copy()
+    least = min((one.variance for one in found if one.variance > 0), default=0.0)
+    for one in found:
+        fitting = least / one.variance if one.variance > FAR * least else 1.0
+        weight[np.ix_(one.body.frames, one.body.features)] = fitting * one.weight
+    improved = replace(registered, bodies=tuple(one.body for one in found), origins=tuple(one.origin for one in found))
+    return improved, observations.weighted(weight)
 
 
-def _improved(body: Body, origin: FloatArray, observations: Observations) -> tuple[Body, FloatArray]:
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A body with its origins (n, 3), its observations' robust weights (n, m), and the median of the squares of three
+    coordinates of weight 1, 0 where there are too few to tell.
+    """
+
+    body: Body
+    origin: FloatArray
+    weight: FloatArray
+    variance: float
+
+
+def _improved(body: Body, origin: FloatArray, own: Observations) -> _Fit:
+    """The body with points about their centroid that fits its own observations best."""
     every = max(1, len(body.frames) // SHAPE_FRAMES)
     few = replace(body, frames=body.frames[::every], attitude=body.attitude[::every])
-    own = observations.frames(few.frames).features(few.features)
-    shaped, there, _ = _adjusted(few, origin[::every], own)
-    shaped, there = _likelier_poses(shaped, there, own)
-    shaped, there, squares = _adjusted(shaped, there, own)
-    dof = 3 * float(own.weight.sum()) - POSE * len(few.frames) - 3 * len(few.points) + POSE
-    if dof > 0:
-        own = own.weighted(reweighted(squares, own.weight, dof))
-        shaped, there, _ = _adjusted(shaped, there, own)
-    body = replace(body, points=shaped.points)
-    body, origin = _likelier_poses(body, origin, observations.frames(body.frames).features(body.features))
-    centre = body.points.mean(axis=0)
-    return replace(body, points=body.points - centre), origin + body.attitude @ centre
+    some = own.frames(slice(None, None, every))
+    shaped, there, _ = _adjusted(few, origin[::every], some)
+    shaped, there = _likelier_poses(shaped, there, some)
+    fit = _robust(_adjusted, shaped, there, some, POSE * len(few.frames) + 3 * len(few.points) - POSE)
+    if every > 1:
+        body, origin = _likelier_poses(replace(body, points=fit.body.points), origin, own)
+        fit = _robust(_all_posed, body, origin, own, POSE * len(body.frames))
+    centre = fit.body.points.mean(axis=0)
+    return replace(
+        fit,
+        body=replace(fit.body, points=fit.body.points - centre),
+        origin=fit.origin + fit.body.attitude @ centre,
+    )
 
 
-def _adjusted(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, FloatArray, FloatArray]:
+def _robust(fitted: Callable[..., _Fitted], body: Body, origin: FloatArray, own: Observations, unknowns: int) -> _Fit:
+    """The body fitted to its observations (n, m) with robust weights, of so many unknowns.
+
+    Many outliers are spread over all residuals by least squares. So as long as any is found, the weights are first
+    those of the least absolute residuals, which need no scale to be right.
+    """
+    body, origin, squares = fitted(body, origin, own)
+    seen, weight, soft = own.weight > 0, own.weight, SOFT_ROUNDS
+    for _ in range(MOST_ROUNDS):
+        dof = 3 * float(weight.sum()) - unknowns
+        if not dof > 0:
+            break
+        plain = squares[seen] / weight[seen]
+        new = reweighted(squares, weight, dof, many=True)
+        if soft and np.any(new[seen] < REJECTED):
+            new = np.zeros_like(weight)
+            new[seen] = 1 / np.sqrt(1 + plain / max(float(np.median(plain)), 1e-300))
+            soft -= 1
+        change = float(np.abs(new - weight).max())
+        body, origin, squares = fitted(body, origin, own.weighted(new))
+        weight = new
+        if change < STEADY:
+            break
+    dof, plain = 3 * float(weight.sum()) - unknowns, squares[seen] / weight[seen]
+    told = dof > ENOUGH_VALUES
+    return _Fit(body, origin, weight, float(np.median(plain)) * 3 * float(weight.sum()) / dof if told else 0.0)
+
+
+def _adjusted(body: Body, origin: FloatArray, own: Observations) -> _Fitted:
     """Body and origins (n, 3) after rounds of poses and points, and the weighted squares (n, m) there."""
     before = np.inf
     for _ in range(ROUNDS):
@@ -67,6 +128,13 @@ def _adjusted(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, 
             break
         before = cost
         body = replace(body, points=body.points + _change_of_points(body, origin, own))
+    return body, origin, pieces(own, body.attitude, origin, body.points).squares
+
+
+def _all_posed(body: Body, origin: FloatArray, own: Observations) -> _Fitted:
+    """Body and origins (n, 3) after steps of the poses for the same points, and the weighted squares (n, m) there."""
+    for _ in range(POSE_STEPS):
+        body, origin = _posed(body, origin, own)
     return body, origin, pieces(own, body.attitude, origin, body.points).squares
 
 

@@ -71,7 +71,7 @@ def starts(
     """
     inliers = screen(tracks.position, tracks.seen, tracks.covariance)
     right = measured.weighted(np.where(inliers, 1.0, 0.0))
-    registered = with_covariances(find_bodies(tracks.position, inliers, tracks.time), right)
+    registered, right = with_covariances(find_bodies(tracks.position, inliers, tracks.time), right)
     frames = sum(len(body.frames) for body in registered.bodies)
     if frames < MIN_FRAMES:
         raise ComputationError(

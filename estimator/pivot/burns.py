@@ -114,7 +114,7 @@ def _start(start: Start, registered: Registered, fit: BurnFit, orbit: Orbit | No
     burned = Burned(path.base, orbit, fit.burns, path.begin, path.end, about)
     wider = replace(path, base=burned)
     x = np.concatenate([of_base, burned.values, np.zeros(3 * path.count)])
-    return replace(start, path=wider, sampled=wider.at(start.time), bodies=bodies, x=x, first_prior=None)
+    return replace(start, path=wider, sampled=wider.at(start.time), bodies=bodies, x=x, weight=None, first_prior=None)
 
 
 def _gains(found: Pivot) -> list[float]:

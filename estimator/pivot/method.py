@@ -46,7 +46,7 @@ from baryscope.estimator.pivot.lack_of_fit import lack_of_fit
 from baryscope.estimator.pivot.refinement import ROUNDING, Start, refined
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
-from baryscope.estimator.pivot.start import linear_start
+from baryscope.estimator.pivot.start import Initial, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
@@ -233,9 +233,10 @@ class _Given:
                 Reason.TOO_LARGE,
             )
         measured = observations_of(tracks, tracks.seen)
+        right = measured.weighted(np.where(inliers, 1.0, 0.0))
         if not registered.in_line:
-            registered = with_covariances(registered, measured.weighted(np.where(inliers, 1.0, 0.0)))
-        observations = _restricted(measured, registered.bodies, inliers)
+            registered, right = with_covariances(registered, right)
+        observations = _restricted(measured, right, registered.bodies)
         few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
         return cls(tracks, inliers, registered, measured, observations, few, _lasting(registered, observations))
 
@@ -244,25 +245,35 @@ class _Given:
         time, registered, given = self.tracks.time, self.registered, self.measured.precision is not None
         sampled = interpolated(path.at, path.frequency, time[self.few.rows])
         least = least_variance(self.measured, ROUNDING)
-        bodies, x, simple = linear_start(registered, self.few, sampled, path.prior, least, self.lasting)
+        initial = linear_start(registered, self.few, sampled, path.prior, least, self.lasting)
         everywhere = interpolated(path.at, path.frequency, time)
+        bodies = initial.bodies
         if registered.in_line:
-            bodies = attitudes_about(bodies, self.observations, everywhere.position(x))
+            bodies = attitudes_about(bodies, self.observations, everywhere.position(initial.x))
         return Start(
             path,
             everywhere,
             time,
             tuple(body.points for body in registered.bodies),
             bodies,
-            x,
+            initial.x,
             self.measured,
             self.observations,
             self.inliers,
+            self._weight(initial) if given else None,
             self.lasting,
             1.0 if given else registered.noise**2,
             errors_of(self.tracks),
-            simple,
+            initial.first_prior,
         )
+
+    def _weight(self, initial: Initial) -> FloatArray:
+        """The weights (n, m) of the observations, those of the initial solution where it has looked at them."""
+        found = self.observations.weight.copy()
+        pairs = zip(self.registered.bodies, self.few.bodies, self.few.steps, strict=True)
+        for body, few, step in pairs:
+            found[np.ix_(body.frames[::step], body.features)] = initial.weight[np.ix_(few.frames, few.features)]
+        return found
 
 
 def _registered(tracks: FeatureTracks, inliers: BoolArray) -> Registered:
@@ -363,10 +374,12 @@ def _findings(found: Pivot, noise: float, tracks: FeatureTracks) -> tuple[Findin
     return tuple(findings)
 
 
-def _restricted(measured: Observations, bodies: tuple[Body, ...], inliers: BoolArray) -> Observations:
-    """The observations of the bodies in their frames; outliers keep a negligible weight, for their residuals."""
+def _restricted(measured: Observations, right: Observations, bodies: tuple[Body, ...]) -> Observations:
+    """The observations of the bodies in their frames, with the weights of those that are right; outliers keep a
+    negligible weight, for their residuals.
+    """
     weight = np.zeros_like(measured.weight)
     for body in bodies:
         block = np.ix_(body.frames, body.features)
-        weight[block] = measured.weight[block] * np.where(inliers[block], 1.0, NEGLIGIBLE)
+        weight[block] = measured.weight[block] * np.maximum(right.weight[block], NEGLIGIBLE)
     return measured.weighted(weight)

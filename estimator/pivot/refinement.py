@@ -54,10 +54,11 @@ class Start:
 
     path, and sampled at the tracks' times (n,) in s; shapes: the points (m, 3) of each body as registered, m from their
     centroid; bodies with points from the centre of mass, and the path's x; measured: all observations; observations:
-    those of bodies in their frames; inliers (n, m): which passed screening. lasting: how many frames have the same
-    errors of the features, as the registered bodies tell; variance: of an observation of weight 1, as these tell;
-    errors: of the camera at the times; first_prior: of a simple path, which holds until the weights have settled;
-    slips: whether the position may have white noise, as that of a pivot that slips.
+    those of bodies in their frames; inliers (n, m): which passed screening; weight (n, m): of the observations in this
+    solution, if not their own. lasting: how many frames have the same errors of the features, as the registered bodies
+    tell; variance: of an observation of weight 1, as these tell; errors: of the camera at the times; first_prior: of a
+    simple path, which holds until the weights have settled; slips: whether the position may have white noise, as that
+    of a pivot that slips.
     """
 
     path: Path
@@ -69,6 +70,7 @@ class Start:
     measured: Observations
     observations: Observations
     inliers: BoolArray
+    weight: FloatArray | None = None
     lasting: float = 1.0
     variance: float = 0.0
     errors: SharedErrors | None = None
@@ -108,7 +110,9 @@ class _Refinement:
 
     def __init__(self, start: Start, options: PathOptions) -> None:
         self.start, self.options = start, options
-        self.path, self.bodies, self.x, self.observations = start.path, start.bodies, start.x, start.observations
+        self.path, self.bodies, self.x = start.path, start.bodies, start.x
+        own = start.observations
+        self.observations = own if start.weight is None else own.weighted(start.weight)
         self.sampled = as_seen(start.path, start.sampled, start.errors, start.x)
         self.theta: FloatArray | None = None
         self.variance, self.path_unknowns = np.nan, np.nan

@@ -54,13 +54,24 @@ class _Trial:
     theta: FloatArray | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Initial:
+    """Initial bodies and x (p,), and the weights (n, m) of the subsample's observations there.
+
+    first_prior: to go on with until weights have settled: the simple one from which it began, for a place at rest the
+    path's own as it is found there; None if it began from the path's own.
+    """
+
+    bodies: tuple[Body, ...]
+    x: FloatArray
+    weight: FloatArray
+    first_prior: Prior | None = None
+
+
 def linear_start(
     registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float, lasting: float
-) -> tuple[tuple[Body, ...], FloatArray, Prior | None]:
-    """Initial bodies and x (p,): the best of several solutions, of linear least squares and some steps.
-
-    And the prior to go on with until weights have settled: the simple one from which it began, for a place at rest the
-    path's own as it is found there; None if it began from the path's own.
+) -> Initial:
+    """The best of several solutions, of linear least squares and some steps.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
     of an observation of weight 1; lasting: how many frames have the same errors of the features.
@@ -78,22 +89,36 @@ def linear_start(
     if len(trials) > 1:
         variance = lasting * max(own.noise**2 if few.observations.precision is None else 1.0, least)
         known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
-        trials = _settled(trials, partial(_stepped, sampled=sampled, known=known, least=least, lasting=lasting), prior)
+        go_on = partial(_stepped, sampled=sampled, known=known, least=least, lasting=lasting)
+        # A single simple prior, that of an orbit, has to hold against attitudes that outliers have spoilt.
+        steps = STEPS if smooth or few.observations.precision is None else SETTLING
+        trials = _settled(trials, go_on, prior, steps)
         found = trials[_best(trials, sampled, prior, least, lasting)]
     else:
         found = trials[0]
     pairs = zip(registered.bodies, found.bodies, strict=True)
     bodies = tuple(replace(body, points=refined.points) for body, refined in pairs)
+    if few.observations.precision is not None:  # else registration has given them
+        at_frames = zip(bodies, found.bodies, few.steps, strict=True)
+        bodies = tuple(_with_attitudes(body, refined, step) for body, refined, step in at_frames)
+    initial = Initial(bodies, found.x, found.observations.weight)
     if found.prior is prior:
-        return bodies, found.x, None
+        return initial
     if found.prior is not at_rest:
-        return bodies, found.x, found.prior
+        return replace(initial, first_prior=found.prior)
     assert found.theta is not None  # noqa: S101  it was stepped
-    return bodies, found.x, prior.at(found.theta)
+    return replace(initial, first_prior=prior.at(found.theta))
 
 
-def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior) -> list[_Trial]:
-    """The trials after steps under the priors from which they began, then under the path's own.
+def _with_attitudes(body: Body, refined: Body, step: int) -> Body:
+    """A body with the attitudes of a solution in each of so many frames."""
+    attitude = body.attitude.copy()
+    attitude[::step] = refined.attitude
+    return replace(body, attitude=attitude)
+
+
+def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior, steps: int) -> list[_Trial]:
+    """The trials after at most so many steps under the priors from which they began, then under the path's own.
 
     One that diverges, as may happen where its simple path is far from the true one, is left out.
 
@@ -103,7 +128,7 @@ def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior)
     found, failure = [], None
     for trial in trials:
         try:
-            own = stepped(trial, prior=trial.prior, steps=STEPS)
+            own = stepped(trial, prior=trial.prior, steps=steps)
             found.append(stepped(own, prior=prior, steps=SETTLING))
         except ComputationError as error:
             failure = error

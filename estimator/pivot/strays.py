@@ -33,7 +33,8 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
             bodies.append(_in_frames(body, ~stray))
         if np.array_equal(weight, start.observations.weight):
             break
-        fewer = replace(start, bodies=tuple(bodies), observations=start.observations.weighted(weight))
+        first = None if start.weight is None else np.where(weight > 0, start.weight, 0.0)
+        fewer = replace(start, bodies=tuple(bodies), observations=start.observations.weighted(weight), weight=first)
         try:
             found = refined(replace(fewer, x=found.solution.x[: start.path.size]), options)
         except ComputationError:

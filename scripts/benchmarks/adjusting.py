@@ -84,9 +84,10 @@ def problem_of(setting: Setting, seen: Seen, sigma: float, density: float = 0.0)
     path = path_of(setting, seen)
     few = subsampled(registered.bodies, measured, SUBSAMPLE_FRAMES)
     least = least_variance(measured, ROUNDING)
-    bodies, x, _ = linear_start(registered, few, path.at(tracks.time[few.rows]), path.prior, least, 1.0)
+    initial = linear_start(registered, few, path.at(tracks.time[few.rows]), path.prior, least, 1.0)
+    x = initial.x
     near = with_noise(path, x, tracks.time, density) if density else without_noise(path.at(tracks.time), x)
-    return Problem(tracks.position, sigma, bodies[0], near)
+    return Problem(tracks.position, sigma, initial.bodies[0], near)
 
 
 def disturbed(setting: Setting, seen: Seen, density: float) -> Seen:

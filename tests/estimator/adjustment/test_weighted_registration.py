@@ -1,9 +1,12 @@
 """Registration by covariances: a stereo pair's noise in depth no longer turns and bends the body."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.adjustment import weighted_registration
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.registration.clusters import find_bodies
@@ -55,7 +58,7 @@ def test_attitudes_and_shape_have_the_noise_across(hidden):
     deviation = np.array([ACROSS, ACROSS, DEPTH])
     R, position, seen = seen_in_depth(deviation, 1, hidden)
     alike = find_bodies(position, seen)
-    found = with_covariances(alike, weighted(position, seen, deviation))
+    found, _ = with_covariances(alike, weighted(position, seen, deviation))
     before, after = errors_of(alike, R), errors_of(found, R)
     # 300 frames, of which a few with features in a line make up much of the mean.
     assert after[0] == pytest.approx(least_error(R, seen, deviation), rel=0.2)
@@ -66,14 +69,14 @@ def test_attitudes_and_shape_have_the_noise_across(hidden):
 
 def test_an_exact_body_stays():
     R, position, seen = seen_in_depth(0.0, 2)
-    found = with_covariances(find_bodies(position, seen), weighted(position, seen, [ACROSS, ACROSS, DEPTH]))
+    found, _ = with_covariances(find_bodies(position, seen), weighted(position, seen, [ACROSS, ACROSS, DEPTH]))
     assert max(errors_of(found, R)) < 1e-9
 
 
 def test_origins_are_where_the_centroid_is():
     deviation = np.array([ACROSS, ACROSS, DEPTH])
     R, position, seen = seen_in_depth(deviation, 3)
-    found = with_covariances(find_bodies(position, seen), weighted(position, seen, deviation))
+    found, _ = with_covariances(find_bodies(position, seen), weighted(position, seen, deviation))
     (body,), (origin,) = found.bodies, found.origins
     true = np.array([0.0, 0.0, 20.0]) + np.linspace(-1, 1, FRAMES)[:, None] + R @ POINTS.mean(axis=0)
     error = origin - true[body.frames]
@@ -86,11 +89,52 @@ def test_outliers_do_not_bend_it():
     deviation = np.array([ACROSS, ACROSS, DEPTH])
     R, position, seen = seen_in_depth(deviation, 4)
     position[::40, 5] += [0.1, -0.1, 0.0]
-    found = with_covariances(find_bodies(position, seen), weighted(position, seen, deviation))
+    found, _ = with_covariances(find_bodies(position, seen), weighted(position, seen, deviation))
     assert errors_of(found, R)[1] < 6 * ACROSS / np.sqrt(FRAMES)
+
+
+@pytest.mark.parametrize("shape_frames", [FRAMES, 100])  # all tell the points, or every third
+def test_many_outliers_do_not_bend_it_either(shape_frames, monkeypatch):
+    """A quarter of the observations: half of the frames have more than one."""
+    monkeypatch.setattr(weighted_registration, "SHAPE_FRAMES", shape_frames)
+    deviation = np.array([ACROSS, ACROSS, DEPTH])
+    R, position, seen = seen_in_depth(deviation, 6)
+    rng = np.random.default_rng(7)
+    wrong = rng.random(seen.shape) < 0.25
+    position += wrong[..., None] * rng.uniform(-0.5, 0.5, position.shape)
+    alike = find_bodies(position, seen)
+    found, right = with_covariances(alike, weighted(position, seen, deviation))
+    assert errors_of(alike, R)[1] > 8e-3
+    assert errors_of(found, R)[1] < 10 * ACROSS / np.sqrt(shape_frames)
+    rejected = right.weight < 0.5
+    clear = wrong.sum(axis=1) <= 1  # of seven observations: those left tell which it is
+    assert np.mean(rejected[clear] == wrong[clear]) > 0.97
+    (body,) = found.bodies
+    turn, _ = Rotation.align_vectors(POINTS - POINTS.mean(axis=0), body.points)
+    off = Rotation.from_matrix(body.attitude @ turn.as_matrix().T @ np.swapaxes(R, 1, 2)).magnitude()
+    assert np.quantile(off[clear], 0.95) < 3 * least_error(R, seen, deviation)
+
+
+def test_a_body_that_is_none_has_little_weight():
+    """Features that move among themselves, as where labels are exchanged, have residuals thirty times as great."""
+    deviation = np.array([ACROSS, ACROSS, DEPTH])
+    _, position, seen = seen_in_depth(deviation, 8)
+    position[200:] += 30 * deviation * np.random.default_rng(9).standard_normal((100, 7, 3))
+    whole = find_bodies(position, seen)
+    (body,), (origin,) = whole.bodies, whole.origins
+    parts = slice(0, 200), slice(200, FRAMES)
+    two = replace(
+        whole,
+        bodies=tuple(replace(body, frames=body.frames[part], attitude=body.attitude[part]) for part in parts),
+        origins=tuple(origin[part] for part in parts),
+    )
+    _, right = with_covariances(two, weighted(position, seen, deviation))
+    assert np.median(right.weight[:200]) == pytest.approx(1.0, abs=0.01)
+    assert np.median(right.weight[200:]) == pytest.approx(1 / 900, rel=0.3)
 
 
 def test_without_covariances_nothing_changes():
     _, position, seen = seen_in_depth(ACROSS, 5)
     alike = find_bodies(position, seen)
-    assert with_covariances(alike, Observations(position, seen.astype(float))) is alike
+    plain = Observations(position, seen.astype(float))
+    assert with_covariances(alike, plain) == (alike, plain)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.dynamics.sampled_path import IsotropicPath
 from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
@@ -168,7 +168,7 @@ def test_a_covariance_is_definite_whatever_it_claims(monkeypatch, tumbling):
     thin = 1e10 * np.outer(along, along) + 1e-8 * np.eye(3)
     with pytest.raises(np.linalg.LinAlgError):
         np.linalg.cholesky(thin)
-    monkeypatch.setattr(SampledPath, "covariance", lambda path, of_x: np.tile(thin, (30, 1, 1)))
+    monkeypatch.setattr(IsotropicPath, "covariance", lambda path, of_x: np.tile(thin, (30, 1, 1)))
     found = estimate(case.tracks, method="pivot").covariance
     assert (np.linalg.eigvalsh(found) > 0).all()
     np.testing.assert_allclose(found, np.tile(thin, (30, 1, 1)), rtol=1e-13)
