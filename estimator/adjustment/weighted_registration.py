@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, pieces
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import inverse_across
 from baryscope.estimator.registration.body import Body
@@ -60,8 +60,8 @@ def with_covariances(registered: Registered, observations: Observations) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """A body with its origins (n, 3), its observations' robust weights (n, m), and the median of the squares of three
-    coordinates of weight 1, 0 where there are too few to tell.
+    """A body with its origins (n, 3), its observations' robust weights (n, m), and the variance of one of weight 1, 0
+    where there are too few to tell.
     """
 
     body: Body
@@ -112,20 +112,21 @@ def _robust(fitted: Callable[..., _Fitted], body: Body, origin: FloatArray, own:
         weight = new
         if change < STEADY:
             break
-    dof, plain = 3 * float(weight.sum()) - unknowns, squares[seen] / weight[seen]
-    told = dof > ENOUGH_VALUES
-    return _Fit(body, origin, weight, float(np.median(plain)) * 3 * float(weight.sum()) / dof if told else 0.0)
+    values = 3 * float(weight.sum())
+    if values - unknowns <= ENOUGH_VALUES:
+        return _Fit(body, origin, weight, 0.0)
+    noise = Mixture.few(squares[seen] / weight[seen], (values - unknowns) / values, least=0.0)
+    return _Fit(body, origin, weight, noise.variance)
 
 
 def _adjusted(body: Body, origin: FloatArray, own: Observations) -> _Fitted:
     """Body and origins (n, 3) after rounds of poses and points, and the weighted squares (n, m) there."""
     before = np.inf
     for _ in range(ROUNDS):
-        for _ in range(POSE_STEPS):
-            body, origin = _posed(body, origin, own)
-        cost = float(pieces(own, body.attitude, origin, body.points).squares.sum())
+        body, origin, squares = _all_posed(body, origin, own)
+        cost = float(squares.sum())
         if not cost < (1 - ENOUGH) * before:
-            break
+            return body, origin, squares
         before = cost
         body = replace(body, points=body.points + _change_of_points(body, origin, own))
     return body, origin, pieces(own, body.attitude, origin, body.points).squares

@@ -117,7 +117,7 @@ def product(jacobian: FloatArray, values: FloatArray) -> FloatArray:
 class IsotropicPath(SampledPath):
     """A path of terms (n, q) that are the same in three axes: at T x, with x (3 q,) as a matrix (q, 3), and an offset.
 
-    Its Jacobian is T ⊗ 1. Sums over frames need T alone: a fifth of the multiplications.
+    Its Jacobian is T ⊗ 1. Sums over frames need T alone.
     """
 
     terms: FloatArray

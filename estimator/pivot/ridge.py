@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import held
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.spurious import RANK
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import align
@@ -44,7 +45,6 @@ MOST_STRETCHES = 6  # in which a ridge is followed to its node, with those that 
 MOST_STEPS = 12  # at the end of a stretch
 HELD = 1e6  # information on the place along a direction, in its standard deviations, that holds it
 LEAST = 0.1  # of the curvature over that of Gauss and Newton's matrix: a step is lengthened tenfold at most
-RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 CREEPING = 0.7  # of it, from which steps are long enough
 ALIGNED = 0.7  # cosine between a step and the last one, either way, from which it goes on along it
 
@@ -202,8 +202,6 @@ def secant_step(problem: Linearised, solution: Solution, last: Step) -> Solution
 
     None where the step does not creep.
     """
-    if [body.points.shape for body in last.bodies] != [body.points.shape for body in problem.bodies]:
-        return None
     pairs = list(zip(problem.bodies, last.bodies, strict=True))
     way = np.concatenate([offset_by_points(own.points) @ (own.points - then.points).ravel() for own, then in pairs])
     here = problem.offset_change(solution)
