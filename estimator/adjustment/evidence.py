@@ -34,6 +34,8 @@ BELOW = 10.0  # of the logarithm of an optional hyperparameter: its range withou
 TYPICAL = 2.0  # width in which a likelihood with a maximum holds most of its mass
 SCAN, SCAN_STEP = 16, 0.3  # values of a hyperparameter in the search for a start, at most, and how far apart at least
 SWEEPS = 2  # of it, where there are several
+MOST_ITERATIONS = 1000  # of the search for a minimum
+FEW_ITERATIONS = 6  # of them, where the next round goes on
 FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its range is narrowed to two steps
 
 
@@ -77,7 +79,7 @@ class Linear:
 def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
     """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
 
-    From a start only the maximum near it is found.
+    From a start (h,) only the maximum near it is found, but for those that are NaN there, whose ranges are scanned.
     """
     bounds = ranges(linear, prior)
     if not len(bounds):
@@ -85,25 +87,42 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     if len(bounds) == 1 and prior.trend is None and np.all(prior.slopes[prior.slopes != 0] == 1):
         return _spared(linear, prior, _maximum_of_one(linear, prior, bounds[0]), bounds, scan=True)
     if start is None:
-        starts = [_scanned(linear, prior, bounds, at) for at in (bounds[:, 0], bounds.mean(axis=1))]
+        starts, unknown = [bounds[:, 0], bounds.mean(axis=1)], np.ones(len(bounds), dtype=bool)
     else:
-        starts = [np.clip(start, bounds[:, 0], bounds[:, 1])]
+        unknown = np.isnan(start)
+        starts = [np.clip(np.where(unknown, bounds[:, 0], start), bounds[:, 0], bounds[:, 1])]
     # The better start may lie in a narrow valley that leads nowhere.
-    found = [_minimised(linear, prior, bounds, at) for at in starts]
-    best = min(found, key=lambda at: cost(linear, prior, at))
+    found = [_minimised(linear, prior, bounds, _scanned(linear, prior, bounds, at, unknown)) for at in starts]
+    best, _ = min(found, key=lambda one: one[1])
     return _spared(linear, prior, best, bounds, scan=start is None)
 
 
-def _minimised(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray) -> FloatArray:
-    """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2)."""
-    least = cost(linear, prior, start)
+def improved(linear: Linear, prior: Prior, theta: FloatArray | None) -> FloatArray:
+    """Hyperparameters (h,) that are likelier than θ (h,), after a few iterations: for rounds that others follow.
+
+    An optional one is not given up, even if it explains too little. Those of maximum likelihood, by scans, where θ is
+    None, or some of it NaN.
+    """
+    bounds = ranges(linear, prior)
+    if theta is None or len(bounds) < 2 or np.isnan(theta).any():
+        return maximise(linear, prior, theta)
+    return _minimised(linear, prior, bounds, np.clip(theta, bounds[:, 0], bounds[:, 1]), FEW_ITERATIONS)[0]
+
+
+def _minimised(
+    linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_ITERATIONS
+) -> tuple[FloatArray, float]:
+    """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2), and −2 ln p there."""
+    values: list[float] = []
 
     def excess(at: FloatArray) -> tuple[float, FloatArray]:
         value, gradient = objective(linear, prior, at)
-        return value - least, gradient  # small numbers, so that a relative tolerance means what it says
+        values.append(value)
+        return value - values[0], gradient  # small numbers, so that a relative tolerance means what it says
 
-    found = minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-6, "gtol": 1e-2})
-    return np.asarray(found.x)
+    options = {"ftol": 1e-6, "gtol": 1e-2, "maxiter": most}
+    found = minimize(excess, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    return np.asarray(found.x), values[0] + float(found.fun)
 
 
 def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray, *, scan: bool) -> FloatArray:
@@ -192,11 +211,12 @@ def ranges(linear: Linear, prior: Prior) -> FloatArray:
     return np.array(found).reshape(-1, 2)
 
 
-def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray) -> FloatArray:
-    """A start for the maximum: one hyperparameter after the other, over its range, twice."""
+def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray, unknown: BoolArray) -> FloatArray:
+    """A start for the maximum: one unknown hyperparameter after the other, over its range, twice."""
     theta = start.copy()
-    for _ in range(1 if len(bounds) == 1 else SWEEPS):
-        for index, (low, high) in enumerate(bounds):
+    for _ in range(1 if unknown.sum() == 1 else SWEEPS):
+        for index in np.flatnonzero(unknown):
+            low, high = bounds[index]
             values = np.linspace(low, high, min(SCAN, 1 + int(np.ceil((high - low) / SCAN_STEP))))
             costs = []
             for value in values:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, maximise
+from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, improved
 from baryscope.estimator.adjustment.normal_equations import pieces, turn_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.prior import Prior
@@ -62,7 +62,7 @@ class DriftEquations:
         variance, x, theta = max(self.noise**2, least), np.zeros(len(right)), None
         for _ in range(NOISE_ROUNDS):
             linear = Linear(information / variance, right / variance, np.zeros_like(x))
-            theta = maximise(linear, prior, theta)
+            theta = improved(linear, prior, theta)
             x, covariance = conditional(linear, prior, theta)
             left = self.values - d - float(np.vdot(linear.information, covariance))
             squares = total - 2 * float(right @ x) + float(x @ information @ x)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import degrees_of_freedom, least_variance
-from baryscope.estimator.adjustment.evidence import held, maximise
+from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
@@ -178,7 +178,7 @@ class _Refinement:
             free = float(self.path.prior.free.sum())
             self.variance = self.cost / degrees_of_freedom(self.bodies, self.observations, free)
         self.together = self.lasting * self.least
-        self.theta = maximise(scaled(problem, self.together), prior, None if self.scan else self.theta)
+        self.theta = improved(scaled(problem, self.together), prior, None if self.scan else self.theta)
         self.solution = stepped(problem, prior, self.theta, self.together)
         self._move(self.solution.bodies, self.solution.x)
         if self.holding.firm is None:  # else what holds the offsets tells some

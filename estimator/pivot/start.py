@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
-from baryscope.estimator.adjustment.evidence import held, maximise
+from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
@@ -35,6 +35,8 @@ FloatArray = NDArray[np.float64]
 
 FREQUENCIES = (0.01, 0.4, 2.0, 8.0)  # of a smooth path's coefficients, from which solutions start
 NOTHING = -200.0  # logarithm of a density without effect
+WAVES = tuple({DENSITY: NOTHING, STEEP: STEEPNESS[1], FREQUENCY: float(np.log(frequency))} for frequency in FREQUENCIES)
+SIMPLE_AND_SMOOTH = (*WAVES, WAVES[0] | {FIRST: NOTHING})  # the last at rest
 STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
 SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
@@ -44,13 +46,14 @@ SETTLED = 0.1  # squared length of the last step, in units of the covariance of 
 class _Trial:
     """A solution for some frames: bodies, x (p,), and observations with robust weights.
 
-    prior: from which it began; theta (h,): the hyperparameters of the path's own prior.
+    held: the hyperparameters, by their logarithms, that the prior from which it began holds; theta (h,): the others of
+    that prior, or those of the path's own, from which steps go on; see `maximise`.
     """
 
     bodies: tuple[Body, ...]
     x: FloatArray
     observations: Observations
-    prior: Prior
+    held: dict[str, float]
     theta: FloatArray | None = None
 
 
@@ -77,15 +80,11 @@ def linear_start(
     of an observation of weight 1; lasting: how many frames have the same errors of the features.
     """
     own = _in_subsample(registered, few)
-    quiet = prior.fixed(DENSITY, NOTHING)
     smooth = prior.index(FREQUENCY) is not None
-    steep = quiet.fixed(STEEP, STEEPNESS[1])
-    waves = [steep.fixed(FREQUENCY, float(np.log(one))) for one in FREQUENCIES]
-    at_rest = waves[0].fixed(FIRST, NOTHING) if smooth else None
-    simple = [quiet] if at_rest is None else [*waves, at_rest]
-    priors = [*simple, prior] if prior.hyperparameters else [prior]
+    simple = SIMPLE_AND_SMOOTH if smooth else ({DENSITY: NOTHING},)
+    begins = (*simple, {}) if prior.hyperparameters else ({},)
     solution = _linear_solutions(own, few.observations, sampled)
-    trials = [_Trial(*solution(one), few.observations, one) for one in priors]
+    trials = [_Trial(*solution(_holding(prior, held)), few.observations, held) for held in begins]
     if len(trials) > 1:
         variance = lasting * max(own.noise**2 if few.observations.precision is None else 1.0, least)
         known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
@@ -102,12 +101,34 @@ def linear_start(
         at_frames = zip(bodies, found.bodies, few.steps, strict=True)
         bodies = tuple(_with_attitudes(body, refined, step) for body, refined, step in at_frames)
     initial = Initial(bodies, found.x, found.observations.weight)
-    if found.prior is prior:
+    if not found.held:
         return initial
-    if found.prior is not at_rest:
-        return replace(initial, first_prior=found.prior)
+    if FIRST not in found.held:
+        return replace(initial, first_prior=_holding(prior, found.held))
     assert found.theta is not None  # noqa: S101  it was stepped
     return replace(initial, first_prior=prior.at(found.theta))
+
+
+def _holding(prior: Prior, held: dict[str, float]) -> Prior:
+    """The prior that holds some hyperparameters, of which it may have not all."""
+    for name, value in held.items():
+        prior = prior.fixed(name, value)
+    return prior
+
+
+def _hyperparameters(trial: _Trial, prior: Prior) -> FloatArray | None:
+    """Those (h,) of the path's own prior, near which a trial is after steps under its simple one: process noise is NaN.
+
+    None where it was at rest, which tells nothing of how the path moves.
+    """
+    if FIRST in trial.held:
+        return None
+    assert trial.theta is not None  # noqa: S101  it was stepped
+    simple = _holding(prior, trial.held).hyperparameters
+    values = trial.held | dict(zip((one.name for one in simple), trial.theta, strict=True))
+    if DENSITY in trial.held:
+        values[DENSITY] = np.nan
+    return np.array([values[one.name] for one in prior.hyperparameters])
 
 
 def _with_attitudes(body: Body, refined: Body, step: int) -> Body:
@@ -128,8 +149,9 @@ def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior,
     found, failure = [], None
     for trial in trials:
         try:
-            own = stepped(trial, prior=trial.prior, steps=steps)
-            found.append(stepped(own, prior=prior, steps=SETTLING))
+            own = stepped(trial, prior=_holding(prior, trial.held), steps=steps)
+            near = replace(own, theta=_hyperparameters(own, prior))
+            found.append(stepped(near, prior=prior, steps=SETTLING))
         except ComputationError as error:
             failure = error
     if not found and failure is not None:
@@ -141,9 +163,8 @@ def _stepped(
     trial: _Trial, prior: Prior, steps: int, *, sampled: SampledPath, known: FloatArray, least: float, lasting: float
 ) -> _Trial:
     """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`."""
-    bodies, x, observations = trial.bodies, trial.x, trial.observations
+    bodies, x, observations, theta = trial.bodies, trial.x, trial.observations, trial.theta
     dof = max(values_for_path(bodies, observations), 1.0)
-    theta: FloatArray | None = None
     here, halvings = None, 0
     for _ in range(steps):
         problem = linearised(bodies, observations, sampled, x, known=known)
@@ -152,7 +173,7 @@ def _stepped(
             continue
         halvings = 0
         variance = lasting * max(float(problem.squares.sum()) / dof, least)
-        theta = maximise(scaled(problem, variance), prior, theta)
+        theta = improved(scaled(problem, variance), prior, theta)
         solution = stepped(problem, prior, theta, variance)
         if observations.precision is not None:
             precision = held(scaled(problem, variance), prior, theta)[0]
@@ -161,7 +182,7 @@ def _stepped(
             break
         bodies, x = solution.bodies, solution.x
         observations = observations.weighted(reweighted(problem.squares, observations.weight, dof, least, many=True))
-    return _Trial(bodies, x, observations, trial.prior, theta)
+    return _Trial(bodies, x, observations, trial.held, theta)
 
 
 def _best(trials: list[_Trial], sampled: SampledPath, prior: Prior, least: float, lasting: float) -> int:

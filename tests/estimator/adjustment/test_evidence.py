@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, held, maximise, objective, ranges
+from baryscope.estimator.adjustment.evidence import (
+    Linear,
+    complexity,
+    cost,
+    held,
+    improved,
+    maximise,
+    objective,
+    ranges,
+)
+from baryscope.estimator.dynamics.paths import Smooth
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -81,3 +91,30 @@ def test_a_range_that_would_begin_above_its_end_is_that_end():
     linear = Linear(np.diag([1.0, 1e-9, 1e-9]), np.zeros(3), np.zeros(3))
     assert ranges(linear, bounded).tolist() == [[pytest.approx(np.log(1e6)), pytest.approx(np.log(1e6))]]
     assert maximise(linear, bounded) == pytest.approx(np.array([np.log(1e6)]))
+
+
+def test_rounds_of_a_few_iterations_come_to_the_maximum():
+    """Of a smooth path's law, from far: none is less likely than the one before."""
+    prior, rng = Smooth(12, 0.0, 1.0).prior, np.random.default_rng(4)
+    H = rng.normal(size=(80, 39))
+    x = np.repeat(0.5 ** np.arange(13), 3) * rng.normal(size=39)
+    linear = Linear(H.T @ H, H.T @ (H @ x + 0.1 * rng.normal(size=80)), np.zeros(39))
+    theta = ranges(linear, prior).mean(axis=1)
+    costs = [cost(linear, prior, theta)]
+    for _ in range(8):
+        theta = improved(linear, prior, theta)
+        costs.append(cost(linear, prior, theta))
+    assert (np.diff(costs) <= 1e-9).all()
+    assert costs[1] < costs[0] - 1
+    assert costs[-1] == pytest.approx(cost(linear, prior, maximise(linear, prior)), abs=0.01)
+
+
+def test_what_is_not_known_of_a_start_is_sought_in_its_range():
+    """With nothing known as without a start; with one of two at its maximum, the other is found."""
+    H, _, y = observed(3, 0.4)
+    halves = [Prior(np.zeros(6), np.ones((6, 1)), (Hyperparameter(name),)) for name in ("one", "other")]
+    prior, linear = Prior.none(2).joined(halves[0]).joined(halves[1]), Linear(H.T @ H, H.T @ y, np.zeros(14))
+    best = maximise(linear, prior)
+    for start in (np.full(2, np.nan), np.array([best[0], np.nan]), np.array([np.nan, best[1]])):
+        for search in (maximise, improved):
+            np.testing.assert_allclose(search(linear, prior, start), best, atol=0.02)
