@@ -16,7 +16,7 @@ from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turni
 from results import an_estimate
 from synthetic import make_case
 
-BEFORE, FRAMES, AHEAD, DRAWS = 60, 160, 60, 16
+BEFORE, FRAMES, AHEAD, DRAWS = 60, 160, 60, 10
 TRACKED = slice(BEFORE, BEFORE + FRAMES)
 DENSITY = 1e-8  # m²/s³: 13 mm after 60 s
 GAP = slice(70, 100)

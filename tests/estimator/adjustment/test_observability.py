@@ -32,7 +32,7 @@ def pure_spin(noise, seed, path="fixed"):
 @BOTH
 def test_position_along_a_pure_spins_axis_is_not_observable(method, path):
     """The position along the spin axis does not change the motion: it is reported as not observable, noise or not."""
-    draws = [(0.0, 0), (NOISE, 1), *([(NOISE, seed) for seed in range(2, 20)] if method == "pivot" else [])]
+    draws = [(0.0, 0), (NOISE, 1), *([(NOISE, seed) for seed in range(2, 10)] if method == "pivot" else [])]
     for noise, seed in draws:
         case = pure_spin(noise, seed, path)
         found = found_by(method, case.tracks, path)
@@ -52,7 +52,7 @@ def test_position_along_a_pure_spins_axis_is_not_observable_from_successive_clus
     R = Rotation.from_rotvec(np.outer(np.deg2rad(5.0) * time, [0.3, 0.5, 0.8]) / np.sqrt(0.98)).as_matrix()
     for groups in ([[0, 1, 2, 3], [3, 4, 5, 6], [6, 7, 8, 9]], [[0, 1, 2, 3], [2, 3, 4, 5], [4, 5, 6, 7]]):
         clusters = [(40.0 * k, 40.0 * k + 38, features) for k, features in enumerate(groups)]
-        for seed in range(6 if method == "pivot" else 1):
+        for seed in range(3 if method == "pivot" else 1):
             case = make_case(time, R, PATHS[path][0](time), TEN, noise=NOISE, seed=seed, clusters=clusters)
             found = found_by(method, case.tracks, path)
             assert verdict(found.observability).startswith("along-axis position not observable")

@@ -20,7 +20,7 @@ def cases(slip, draws):
 
 
 @pytest.mark.parametrize(
-    ("method", "trajectory", "draws"), [("pivot", "fixed", 16), ("pivot", None, 3), ("ml", "fixed", 6)]
+    ("method", "trajectory", "draws"), [("pivot", "fixed", 10), ("pivot", None, 2), ("ml", "fixed", 4)]
 )
 def test_a_pivot_that_slips_is_found_and_covered(method, trajectory, draws):
     squares, noises = [], []

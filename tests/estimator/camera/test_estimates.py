@@ -36,7 +36,7 @@ def of_offset(found):
     return nees(cluster.centre_of_mass + turn.apply(points.mean(axis=0)), cluster.covariance)
 
 
-@pytest.mark.parametrize(("method", "draws"), [("pivot", 20), ("ml", 8)])
+@pytest.mark.parametrize(("method", "draws"), [("pivot", 12), ("ml", 5)])
 def test_errors_are_as_large_as_claimed(method, draws):
     """On an orbit, where the motion tells a part of the boresight's error."""
     path, offset, predicted = [], [], []

@@ -9,7 +9,7 @@ from baryscope.estimator.tracks import FeatureTracks
 from free_paths import NOISE, at_rest, found_by, in_orbit, turning
 from synthetic import box_features, make_case
 
-FRAMES, WHOLE, DRAWS = 120, 50, 24
+FRAMES, WHOLE, DRAWS = 120, 50, 12
 FIVE = box_features(5, (2, 2, 2), 3)
 
 

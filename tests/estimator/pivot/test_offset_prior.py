@@ -95,16 +95,16 @@ def test_where_all_is_spurious_the_offset_stays_at_the_features():
 
 @pytest.mark.parametrize("noise", [0.05, 0.2])
 def test_a_spin_does_not_lead_away_along_its_axis(noise):
-    """Thirty spins about the z axis, with a centre that lies somewhere along it within the features' radius.
+    """Sixteen spins about the z axis, with a centre that lies somewhere along it within the features' radius.
 
     Nothing tells where. The error along the axis is that of the prior, and claimed: seldom does noise lead away, in one
-    of thirty by three radii. Across, the mean of 30 χ² of two degrees of freedom has a deviation of 0.37, and what is
+    of thirty by three radii. Across, the mean of 16 χ² of two degrees of freedom has a deviation of 0.5, and what is
     not known along makes claims wider.
     """
     time = np.linspace(0.0, 200.0, 100)
     R = Rotation.from_rotvec(np.outer(0.08 * time, [0.0, 0.0, 1.0])).as_matrix()
     centre, along, across = np.array([4.0, -19.0, 3.0]), [], []
-    for seed in range(30):
+    for seed in range(16):
         rng = np.random.default_rng(seed)
         points = box_features(8, (3, 2, 2), seed)
         radius = rms_radius(points)
@@ -117,7 +117,7 @@ def test_a_spin_does_not_lead_away_along_its_axis(noise):
         across.append(error[:2] @ np.linalg.solve(covariance[:2, :2], error[:2]))
     assert max(along) < 6.0
     assert np.quantile(along, 0.9) < 1.0
-    assert 0.05 < np.mean(across) < 3.2
+    assert 0.05 < np.mean(across) < 3.6
 
 
 def test_what_seems_spurious_where_the_solution_begins_is_told_after_all():

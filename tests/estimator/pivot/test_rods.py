@@ -13,7 +13,7 @@ from synthetic import make_case
 
 TWO = FEATURES[[0, 3]]
 LINE = TWO[0] + np.array([[0.0], [0.4], [1.0]]) * (TWO[1] - TWO[0])
-DRAWS, FRAMES = 16, 150
+DRAWS, FRAMES = 8, 150
 
 
 def case(features, seed, noise=NOISE):
@@ -24,7 +24,7 @@ def case(features, seed, noise=NOISE):
 @BOTH
 @pytest.mark.parametrize("features", [TWO, LINE], ids=["two", "three in a line"])
 def test_errors_are_as_large_as_claimed(method, features):
-    """Each square is χ²₃: the mean of sixteen lies in its band of 99.9 %."""
+    """Each square is χ²₃: the mean of eight lies in its band of 99.9 %."""
     squares = []
     for seed in range(DRAWS):
         made = case(features, seed)

@@ -18,7 +18,7 @@ from free_paths import NOISE, ORBIT, at_rest, turning
 from synthetic import box_features, make_case
 
 
-@pytest.mark.parametrize("seed, index, draw", [(97, 79, 0), (97, 79, 1), (98, 71, 0)])
+@pytest.mark.parametrize("seed, index, draw", [(97, 79, 0), (98, 71, 0)])
 def test_a_place_at_rest_is_found_beside_a_path_that_follows_the_rotation(seed, index, draw):
     """Features far from the centre of mass, which hardly moves: all paths that start from the features stay with them.
 

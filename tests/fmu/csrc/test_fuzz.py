@@ -17,7 +17,7 @@ from baryscope.fmu.units.target import target_blueprint
 from fuzz_machine import Machine
 from importer import Importer
 
-CALLS, SAMPLED_CALLS = 100_000, 60_000
+CALLS, SAMPLED_CALLS = 60_000, 30_000
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer")
 
 
@@ -89,7 +89,7 @@ def test_random_calls_from_python(envisat_fmu, tmp_path, interface):
     )
     attributes = {"library": library, "description": description, "interface": interface}
     machine = type("UnitMachine", (Machine,), attributes)
-    run_state_machine_as_test(machine, settings=settings(max_examples=100, stateful_step_count=80, deadline=None))
+    run_state_machine_as_test(machine, settings=settings(max_examples=50, stateful_step_count=80, deadline=None))
     library.freeLibrary()
 
 

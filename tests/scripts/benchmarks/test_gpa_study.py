@@ -18,7 +18,7 @@ def study_flight(envisat_fmu):
 
 
 @pytest.mark.parametrize("count", [3, 5, 10])
-@pytest.mark.parametrize("noise", [0.01, 0.02, 0.05])
+@pytest.mark.parametrize("noise", [0.01, 0.05])
 @pytest.mark.parametrize("lag", [10.0, 25.0])
 def test_gpa_and_least_squares_agree_and_three_raw_points_do_not(study_flight, count, noise, lag):
     """What docs/gpa_study.md states, against the paper's "total failure" of least squares.

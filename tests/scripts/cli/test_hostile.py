@@ -183,14 +183,14 @@ def test_a_cutoff_lower_than_a_run_can_tell(guarded, folder):
         assert "the axis of rotation does not turn visibly" in line
 
 
-@settings(max_examples=150, suppress_health_check=SEPARATE)
+@settings(max_examples=75, suppress_health_check=SEPARATE)
 @given(commands(tracks_files()))
 def test_any_well_formed_tracks(guarded, folder, command):
     tracks, orbit, options = command
     run(guarded, folder, tracks, *options, orbit=orbit)
 
 
-@settings(max_examples=100, suppress_health_check=SEPARATE)
+@settings(max_examples=50, suppress_health_check=SEPARATE)
 @given(commands(tables | hostile_tables | mangled(tracks_files())))
 def test_any_text(guarded, folder, command):
     tracks, orbit, options = command
