@@ -8,11 +8,12 @@ the measured to the estimated point and corrects the range. If the true covarian
 change is of the order of σ/r.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import COARSEST, FINEST, STRETCHED
 from baryscope.estimator.options import Noise
 from baryscope.estimator.tracks import FeatureTracks
@@ -78,33 +79,71 @@ def varies_with_range(measured: Observations, noise: Noise) -> bool:
     return float(np.vdot(x, y)) > STEREO / 2 * float(np.vdot(x, x))
 
 
-def moved_to(observations: Observations, measured: Observations, estimated: FloatArray) -> Observations:
-    """`measured` with precisions transferred to the estimated points (n, m, 3) in C, m, and the range bias removed.
+@dataclass(frozen=True, eq=False)
+class StereoNoise:
+    """The noise of a stereo rig: what does not depend on where the points are estimated to be.
 
-    The weights are those of `observations`, which is returned unchanged if there are no precisions.
+    position (n, m, 3) in C, m, and precision (n, m, 3, 3), 1/m², of the measured points; sighted (n, m): which are
+    used, and not at the rig itself; distance (n, m), m, and sight (n, m, 3): of a measured point from the rig, and its
+    direction in C, the diagonal of C for the others; spread (n, m): the variance along it over distance². The frames
+    are last in memory.
     """
-    if measured.precision is None:
-        return observations
-    # A point measured at the rig itself has no line of sight: it stays as it is.
-    sighted = (measured.weight > 0) & (np.linalg.norm(measured.position, axis=2) > NEAREST)
-    near, far = np.where(sighted[..., None], measured.position, 1.0), np.where(sighted[..., None], estimated, 1.0)
-    r, r_new = np.linalg.norm(near, axis=2), np.linalg.norm(far, axis=2)
-    a, a_new = near / r[..., None], far / np.maximum(r_new, 1e-300)[..., None]
-    ratio = np.clip(r_new / r, 0.5, 2.0)
-    turn = _rotation_between(a, a_new)
-    # With D = s (1 + (s − 1) a aᵀ), s the ratio of ranges, the covariance at the new range is D Σ D; then rotate it.
-    D = np.eye(3) + (1 / ratio - 1)[..., None, None] * a[..., :, None] * a[..., None, :]
-    D = turn @ D / ratio[..., None, None]
-    precision = D @ measured.precision @ np.swapaxes(D, 2, 3)
-    covariance_along = np.linalg.solve(precision, a_new[..., None])[..., 0]
-    variance = np.einsum("kmi,kmi->km", a_new, covariance_along)
-    range_correction = np.where(sighted, 1 - np.minimum(variance / (r * ratio) ** 2, MAX_CORRECTION), 1.0)
-    return Observations(measured.position * range_correction[..., None], observations.weight, precision)
+
+    position: FloatArray
+    precision: FloatArray
+    sighted: BoolArray
+    distance: FloatArray
+    sight: FloatArray
+    spread: FloatArray
+
+    @classmethod
+    def of(cls, measured: Observations) -> "StereoNoise":
+        """That of observations with precisions."""
+        assert measured.precision is not None  # noqa: S101  as its caller has seen
+        position = np.asfortranarray(measured.position)
+        sighted = (np.asfortranarray(measured.weight) > 0) & (np.linalg.norm(position, axis=2) > NEAREST)
+        near = np.where(sighted[..., None], position, 1.0)
+        distance = np.linalg.norm(near, axis=2)
+        sight = near / distance[..., None]
+        along = np.linalg.solve(measured.precision, sight[..., None])[..., 0]
+        spread = np.einsum("kmi,kmi->km", sight, along) / distance**2
+        return cls(position, np.asfortranarray(measured.precision), sighted, distance, sight, spread)
+
+    def moved_to(self, estimated: FloatArray, weight: FloatArray) -> Observations:
+        """The observations with the precisions of estimated points (n, m, 3) in C, m, without the range's bias.
+
+        weight (n, m): their weights.
+        """
+        far = np.where(self.sighted[..., None], np.asfortranarray(estimated), 1.0)
+        distance = np.linalg.norm(far, axis=2)
+        ratio = np.clip(distance / self.distance, 0.5, 2.0)
+        # With D = s (1 + (s − 1) a aᵀ), s the ratio of ranges, the covariance at the new range is D Σ D; then turned.
+        across = _rotation_between(self.sight, far / np.maximum(distance, 1e-300)[..., None]) / ratio[..., None, None]
+        turned = np.einsum("kmij,kmj->kmi", across, self.sight)
+        inverse = across + turned[..., :, None] * ((1 / ratio - 1)[..., None] * self.sight)[..., None, :]
+        precision = np.einsum("kmij,kmjl->kmil", inverse, self.precision)
+        precision = np.einsum("kmij,kmlj->kmil", precision, inverse)
+        # Along the line of sight the variance is s⁴ times as large.
+        shortened = np.where(self.sighted, 1 - np.minimum(ratio**2 * self.spread, MAX_CORRECTION), 1.0)
+        return Observations(self.position * shortened[..., None], weight, precision)
+
+
+def stereo_noise(measured: Observations, noise: Noise) -> StereoNoise | None:
+    """The noise of a stereo rig, if the precisions are those at the measured points, see `varies_with_range`."""
+    return StereoNoise.of(measured) if varies_with_range(measured, noise) else None
 
 
 def _rotation_between(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The smallest rotations (n, m, 3, 3) from unit vectors a (n, m, 3) to b; the identity for angles from 90° on."""
+    """The smallest rotations (n, m, 3, 3) from unit vectors a (n, m, 3) to b; the identity for angles from 90° on.
+
+    c 1 + [v]× + v vᵀ/(1 + c) for v = a × b and the angle's cosine c.
+    """
     cosine = np.einsum("kmi,kmi->km", a, b)
-    cross = cross_matrices(np.cross(a, b).reshape(-1, 3)).reshape(*a.shape, 3)
-    turn = np.eye(3) + cross + cross @ cross / np.maximum(1 + cosine, 1e-12)[..., None, None]
-    return np.asarray(np.where((cosine > 0)[..., None, None], turn, np.eye(3)))
+    v: FloatArray = np.asfortranarray(np.cross(a, b))
+    turn: FloatArray = v[..., :, None] * (v / np.maximum(1 + cosine, 1e-12)[..., None])[..., None, :]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        turn[..., i, i] += cosine
+        turn[..., i, j] -= v[..., k]
+        turn[..., j, i] += v[..., k]
+    turn[cosine <= 0] = np.eye(3)
+    return turn

@@ -9,7 +9,6 @@ import numpy as np
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
-from baryscope.estimator.adjustment.stereo import moved_to
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
@@ -286,10 +285,9 @@ def _bounded(problem: Problem, reference: Reference, solution: Solution) -> Floa
 
 def _renewed(problem: Problem, last: Pass) -> Observations:
     """The observations with new weights, and covariances at the estimated points."""
-    observations = last.observations.weighted(last.weight)
-    if problem.stereo:
-        return moved_to(observations, problem.measured, last.after.seen_at(problem.start.nodes))
-    return observations
+    if problem.stereo is None:
+        return last.observations.weighted(last.weight)
+    return problem.stereo.moved_to(last.after.seen_at(problem.start.nodes), last.weight)
 
 
 def _is_linear(problem: Problem, reference: Reference, solution: Solution, variance: float) -> bool:

@@ -12,7 +12,7 @@ from baryscope.estimator.adjustment.evidence import Linear, conditional, held, m
 from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
-from baryscope.estimator.adjustment.stereo import moved_to, observations_of, varies_with_range
+from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of, stereo_noise
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
@@ -88,10 +88,10 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """What an iteration does not change: times (n,), path and priors; measured: all observations with weight 1.
+    """What an iteration does not change: times (n,), path and priors.
 
     floor: least variance of an observation; lasting: how many frames have the same errors of the features; stereo:
-    whether the covariances belong to the estimated points.
+    the noise of a stereo rig, if the covariances are its at the measured points.
     """
 
     time: FloatArray
@@ -100,10 +100,9 @@ class _Problem:
     blocks: Blocks
     noise: FrameNoise | None
     priors: Priors
-    measured: Observations
     floor: float
     lasting: float
-    stereo: bool
+    stereo: StereoNoise | None
 
     @cached_property
     def path_at_knots(self) -> FloatArray | None:
@@ -133,11 +132,11 @@ class _Problem:
 
     def with_weights(self, observations: Observations, state: _State, points: FloatArray) -> Observations:
         """The observations, if `stereo` with the covariances of the estimated points (m, 3)."""
-        if not self.stereo:
+        if self.stereo is None:
             return observations
         model = self.model(state, points)
         estimated = points @ np.swapaxes(model.attitude, 1, 2) + model.origin[:, None]
-        return moved_to(observations, self.measured, estimated)
+        return self.stereo.moved_to(estimated, observations.weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,15 +160,13 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
     observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
-    stereo = varies_with_range(measured, options.noise)
+    stereo = stereo_noise(measured, options.noise)
     noise = _frame_noise(errors_of(tracks), pivot.slip, len(tracks.time), max(pivot.variance, floor))
 
     def problem_of(rotation: Rotation) -> _Problem:
         priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
         blocks = Blocks.over(tracks.time, _block_length(rotation, pivot.path))
-        return _Problem(
-            tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, measured, floor, pivot.lasting, stereo
-        )
+        return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, floor, pivot.lasting, stereo)
 
     rotation = tumble.rotation
     if options.torque_noise != "none":
@@ -240,7 +237,7 @@ def _converged(problem: _Problem, start: _Iterate, done: Rounds) -> _Iterate:
         steady = abs(reduced) <= WEIGHT_CHANGE_TOLERANCE * of_frame * dof
         converged = steady and float(change @ matrix @ change) <= STEP_TOLERANCE * variance and damping < 1e-2
         observations = at.observations
-        if not converged and (problem.stereo or not steady):
+        if not converged and (problem.stereo is not None or not steady):
             observations = problem.with_weights(observations.weighted(weight), moved, found.points)
             found = problem.equations(observations, moved, found.points)
         at = replace(at, state=moved, observations=observations, found=found, variance=variance, converged=converged)

@@ -13,7 +13,7 @@ from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
 from baryscope.estimator.adjustment.reweighting import reweighted
-from baryscope.estimator.adjustment.stereo import moved_to, varies_with_range
+from baryscope.estimator.adjustment.stereo import stereo_noise
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
@@ -117,7 +117,7 @@ class _Refinement:
         self.theta: FloatArray | None = None
         self.variance, self.path_unknowns = np.nan, np.nan
         self.floor = least_variance(start.measured, ROUNDING)
-        self.stereo = varies_with_range(start.measured, options.noise)
+        self.stereo = stereo_noise(start.measured, options.noise)
         self.simple, self.scan = start.first_prior, True
         self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
         self.shift: FloatArray | None = None
@@ -150,9 +150,9 @@ class _Refinement:
     def _linearised(self) -> Linearised:
         """The problem where the iteration is, with what depends on the place."""
         start = self.start
-        if self.stereo:
+        if self.stereo is not None:
             points = _points_in_C(self.bodies, self._origin(), start.measured)
-            self.observations = moved_to(self.observations, start.measured, points)
+            self.observations = self.stereo.moved_to(points, self.observations.weight)
         sigma, lasting = self.options.sigma, self.lasting
         self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
         self.shift = _shift(start.errors, self._origin(), self.slip, self.told)

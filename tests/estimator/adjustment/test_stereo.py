@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.stereo import moved_to, observations_of, varies_with_range
+from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of, stereo_noise, varies_with_range
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
@@ -53,7 +53,7 @@ def test_the_covariance_agrees_with_the_rigs_at_the_estimated_point(direction):
     for sign in (-1, 1):
         measured = truth + sign * (0.15 * sight if direction == "along" else 0.05 * aside)
         given = observations(measured, rig_covariance(measured))
-        moved = moved_to(given, given, truth)
+        moved = StereoNoise.of(given).moved_to(truth, given.weight)
         before = relative_error(rig_covariance(measured), rig_covariance(truth))
         after = relative_error(np.linalg.inv(moved.precision), rig_covariance(truth))
         assert before > 0.02
@@ -81,7 +81,7 @@ def test_the_score_has_no_bias():
         return float((score / np.sqrt(information)).mean())
 
     assert bias(given) < -0.01
-    assert abs(bias(moved_to(given, given, truth))) < 5 / np.sqrt(draws * COUNT) + 1e-3
+    assert abs(bias(StereoNoise.of(given).moved_to(truth, given.weight))) < 5 / np.sqrt(draws * COUNT) + 1e-3
 
 
 def test_the_score_across_the_line_of_sight_has_no_bias():
@@ -91,7 +91,7 @@ def test_the_score_across_the_line_of_sight_has_no_bias():
     axes = np.broadcast_to(R_C_V, (draws, 3, 3))
     pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
     given = observations(*triangulate(RIG, axes, pixels))
-    moved = moved_to(given, given, truth)
+    moved = StereoNoise.of(given).moved_to(truth, given.weight)
     score = np.einsum("kmij,kmj->mi", moved.precision, moved.position - truth) / draws
     information = np.linalg.inv(rig_covariance(truth[:1])[0])
     # The mean score of each point in standard deviations: √(sᵀ I⁻¹ s).
@@ -104,7 +104,7 @@ def test_only_the_range_bias_is_removed_at_the_measured_point():
     rng = np.random.default_rng(3)
     measured = random_points(rng)
     given = observations(measured, rig_covariance(measured))
-    moved = moved_to(given.weighted(0.5 * given.weight), given, measured)
+    moved = StereoNoise.of(given).moved_to(measured, 0.5 * given.weight)
     np.testing.assert_allclose(moved.precision, given.precision, rtol=1e-9, atol=1e-9 * given.precision.max())
     np.testing.assert_array_equal(moved.weight, 0.5 * given.weight)
     sight = measured / np.linalg.norm(measured, axis=2, keepdims=True)
@@ -121,12 +121,12 @@ def test_missing_and_isotropic_observations_are_unchanged():
     given = observations(position, covariance)
     assert given.weight[1, 2] == 0
     np.testing.assert_array_equal(given.position[1, 2], 0)
-    moved = moved_to(given, given, np.nan_to_num(position) + 0.1)
+    moved = StereoNoise.of(given).moved_to(np.nan_to_num(position) + 0.1, given.weight)
     assert np.isfinite(moved.precision).all()
     assert np.isfinite(moved.position).all()
     plain = observations(position, None)
     assert plain.precision is None
-    assert moved_to(plain, plain, np.nan_to_num(position)) is plain
+    assert stereo_noise(plain, "stereo") is None
 
 
 def test_a_singular_covariance_is_refused():
