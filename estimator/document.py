@@ -120,6 +120,7 @@ class FindingPart(Part):
         "excess-residuals",
         "frames-left-out",
         "few-frames",
+        "follows-rotation",
         "different-points",
         "departure",
         "wrong-orbit",
@@ -143,7 +144,12 @@ class FindingPart(Part):
     labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")
-    significance: float | None = Field(None, description="departure: 2 ln of the likelihood over that without noise")
+    significance: float | None = Field(
+        None, description="departure, follows-rotation: 2 ln of the likelihood over that without noise"
+    )
+    share: float | None = Field(
+        None, description="follows-rotation: of the information on the offset, that noise of the attitudes feigns"
+    )
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")

@@ -86,6 +86,18 @@ class FewFrames:
 
 
 @dataclass(frozen=True)
+class FollowsRotation:
+    """Process noise may follow the rotation, with an offset of the centre of mass that is wrong by as much.
+
+    share: of the information on the offset, that noise of the attitudes feigns; significance: 2 ln of the likelihood
+    over that without the noise.
+    """
+
+    share: float
+    significance: float
+
+
+@dataclass(frozen=True)
 class UnknownBurn:
     """A burn that nothing told, in s, changes the chaser's velocity, m/s; with deviations.
 
@@ -130,6 +142,7 @@ Finding = (
     | ExcessResiduals
     | FramesLeftOut
     | FewFrames
+    | FollowsRotation
     | DifferentPoints
     | Departure
     | WrongOrbit
@@ -137,4 +150,5 @@ Finding = (
     | WrongSigma
     | FreeAttitudes
 )
+UNCHECKED = FewFrames | FollowsRotation
 MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut

@@ -12,6 +12,7 @@ from baryscope.estimator.findings import (
     ExcessResiduals,
     FewFrames,
     Finding,
+    FollowsRotation,
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
@@ -62,6 +63,11 @@ def sentence(finding: Finding) -> str:
             return (
                 f"{counted(finding.frames, 'frame shows', 'frames show')} an attitude, for {finding.unknowns:.0f} "
                 "unknowns of the motion: no outlier or misfit would be seen"
+            )
+        case FollowsRotation():
+            return (
+                "the path's process noise may follow the rotation, with a centre of mass that is wrong by as much: of "
+                f"what the tracks tell of it, noise of the attitudes feigns {100 * min(finding.share, 1.0):.0f} %"
             )
         case Departure():
             return (

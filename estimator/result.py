@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from baryscope.estimator.details import Details
 from baryscope.estimator.dynamics.extended import Factor
-from baryscope.estimator.findings import MISFITS, FewFrames, Finding, FreeAttitudes
+from baryscope.estimator.findings import MISFITS, UNCHECKED, Finding, FreeAttitudes
 from baryscope.estimator.formats.dataset import dataset
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.observability import Observability
@@ -254,7 +254,7 @@ class Estimate:
             return Status.NOT_CONVERGED
         if any(isinstance(finding, MISFITS) for finding in self.findings):
             return Status.MODEL_DOES_NOT_FIT
-        if any(isinstance(finding, FewFrames) for finding in self.findings):
+        if any(isinstance(finding, UNCHECKED) for finding in self.findings):
             return Status.NOT_CHECKED
         if self.observability is not None and not self.observability.observable.all():
             return Status.NOT_OBSERVABLE

@@ -32,7 +32,7 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
-from baryscope.estimator.findings import FREE_TUMBLE, ExcessResiduals, FewFrames, Finding, FreeAttitudes
+from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, ExcessResiduals, Finding, FreeAttitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
 from baryscope.estimator.ml.jacobians import Jacobians
@@ -158,8 +158,8 @@ def _tumbling(
 
 
 def _findings(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
-    """Those of `pivot`, but for too few frames, of which a tumble needs fewer."""
-    others = tuple(one for one in pivot.findings if not isinstance(one, FewFrames))
+    """Those of `pivot`, but for what a tumble does not need: as many frames, and attitudes better than noise."""
+    others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED))
     return others + few_frames(best.observations.weight, best.unknowns)
 
 

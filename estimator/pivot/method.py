@@ -49,7 +49,7 @@ from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
 from baryscope.estimator.pivot.start import Initial, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
-from baryscope.estimator.pivot.unexplained import with_corrected_orbit, wrong_orbit
+from baryscope.estimator.pivot.unexplained import following_rotation, with_corrected_orbit, wrong_orbit
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.rods import find_rods
@@ -193,7 +193,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
     _refuse_untold(found, registered)
-    findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
+    findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit) + following_rotation(found)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))

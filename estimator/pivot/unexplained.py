@@ -1,4 +1,4 @@
-"""What a path leaves unexplained: whether its process noise is a wrong orbit.
+"""What a path leaves unexplained: whether its process noise is a wrong orbit, or may follow the rotation.
 
 The significance of a hyperparameter is twice the logarithm of the likelihood ratio against no effect. Without an effect
 it is 0 in half of all cases, and χ² with one degree of freedom in the others (Self and Liang 1987).
@@ -12,14 +12,16 @@ from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
-from baryscope.estimator.findings import WrongOrbit
+from baryscope.estimator.findings import FollowsRotation, WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.joint_covariance import shown_spurious_share
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 SIGNIFICANT = 15.0  # 2 ln of a likelihood ratio: by chance once in 20,000 cases
+FOLLOWS = 0.2  # share of the information on an offset that is spurious, where process noise may follow the rotation
 
 
 def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
@@ -46,6 +48,16 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     except ComputationError:
         return found
     return corrected if corrected.converged and corrected.significance(ORBIT_ERROR) >= SIGNIFICANT else found
+
+
+def following_rotation(found: Pivot) -> tuple[FollowsRotation, ...]:
+    """The finding of significant process noise that may follow the rotation, with an offset that is wrong by as much.
+
+    Where hardly more than noise tells the offset, attitudes that outliers have spoilt can make such a path likelier
+    than the true one; then neither is to be trusted.
+    """
+    share, significance = shown_spurious_share(found), found.significance(DENSITY)
+    return (FollowsRotation(share, significance),) if share > FOLLOWS and significance >= SIGNIFICANT else ()
 
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:

@@ -6,6 +6,7 @@ from baryscope.estimator.findings import (
     DifferentPoints,
     ExcessResiduals,
     FewFrames,
+    FollowsRotation,
     FramesLeftOut,
     FreeAttitudes,
     LackOfFit,
@@ -61,6 +62,11 @@ def test_verdict_names_a_skew_axis():
         (
             FewFrames(7, 9.2),
             "7 frames show an attitude, for 9 unknowns of the motion: no outlier or misfit would be seen",
+        ),
+        (
+            FollowsRotation(0.934, 3039.0),
+            "the path's process noise may follow the rotation, with a centre of mass that is wrong by as much: of "
+            "what the tracks tell of it, noise of the attitudes feigns 93 %",
         ),
         (
             FramesLeftOut(3.0, 15.5, 13, 0.456),

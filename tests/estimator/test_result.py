@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, LackOfFit, WrongSigma
+from baryscope.estimator.findings import (
+    DifferentPoints,
+    ExcessResiduals,
+    FewFrames,
+    FollowsRotation,
+    LackOfFit,
+    WrongSigma,
+)
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.observability import PrincipalAxes
 from baryscope.estimator.result import Status
@@ -42,7 +49,8 @@ def test_status_is_the_most_severe_defect():
     for misfit in misfits:
         assert an_estimate(clusters=hidden, findings=(misfit,)).status is Status.MODEL_DOES_NOT_FIT
         assert an_estimate(findings=(FewFrames(7, 9.2), misfit)).status is Status.MODEL_DOES_NOT_FIT
-    assert an_estimate(clusters=hidden, findings=(FewFrames(7, 9.2),)).status is Status.NOT_CHECKED
+    for unchecked in (FewFrames(7, 9.2), FollowsRotation(0.9, 30.0)):
+        assert an_estimate(clusters=hidden, findings=(unchecked,)).status is Status.NOT_CHECKED
     assert an_estimate(converged=False, findings=misfits).status is Status.NOT_CONVERGED
     assert [status.value for status in Status if status.trustworthy] == ["good", "not observable"]
 
