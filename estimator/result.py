@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from baryscope.estimator.details import Details
 from baryscope.estimator.dynamics.extended import Factor
@@ -116,7 +116,7 @@ class ProcessNoise:
 
         The density is at the boundary of its range then: half of χ² with one degree of freedom (Self and Liang 1987).
         """
-        return 1.0 if self.significance is None else 0.5 * float(chi2.sf(self.significance, 1))
+        return 1.0 if self.significance is None else 0.5 * float(chdtrc(1, max(self.significance, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
+from scipy.special import chdtri, fdtrc
 
 from baryscope.estimator.adjustment.diagnostics import (
     cluster_of,
@@ -201,7 +200,7 @@ def _lack_of_fit(
         return None
     variance = max(float(np.sum((residual - explained) ** 2)) / values, (ROUNDING * float(np.abs(centre).max())) ** 2)
     gain, dof = float(np.sum(explained**2)) / (lasting * variance), 3 * DEGREE
-    if f_distribution.sf(gain / dof, dof, values / lasting) > SIGNIFICANCE:
+    if fdtrc(dof, values / lasting, gain / dof) > SIGNIFICANCE:
         return None
     return LackOfFit(path, float(np.sqrt(np.mean(np.sum(explained**2, axis=1)))), gain, dof)
 
@@ -226,6 +225,6 @@ def _excess_residuals(
     if values < 1:
         return None
     ratio = variance * values / max(expected, 1e-300)
-    if ratio <= max(MAX_VARIANCE_RATIO, float(chi2.isf(SIGNIFICANCE, values)) / values) or registered.noise == 0:
+    if ratio <= max(MAX_VARIANCE_RATIO, float(chdtri(values, SIGNIFICANCE)) / values) or registered.noise == 0:
         return None
     return ExcessResiduals(path, float(np.sqrt(ratio)))

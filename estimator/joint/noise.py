@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dct
-from scipy.signal.windows import tukey
 
 from baryscope.estimator.tracks import FloatArray, IntArray
 
@@ -58,6 +57,8 @@ def transformed(values: FloatArray) -> FloatArray:
 
 def _window(count: int) -> FloatArray:
     """Tukey's window, of the mean square 1."""
+    from scipy.signal.windows import tukey  # slow to load, and other methods do without
+
     window = tukey(count + 2, TAPER)[1:-1]
     return np.asarray(window / np.sqrt(np.mean(window**2)))
 

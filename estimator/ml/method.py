@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f
+from scipy.special import fdtrc
 
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
 from baryscope.estimator.adjustment.diagnostics import (
@@ -187,7 +187,7 @@ def _excess_residuals(
     if more <= 0 or dof <= 0 or cost <= dof * least_variance(free, ROUNDING):
         return ()
     ratio = (cost - free_cost) / more / (free_cost / dof)
-    if f.sf(ratio, more / pivot.lasting, dof / pivot.lasting) > SIGNIFICANCE:
+    if fdtrc(more / pivot.lasting, dof / pivot.lasting, max(ratio, 0.0)) > SIGNIFICANCE:
         return ()
     return (ExcessResiduals(FREE_TUMBLE, float(np.sqrt(cost / (dof + more) / (free_cost / dof)))),)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from baryscope.estimator.adjustment.subsample import subsampled
 from baryscope.estimator.dynamics.paths import Polynomial
@@ -48,7 +48,7 @@ def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:
         gauss_newton_step(subsample.bodies, few, SampledPath(own, lambda _: position), x, shift),
     )
     gain = (with_cubic.step - without.step) / found.variance
-    if chi2.sf(gain, new.shape[2]) > SIGNIFICANCE or _is_poorly_observed(found):
+    if chdtrc(new.shape[2], max(gain, 0.0)) > SIGNIFICANCE or _is_poorly_observed(found):
         return None
     metres = float(extended.lengths((with_cubic.x - start)[:, None])[0])
     return LackOfFit(found.path.name, metres, float(gain), int(new.shape[2]))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.spurious import NoisyAttitudes
@@ -172,7 +172,7 @@ class _Comparison:
         """Whether the misclosures of tie points are compatible with noise (χ² test)."""
         misclosures = self.misclosures([tie])
         square = float(misclosures.values @ symmetric_pseudo_inverse(misclosures.covariance) @ misclosures.values)
-        return bool(chi2.sf(square / max(self.variance, 1e-300), len(misclosures.values)) > SIGNIFICANCE)
+        return bool(chdtrc(len(misclosures.values), max(square, 0.0) / max(self.variance, 1e-300)) > SIGNIFICANCE)
 
     def excess(self, index: int, rows: IntArray, means: FloatArray) -> FloatArray:
         """By how much the products (g, g) of means of some points of a body are too large on average.

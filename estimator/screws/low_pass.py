@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 FloatArray = NDArray[np.float64]
 
@@ -18,6 +17,8 @@ def low_pass(values: FloatArray, step: float, cutoff: float) -> FloatArray:
     """
     if cutoff * step >= 0.5 or len(values) < MIN_SAMPLES:
         return values
+    from scipy.signal import butter, sosfiltfilt  # slow to load, and other methods do without
+
     cutoff = max(cutoff, MIN_CUTOFF / step)
     sections = butter(ORDER, cutoff, fs=1.0 / step, output="sos")
     # The padding is one period of the cut-off, which covers the filter's memory, if the run is long enough.

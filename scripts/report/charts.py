@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from baryscope.report.document import Chart, Series
 from baryscope.report.thinning import extremes
@@ -14,7 +14,7 @@ BoolArray = NDArray[np.bool_]
 
 BAND = 0.95
 TAIL = (1 - BAND) / 2
-SIGMAS = float(np.sqrt(chi2.ppf(BAND, 1)))  # of one axis
+SIGMAS = float(np.sqrt(chdtri(1, 1 - BAND)))  # of one axis
 
 
 def curve(
@@ -36,7 +36,7 @@ def expected_error(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     squares = np.einsum("kij,kji->k", covariance, covariance)
     scale = np.divide(squares, mean, out=np.zeros_like(mean), where=mean > 0)
     degrees = np.divide(mean**2, squares, out=np.full_like(mean, 3.0), where=squares > 0)
-    low, high = (np.sqrt(scale * chi2.ppf(share, degrees)) for share in (TAIL, 1 - TAIL))
+    low, high = (np.sqrt(scale * chdtri(degrees, above)) for above in (1 - TAIL, TAIL))
     return low, high
 
 
@@ -60,7 +60,7 @@ def blackouts(time: FloatArray, seen: BoolArray) -> tuple[tuple[float, float], .
 
 def nees_chart(series: tuple[Series, ...], about: str, **how: Any) -> Chart:
     """NEES over time beside the band of a single draw; how: other fields of `Chart`."""
-    low, high = chi2.ppf([TAIL, 1 - TAIL], 3)
+    low, high = chdtri(3, [1 - TAIL, TAIL])
     levels = ((float(low), "2.5 %"), (3.0, "3 expected"), (float(high), "97.5 %"))
     return Chart("NEES of the centre of mass", about, "eᵀ P⁻¹ e", series, log=True, levels=levels, **how)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.suite import Entry
@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 DEGREES = 3  # of freedom of an error of position
 COVERAGE = 0.95
 # A normalised squared error that one draw in 10 000 would have, and a path's error in units of the bound.
-LARGE_NEES = float(chi2.isf(1e-4, DEGREES))
+LARGE_NEES = float(chdtri(DEGREES, 1e-4))
 LARGE_RATIO = 4.0
 MOST_REMARKS = 1000  # that are told one by one
 
@@ -79,7 +79,7 @@ def bound_of(entry: Entry, runs: pl.DataFrame) -> tuple[float | None, float | No
 def nees_band(draws: int) -> tuple[float, float]:
     """Between which the mean of so many NEES of three degrees of freedom is, in 95 of 100 campaigns."""
     tail = (1 - COVERAGE) / 2
-    low, high = chi2.ppf([tail, 1 - tail], DEGREES * draws) / draws
+    low, high = chdtri(DEGREES * draws, [1 - tail, tail]) / draws
     return float(low), float(high)
 
 

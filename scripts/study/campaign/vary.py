@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import LatinHypercube
 
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Scenario
@@ -154,6 +153,8 @@ def hypercube(ranges: Sequence[Range], draws: int, seed: int) -> FloatArray:
     """Shares (draws, ranges), 0 to 1: for each range one draw in each of `draws` equal parts (a Latin hypercube)."""
     if not ranges:
         return np.zeros((draws, 0))
+    from scipy.stats.qmc import LatinHypercube  # slow to load, and few need it
+
     own = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(OF_HYPERCUBE,)))
     shares: FloatArray = LatinHypercube(len(ranges), seed=own).random(draws)
     return shares
