@@ -1,6 +1,6 @@
 """Gaussian priors of a path's unknowns, whose variances depend on a few hyperparameters."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -203,9 +203,13 @@ class Prior:
 
     def at(self, theta: FloatArray) -> "Prior":
         """The prior with all hyperparameters fixed, θ (h,)."""
+        return self.holding({one.name: float(value) for one, value in zip(self.hyperparameters, theta, strict=True)})
+
+    def holding(self, values: Mapping[str, float]) -> "Prior":
+        """The prior with the logarithms of some hyperparameters fixed, by their names, of which it may have not all."""
         found = self
-        for one, value in zip(self.hyperparameters, theta, strict=True):
-            found = found.fixed(one.name, float(value))
+        for name, value in values.items():
+            found = found.fixed(name, value)
         return found
 
     def fixed(self, name: str, value: float) -> "Prior":

@@ -84,7 +84,7 @@ def linear_start(
     simple = SIMPLE_AND_SMOOTH if smooth else ({DENSITY: NOTHING},)
     begins = (*simple, {}) if prior.hyperparameters else ({},)
     solution = _linear_solutions(own, few.observations, sampled)
-    trials = [_Trial(*solution(_holding(prior, held)), few.observations, held) for held in begins]
+    trials = [_Trial(*solution(prior.holding(held)), few.observations, held) for held in begins]
     if len(trials) > 1:
         variance = lasting * max(own.noise**2 if few.observations.precision is None else 1.0, least)
         known = variance * a_priori_information(registered.bodies)[:, None, None] * np.eye(3)
@@ -104,16 +104,9 @@ def linear_start(
     if not found.held:
         return initial
     if FIRST not in found.held:
-        return replace(initial, first_prior=_holding(prior, found.held))
+        return replace(initial, first_prior=prior.holding(found.held))
     assert found.theta is not None  # noqa: S101  it was stepped
     return replace(initial, first_prior=prior.at(found.theta))
-
-
-def _holding(prior: Prior, held: dict[str, float]) -> Prior:
-    """The prior that holds some hyperparameters, of which it may have not all."""
-    for name, value in held.items():
-        prior = prior.fixed(name, value)
-    return prior
 
 
 def _hyperparameters(trial: _Trial, prior: Prior) -> FloatArray | None:
@@ -124,7 +117,7 @@ def _hyperparameters(trial: _Trial, prior: Prior) -> FloatArray | None:
     if FIRST in trial.held:
         return None
     assert trial.theta is not None  # noqa: S101  it was stepped
-    simple = _holding(prior, trial.held).hyperparameters
+    simple = prior.holding(trial.held).hyperparameters
     values = trial.held | dict(zip((one.name for one in simple), trial.theta, strict=True))
     if DENSITY in trial.held:
         values[DENSITY] = np.nan
@@ -149,7 +142,7 @@ def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior,
     found, failure = [], None
     for trial in trials:
         try:
-            own = stepped(trial, prior=_holding(prior, trial.held), steps=steps)
+            own = stepped(trial, prior=prior.holding(trial.held), steps=steps)
             near = replace(own, theta=_hyperparameters(own, prior))
             found.append(stepped(near, prior=prior, steps=SETTLING))
         except ComputationError as error:

@@ -21,7 +21,7 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 SIGNIFICANT = 15.0  # 2 ln of a likelihood ratio: by chance once in 20,000 cases
-FOLLOWS = 0.2  # share of the information on an offset that is spurious, where process noise may follow the rotation
+FEIGNED = 0.2  # share of the information on an offset that is spurious, where process noise may follow the rotation
 
 
 def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
@@ -56,8 +56,10 @@ def following_rotation(found: Pivot) -> tuple[FollowsRotation, ...]:
     Where hardly more than noise tells the offset, attitudes that outliers have spoilt can make such a path likelier
     than the true one; then neither is to be trusted.
     """
-    share, significance = shown_spurious_share(found), found.significance(DENSITY)
-    return (FollowsRotation(share, significance),) if share > FOLLOWS and significance >= SIGNIFICANT else ()
+    significance = found.significance(DENSITY)
+    if significance < SIGNIFICANT or (share := shown_spurious_share(found)) <= FEIGNED:
+        return ()
+    return (FollowsRotation(share, significance),)
 
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:

@@ -1,4 +1,4 @@
-"""Errors over 120 draws of `pivot` and `ml`, against their covariances and the Cramér–Rao bound."""
+"""Errors over 140 draws of `pivot` and `ml`, against their covariances and the Cramér–Rao bound."""
 
 import numpy as np
 import pytest
@@ -24,13 +24,13 @@ from free_paths import (
 )
 from synthetic import ENVISAT, make_case
 
-RUNS, FRAMES, FEW = 120, 80, 20
+RUNS, FRAMES, FEW = 140, 80, 20
 EXACT = {"process_noise": "none", "torque_noise": "none"}  # the models hold exactly here
 
 
 @pytest.fixture(scope="module")
 def draws():
-    """120 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound."""
+    """140 draws of 80 frames of 5 features in relative orbit: estimates of both methods, truth, and the bound."""
     time, R = turning(FRAMES)
     com, features = in_orbit(time), FEATURES[:5]
     cases = [make_case(time, R, com, features, noise=NOISE, seed=seed) for seed in range(RUNS)]
@@ -74,7 +74,7 @@ def test_ml_reaches_the_bound_and_pivot_comes_within_a_quarter(draws):
             [rms(one, case) ** 2 / bound.position_deviation**2 for one, case in zip(found[method], cases, strict=True)]
         )
         spread = 3 * ratio.std() / np.sqrt(RUNS)
-        assert spread < 0.3
+        assert spread < 0.25
         assert ratio.mean() > 1 - spread
         assert ratio.mean() < (1 + spread if method == "ml" else 1.25**2)
     # The predicted errors agree with the bound up to the error of the noise from 1,000 values.
