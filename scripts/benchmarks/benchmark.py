@@ -14,28 +14,32 @@ Exit code 1 if a result is wrong: errors above their tolerances, peers that disa
 that is not installed. Times are printed and never judged.
 """
 
-import argparse
-import sys
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from baryscope.threads import prefer_one_thread
 
-from rich.console import Console
+prefer_one_thread()
 
-from baryscope import __version__
-from baryscope.models.scenario import load_scenario
-from baryscope.progress import stage
-from baryscope.scripts.benchmarks.adjusting import DENSITY, adjusting
-from baryscope.scripts.benchmarks.estimating import estimating, reading
-from baryscope.scripts.benchmarks.flying import flying
-from baryscope.scripts.benchmarks.orbit import whole_orbit
-from baryscope.scripts.benchmarks.report import Part, rows_table
-from baryscope.scripts.benchmarks.setting import PEERS, Setting, installed_peers
-from baryscope.scripts.benchmarks.stepping import stepping
-from baryscope.scripts.benchmarks.under_forces import under_forces
-from baryscope.scripts.cli.console import Show, out
-from baryscope.study import build_unit
+import argparse  # noqa: E402
+import sys  # noqa: E402
+import tempfile  # noqa: E402
+from collections.abc import Callable, Mapping, Sequence  # noqa: E402
+from functools import partial  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+from rich.console import Console  # noqa: E402
+
+from baryscope import __version__  # noqa: E402
+from baryscope.models.scenario import load_scenario  # noqa: E402
+from baryscope.progress import stage  # noqa: E402
+from baryscope.scripts.benchmarks.adjusting import DENSITY, adjusting  # noqa: E402
+from baryscope.scripts.benchmarks.estimating import estimating, reading  # noqa: E402
+from baryscope.scripts.benchmarks.flying import flying  # noqa: E402
+from baryscope.scripts.benchmarks.orbit import whole_orbit  # noqa: E402
+from baryscope.scripts.benchmarks.report import Part, rows_table  # noqa: E402
+from baryscope.scripts.benchmarks.setting import PEERS, Setting, installed_peers  # noqa: E402
+from baryscope.scripts.benchmarks.stepping import stepping  # noqa: E402
+from baryscope.scripts.benchmarks.under_forces import under_forces  # noqa: E402
+from baryscope.scripts.cli.console import Show, out  # noqa: E402
+from baryscope.study import build_unit  # noqa: E402
 
 PARTS: Mapping[str, Callable[[Setting], Part]] = {
     "stepping": stepping,
