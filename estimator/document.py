@@ -121,6 +121,7 @@ class FindingPart(Part):
         "frames-left-out",
         "few-frames",
         "follows-rotation",
+        "extrapolated",
         "different-points",
         "departure",
         "wrong-orbit",
@@ -139,23 +140,21 @@ class FindingPart(Part):
     ratio: float | None = Field(None, description="excess-residuals: residuals with the model over those without")
     frames: int | None = Field(None, description="frames-left-out, few-frames: their number")
     unknowns: float | None = Field(
-        None, description="few-frames: of path, offsets and tumble that the tracks determine"
+        None, description="few-frames, follows-rotation: of path, offsets and tumble, or path, that are determined"
     )
     labels: tuple[str, ...] | None = Field(None, description="different-points: labels of different points")
     clusters: tuple[int, int] | None = Field(None, description="different-points: indices of the two clusters")
     density: float | None = Field(None, description="departure: of the process noise that explains it, m²/s³")
-    significance: float | None = Field(
-        None, description="departure, follows-rotation: 2 ln of the likelihood over that without noise"
-    )
+    significance: float | None = Field(None, description="departure: 2 ln of the likelihood over that without noise")
     share: float | None = Field(
         None, description="follows-rotation: of the information on the offset, that noise of the attitudes feigns"
     )
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
-    begin: float | None = Field(None, description="unknown-burn, frames-left-out: when it begins, s")
+    begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: begin, s")
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
-    end: float | None = Field(None, description="unknown-burn, frames-left-out: when it ends, s")
+    end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: end, s")
     end_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     change: Vector | None = Field(None, description="unknown-burn: of the chaser's velocity, m/s")
     change_deviation: Vector | None = Field(None, description="unknown-burn: standard deviation of change, m/s")

@@ -87,14 +87,22 @@ class FewFrames:
 
 @dataclass(frozen=True)
 class FollowsRotation:
-    """Process noise may follow the rotation, with an offset of the centre of mass that is wrong by as much.
+    """The path may follow the rotation, with an offset of the centre of mass that is wrong by as much.
 
-    share: of the information on the offset, that noise of the attitudes feigns; significance: 2 ln of the likelihood
-    over that without the noise.
+    share: of the information on the offset, that noise of the attitudes feigns; unknowns: of the path that the tracks
+    determine.
     """
 
     share: float
-    significance: float
+    unknowns: float
+
+
+@dataclass(frozen=True)
+class Extrapolated:
+    """Attitudes are seen from begin to end, in s, only: before or after, a smooth path is extrapolated far."""
+
+    begin: float
+    end: float
 
 
 @dataclass(frozen=True)
@@ -143,6 +151,7 @@ Finding = (
     | FramesLeftOut
     | FewFrames
     | FollowsRotation
+    | Extrapolated
     | DifferentPoints
     | Departure
     | WrongOrbit
@@ -150,5 +159,5 @@ Finding = (
     | WrongSigma
     | FreeAttitudes
 )
-UNCHECKED = FewFrames | FollowsRotation
+UNCHECKED = FewFrames | FollowsRotation | Extrapolated
 MISFITS = LackOfFit | ExcessResiduals | FramesLeftOut

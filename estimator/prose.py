@@ -10,6 +10,7 @@ from baryscope.estimator.findings import (
     Departure,
     DifferentPoints,
     ExcessResiduals,
+    Extrapolated,
     FewFrames,
     Finding,
     FollowsRotation,
@@ -66,8 +67,14 @@ def sentence(finding: Finding) -> str:
             )
         case FollowsRotation():
             return (
-                "the path's process noise may follow the rotation, with a centre of mass that is wrong by as much: of "
-                f"what the tracks tell of it, noise of the attitudes feigns {100 * min(finding.share, 1.0):.0f} %"
+                f"the path, of {finding.unknowns:.0f} unknowns, may follow the rotation, with a centre of mass that is "
+                "wrong by as much: of what the tracks tell of it, noise of the attitudes feigns "
+                f"{100 * min(finding.share, 1.0):.0f} %; the method ml has less freedom"
+            )
+        case Extrapolated():
+            return (
+                f"attitudes are seen from {finding.begin:.1f} to {finding.end:.1f} s only: beyond, the path is "
+                "extrapolated, which nothing checks without an orbit"
             )
         case Departure():
             return (

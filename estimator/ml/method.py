@@ -23,6 +23,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     observability_of,
     rejected_by,
     residuals_of,
+    with_extrapolation,
 )
 from baryscope.estimator.adjustment.evidence import conditional, held
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
@@ -118,7 +119,7 @@ def _tumbling(
     residuals = tracks.position - (best.found.points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
-    return Estimate(
+    result = Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=origin,
@@ -155,6 +156,7 @@ def _tumbling(
             _torque_density(best, options),
         ),
     )
+    return with_extrapolation(result, best.path)
 
 
 def _findings(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:

@@ -19,6 +19,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     observability_of,
     rejected_by,
     residuals_of,
+    with_extrapolation,
 )
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
@@ -99,16 +100,17 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     clusters = tuple(
         cluster_of(body, body.points, offset, tracks.labels) for body, offset in zip(found.bodies, offsets, strict=True)
     )
+    observability = observability_of(clusters, covariance)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
     weight = found.observations.weight
     weight = np.where(tracks.seen & ~found.inliers, np.maximum(weight, NEGLIGIBLE), weight)
-    return Estimate(
+    result = Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=path.position(x),
         covariance=covariance,
         motion=_motion(found, of_x, tracks.time, errors),
-        observability=observability_of(clusters, covariance),
+        observability=observability,
         clusters=clusters,
         noise=Noise(
             options.sigma, float(np.sqrt(found.residual_variance)), tracks.covariance is not None, found.lasting
@@ -119,7 +121,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
         covered=covered_by(clusters, len(tracks.time)),
         converged=found.converged,
         rounds=found.rounds,
-        findings=found.findings,
+        findings=found.findings + following_rotation(found, observability),
         method="pivot",
         path=found.path.name,
         options=options,
@@ -129,6 +131,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
         process_noise=process_noise_of(found.path, found.sampled, x, found.path.prior, found.posterior),
         predictor=predicted_path(found.path, x, of_x, span, found.path.prior, found.posterior),
     )
+    return with_extrapolation(result, found.path)
 
 
 def _of_true_size(found: Pivot, scale: int, of_x: FloatArray, offsets: FloatArray) -> FloatArray:
@@ -193,7 +196,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
     _refuse_untold(found, registered)
-    findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit) + following_rotation(found)
+    findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))
@@ -368,8 +371,8 @@ def _findings(found: Pivot, noise: float, tracks: FeatureTracks) -> tuple[Findin
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
     checked = np.count_nonzero((found.observations.weight >= REJECTED).sum(axis=1) >= SELF_CHECKING)
-    # A smooth path has no misfit but that of its law, which the covariance has.
-    if frames < unknowns and (smooth_in(found.path) is None or 2 * checked < frames):
+    # A smooth path has no misfit but that of its law, which the covariance has, if there are frames that tell it.
+    if frames < unknowns and (smooth_in(found.path) is None or frames > 2 * checked or 3 * (frames - 1) < unknowns):
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
 

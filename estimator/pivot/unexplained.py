@@ -1,4 +1,4 @@
-"""What a path leaves unexplained: whether its process noise is a wrong orbit, or may follow the rotation.
+"""What a path leaves unexplained: whether its process noise is a wrong orbit, or the path may follow the rotation.
 
 The significance of a hyperparameter is twice the logarithm of the likelihood ratio against no effect. Without an effect
 it is 0 in half of all cases, and χ² with one degree of freedom in the others (Self and Liang 1987).
@@ -12,7 +12,9 @@ from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import FollowsRotation, WrongOrbit
+from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.joint_covariance import shown_spurious_share
@@ -21,7 +23,8 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 SIGNIFICANT = 15.0  # 2 ln of a likelihood ratio: by chance once in 20,000 cases
-FEIGNED = 0.2  # share of the information on an offset that is spurious, where process noise may follow the rotation
+FEIGNED = 0.3  # share of the information on an offset that is spurious, where a path may follow the rotation
+CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
 
 def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
@@ -50,16 +53,20 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     return corrected if corrected.converged and corrected.significance(ORBIT_ERROR) >= SIGNIFICANT else found
 
 
-def following_rotation(found: Pivot) -> tuple[FollowsRotation, ...]:
-    """The finding of significant process noise that may follow the rotation, with an offset that is wrong by as much.
+def following_rotation(found: Pivot, observability: Observability) -> tuple[FollowsRotation, ...]:
+    """The finding of a path that may follow the rotation, with an offset that is wrong by as much.
 
     Where hardly more than noise tells the offset, attitudes that outliers have spoilt can make such a path likelier
-    than the true one; then neither is to be trusted.
+    than the true one; then neither is to be trusted. That is so of significant process noise, and of a smooth path that
+    is much curved, unless the claim is that the offset is not told anyway.
     """
-    significance = found.significance(DENSITY)
-    if significance < SIGNIFICANT or (share := shown_spurious_share(found)) <= FEIGNED:
+    if smooth_in(found.path) is None:
+        able = found.significance(DENSITY) >= SIGNIFICANT
+    else:
+        able = found.path_unknowns > CURVED and bool(observability.observable.all())
+    if not able or (share := shown_spurious_share(found)) <= FEIGNED:
         return ()
-    return (FollowsRotation(share, significance),)
+    return (FollowsRotation(share, found.path_unknowns),)
 
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:

@@ -5,6 +5,7 @@ from baryscope.estimator.findings import (
     Departure,
     DifferentPoints,
     ExcessResiduals,
+    Extrapolated,
     FewFrames,
     FollowsRotation,
     FramesLeftOut,
@@ -64,9 +65,14 @@ def test_verdict_names_a_skew_axis():
             "7 frames show an attitude, for 9 unknowns of the motion: no outlier or misfit would be seen",
         ),
         (
-            FollowsRotation(0.934, 3039.0),
-            "the path's process noise may follow the rotation, with a centre of mass that is wrong by as much: of "
-            "what the tracks tell of it, noise of the attitudes feigns 93 %",
+            FollowsRotation(0.934, 22.7),
+            "the path, of 23 unknowns, may follow the rotation, with a centre of mass that is wrong by as much: of "
+            "what the tracks tell of it, noise of the attitudes feigns 93 %; the method ml has less freedom",
+        ),
+        (
+            Extrapolated(26.14, 40.7),
+            "attitudes are seen from 26.1 to 40.7 s only: beyond, the path is extrapolated, which nothing checks "
+            "without an orbit",
         ),
         (
             FramesLeftOut(3.0, 15.5, 13, 0.456),

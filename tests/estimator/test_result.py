@@ -6,6 +6,7 @@ import pytest
 from baryscope.estimator.findings import (
     DifferentPoints,
     ExcessResiduals,
+    Extrapolated,
     FewFrames,
     FollowsRotation,
     LackOfFit,
@@ -49,7 +50,7 @@ def test_status_is_the_most_severe_defect():
     for misfit in misfits:
         assert an_estimate(clusters=hidden, findings=(misfit,)).status is Status.MODEL_DOES_NOT_FIT
         assert an_estimate(findings=(FewFrames(7, 9.2), misfit)).status is Status.MODEL_DOES_NOT_FIT
-    for unchecked in (FewFrames(7, 9.2), FollowsRotation(0.9, 30.0)):
+    for unchecked in (FewFrames(7, 9.2), FollowsRotation(0.9, 30.0), Extrapolated(2.0, 3.0)):
         assert an_estimate(clusters=hidden, findings=(unchecked,)).status is Status.NOT_CHECKED
     assert an_estimate(converged=False, findings=misfits).status is Status.NOT_CONVERGED
     assert [status.value for status in Status if status.trustworthy] == ["good", "not observable"]

@@ -1,0 +1,52 @@
+"""What diagnostics say of a smooth path beyond the frames that show it."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.findings import Extrapolated
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.result import Status
+from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
+
+TIME = np.arange(0.0, 6000.0, 20.0)
+STATE = np.array([0.0, -20.0, 4.0, 3.0, -10.0, 4.0])
+ORBIT = Orbit(eccentricity=0.3, semi_major_axis=10_000e3, anomaly=2.5)
+SEEN = (2400.0, 6000.0)
+
+
+def tracks_of(com, seen):
+    """Those of eight features, from the first to the last time in s."""
+    tumbling = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), TIME)
+    clusters = [(*seen, list(range(8)))]
+    return make_case(TIME, tumbling, com, box_features(8, (10, 4, 4), 1), noise=0.02, clusters=clusters, seed=3).tracks
+
+
+def of_orbit():
+    return RelativeOrbit(ORBIT.model(), 3000.0).at(TIME).position(STATE)
+
+
+def findings(tracks, **options):
+    found = estimate(tracks, **options)
+    return found, [one for one in found.findings if isinstance(one, Extrapolated)]
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_a_curved_path_far_beyond_its_frames_is_announced(method):
+    found, (finding,) = findings(tracks_of(of_orbit(), SEEN), method=method)
+    assert (finding.begin, finding.end) == (SEEN[0], TIME[-1])
+    assert found.status is Status.NOT_CHECKED
+
+
+def test_a_path_in_view_or_of_a_model_is_not():
+    com = of_orbit()
+    assert findings(tracks_of(com, (0.0, 6000.0)))[1] == []
+    assert findings(tracks_of(com, SEEN), orbit=ORBIT.model())[1] == []
+    assert findings(tracks_of(com, SEEN), options=PathOptions(trajectory="polynomial:8"))[1] == []
+
+
+def test_a_path_at_rest_is_as_well_known_beyond():
+    found, none = findings(tracks_of(np.tile([3.0, -20.0, 4.0], (len(TIME), 1)), SEEN))
+    assert none == []
+    assert found.status is Status.GOOD
