@@ -30,8 +30,7 @@ from baryscope.estimator.ekf.start import Start, start_of, starts
 from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
-from baryscope.estimator.pivot.burns import SIGNIFICANT
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate

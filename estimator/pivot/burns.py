@@ -33,7 +33,6 @@ FloatArray = NDArray[np.float64]
 
 PATHS = ("relative-orbit", "polynomial")  # on which burns are looked for
 LEFT_OUT, REJECTED = 0.01, 0.5  # share of frames that a path may leave out, and of their weight that is left then
-SIGNIFICANT = 15.0  # of process noise, without which no burn is looked for: 2 ln of its likelihood over that of none
 FOLLOWS = 0.5  # share of the information on an offset that is spurious, where a smooth path may follow the rotation
 
 
@@ -49,8 +48,7 @@ def with_unknown_burns(
         return none
     if not isinstance(path, Disturbed) or path.density is not None:
         return none
-    noisy = found.significance(DENSITY) >= SIGNIFICANT
-    if not (noisy or _left_out(found, start) > LEFT_OUT or _follows_rotation(found)):
+    if not (found.has(DENSITY) or _left_out(found, start) > LEFT_OUT or _follows_rotation(found)):
         return none
     few = subsampled(registered.bodies, start.observations, SUBSAMPLE_FRAMES)
     on_orbit = orbit if path.name == "relative-orbit" else None

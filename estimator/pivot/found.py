@@ -25,6 +25,8 @@ from baryscope.estimator.registration.body import Body
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+SIGNIFICANT = 15.0  # 2 ln of a likelihood over that without an effect: by chance once in 20,000 cases
+
 
 @dataclass(frozen=True, eq=False)
 class LastStep:
@@ -124,10 +126,10 @@ class Pivot:
         own = [self.observations.weight[np.ix_(body.frames, body.features)] for body in self.bodies]
         return np.array([weight.sum() <= LOST * np.count_nonzero(weight) for weight in own])
 
-    def significance(self, name: str) -> float:
-        """That of a hyperparameter of the path's prior; zero if it has none of this name."""
+    def has(self, name: str) -> bool:
+        """Whether the path's prior has a hyperparameter of this name, and its effect is significant."""
         index = self.path.prior.index(name)
-        return 0.0 if index is None else float(self.posterior.significance[index])
+        return index is not None and bool(self.posterior.significance[index] >= SIGNIFICANT)
 
 
 def noisy_attitudes(

@@ -22,7 +22,6 @@ from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
-SIGNIFICANT = 15.0  # 2 ln of a likelihood ratio: by chance once in 20,000 cases
 FEIGNED = 0.3  # share of the information on an offset that is spurious, where a path may follow the rotation
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
@@ -32,7 +31,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     path = found.path
     if orbit is None or path.name != "relative-orbit" or not isinstance(path, Disturbed):
         return found
-    if found.significance(DENSITY) < SIGNIFICANT:
+    if not found.has(DENSITY):
         return found
     x, span = found.solution.x, (path.begin, path.end)
     wider = replace(path, base=with_orbit_error(path.base, orbit, lambda time: path.at(time).position(x), *span))
@@ -50,7 +49,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
         corrected = refined(again, options)
     except ComputationError:
         return found
-    return corrected if corrected.converged and corrected.significance(ORBIT_ERROR) >= SIGNIFICANT else found
+    return corrected if corrected.converged and corrected.has(ORBIT_ERROR) else found
 
 
 def following_rotation(found: Pivot, observability: Observability) -> tuple[FollowsRotation, ...]:
@@ -61,7 +60,7 @@ def following_rotation(found: Pivot, observability: Observability) -> tuple[Foll
     is much curved, unless the claim is that the offset is not told anyway.
     """
     if smooth_in(found.path) is None:
-        able = found.significance(DENSITY) >= SIGNIFICANT
+        able = found.has(DENSITY)
     else:
         able = found.path_unknowns > CURVED and bool(observability.observable.all())
     if not able or (share := shown_spurious_share(found)) <= FEIGNED:
@@ -71,7 +70,7 @@ def following_rotation(found: Pivot, observability: Observability) -> tuple[Foll
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
     """The finding of a wrong orbit, if the path has an error of it and that is significant."""
-    if orbit is None or found.significance(ORBIT_ERROR) < SIGNIFICANT:
+    if orbit is None or not found.has(ORBIT_ERROR):
         return ()
     factors = factors_of(found.path, found.solution.x, found.posterior.covariance)
     radial, along, across = [factor for factor in factors if factor.name in NAMES][:3]
