@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+from itertools import dropwhile
 
 import numpy as np
 import pytest
@@ -95,15 +96,19 @@ def check_the_table(summary):
 
 
 def smaller(command):
-    """The command with one draw of one scenario by one worker, where a campaign would take its hours; long flights are
-    cut short.
+    """The command with one draw of one scenario by one worker, where a campaign would take its hours, and of a suite
+    by one method; long flights are cut short.
     """
     if "fly" in command and float(command[command.index("--duration") + 1]) > LONG_FLIGHT:
         return ["60" if before == "--duration" else word for before, word in zip(["", *command], command, strict=False)]
     if "campaign" not in command:
         return command
     command = ["1" if before == "--draws" else word for before, word in zip(["", *command], command, strict=False)]
+    if "--scenario" in command:
+        others = command.index("--scenario") + 2
+        command = [*command[:others], *dropwhile(lambda word: not word.startswith("-"), command[others:])]
     if "--suite" in command:
+        command += [] if "--methods" in command else ["--methods", "pivot"]
         command += ["--scenario", "slow-stereo"] if "reach" in command and "--scenario" not in command else []
         command += [] if "--draws" in command else ["--draws", "1"]
     return command if {"merge", "--report", "--scheduler"} & {*command} else [*command, "--workers", "1"]
