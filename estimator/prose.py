@@ -131,6 +131,8 @@ def summary(result: Estimate) -> list[str]:
         lines.append(_process_noise(result.process_noise))
     if result.status is Status.NOT_CONVERGED:
         lines.append("did not converge: the result is a rough approximation only")
+    elif not result.status.trustworthy:
+        lines.append(f"{result.status}: not to be trusted, for what is noted here")
     return lines + [f"note: {sentence(finding)}" for finding in result.findings]
 
 

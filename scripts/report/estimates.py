@@ -23,7 +23,7 @@ Verdict = tuple[Literal["good", "warn", "bad"], str]
 STATUSES: dict[Status, Verdict] = {
     Status.GOOD: ("good", "The estimate can be used: its covariance describes its error."),
     Status.NOT_OBSERVABLE: ("warn", "The estimate can be used, but not in every direction is the position observable."),
-    Status.NOT_CHECKED: ("bad", "Too few frames show an attitude to check the estimate: do not trust it."),
+    Status.NOT_CHECKED: ("bad", "The tracks do not check the estimate, for what is found below: do not trust it."),
     Status.NOT_CONVERGED: ("bad", "The method did not converge: do not trust the estimate."),
     Status.MODEL_DOES_NOT_FIT: ("bad", "A model does not fit the tracks: do not trust the estimate."),
 }

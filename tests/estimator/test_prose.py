@@ -102,6 +102,8 @@ def test_summary_has_noise_rejected_features_and_every_finding():
         "did not converge: the result is a rough approximation only",
         "note: a: not the same in clusters 0 and 1, no tie point",
     ]
+    unchecked = an_estimate(findings=(Extrapolated(2.0, 3.0),))
+    assert summary(unchecked)[2] == "not checked: not to be trusted, for what is noted here"
     factor = an_estimate(noise=Noise(None, 1.2, relative=True))
     assert "noise √1.44 times that of the tracks' covariances" in summary(factor)[0]
     slow = an_estimate(noise=Noise(None, 0.02, lasting=12.34))
