@@ -1,6 +1,7 @@
-"""The solution without the frames in which attitudes stray from the rotation.
+"""The solution without the frames in which attitudes stray from the rotation, or rest on rejected observations.
 
-Where the centre of mass is observed poorly, the noise of such attitudes outweighs what the rotation tells of it.
+Where the centre of mass is observed poorly, the noise of such attitudes outweighs what the rotation tells of it. Of
+three features of which one is rejected, two turn about their line as path and offset have it, whatever these are.
 """
 
 from dataclasses import replace
@@ -9,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import strays
+from baryscope.estimator.adjustment.diagnostics import REJECTED
+from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS, shown_spurious_share
@@ -16,18 +19,24 @@ from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 
+BoolArray = NDArray[np.bool_]
+
 REPEATS = 3  # of search and refinement, at most
 MIN_FRAMES = 10  # of a body, that are left
+LEAST = 3  # features of an attitude
 
 
 def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
-    """The solution without the frames in which a body's attitude strays, if they matter, and its start."""
+    """The solution without the frames in which a body's attitude strays or hardly is one, if they matter, and its
+    start.
+    """
     for _ in range(REPEATS):
         if shown_spurious_share(found) < SPURIOUS:
             break
         weight, bodies = start.observations.weight.copy(), []
         astray = strays(found.bodies, found.observations, found.frame_variance)
         for body, stray in zip(found.bodies, astray, strict=True):
+            stray |= _rest_on_rejected(body, found.observations)
             stray &= (~stray).sum() >= MIN_FRAMES
             weight[np.ix_(body.frames[stray], body.features)] = 0.0
             bodies.append(_in_frames(body, ~stray))
@@ -43,5 +52,11 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
     return found, start
 
 
-def _in_frames(body: Body, kept: NDArray[np.bool_]) -> Body:
+def _rest_on_rejected(body: Body, observations: Observations) -> BoolArray:
+    """In which frames (n,) of a body an attitude is left without enough features where others are rejected."""
+    weight = observations.weight[np.ix_(body.frames, body.features)]
+    return np.asarray(((weight > 0).sum(axis=1) >= LEAST) & ((weight >= REJECTED).sum(axis=1) < LEAST))
+
+
+def _in_frames(body: Body, kept: BoolArray) -> Body:
     return replace(body, frames=body.frames[kept], attitude=body.attitude[kept])
