@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.diagnostics import (
-    REJECTED,
     attitude_series,
     cluster_of,
     covered_by,
@@ -66,7 +65,6 @@ BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
-SELF_CHECKING = 5  # features of a frame: without any one of them, four still show whether they fit
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
 
 
@@ -370,9 +368,8 @@ def _findings(found: Pivot, noise: float, tracks: FeatureTracks) -> tuple[Findin
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
-    checked = np.count_nonzero((found.observations.weight >= REJECTED).sum(axis=1) >= SELF_CHECKING)
-    # A smooth path has no misfit but that of its law, which the covariance has, if there are frames that tell it.
-    if frames < unknowns and (smooth_in(found.path) is None or frames > 2 * checked or 3 * (frames - 1) < unknowns):
+    # Of a smooth path's unknowns the law tells some, and the covariance has its misfit.
+    if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
 
