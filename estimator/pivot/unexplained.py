@@ -22,7 +22,7 @@ from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
-FEIGNED = 0.3  # share of the information on an offset that is spurious, where a path may follow the rotation
+FEIGNED = 0.4  # share of the information on an offset that is spurious, where a path may follow the rotation
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
 
