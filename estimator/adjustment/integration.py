@@ -29,7 +29,6 @@ MOST_POINTS = 1500  # of that lattice
 EDGE = 1e-6  # of a logarithm: beyond a bound by rounding
 DIFFERENCE = 0.1  # of a hyperparameter's logarithm, for second derivatives
 MOST_DEVIATION = 2.0  # of a combination of hyperparameters, for the length of a step
-NARROW, NARROW_STEPS = 2.0, 3  # a range that is no wider is crossed in so many steps
 LEAST_EFFECT = 1.0  # prior variance times information, from which an optional hyperparameter is not as good as none
 CLAIMED = 0.8  # probability that an optional hyperparameter is no greater than that of the claimed covariance
 GRID_END = 12.0  # increase of −2 ln p at which this integration ends
@@ -135,13 +134,11 @@ def _principal_steps(
 ) -> FloatArray:
     """Steps (k, h) along the principal axes of −2 ln p in k hyperparameters, joint (h,), of LATTICE_STEP deviations.
 
-    One that is at a bound, or has a narrow range, has its own, so that no axis leads out of its range at once; one
-    without a range has none. Along a narrow range the others follow as far as −2 ln p is quadratic.
+    One that is at a bound has its own, so that no axis leads out of its range at once; one without a range has none.
     """
     width = np.ptp(bounds, axis=1)
     at_bound = (theta <= bounds[:, 0] + EDGE) | (theta >= bounds[:, 1] - EDGE)
-    own = joint & (at_bound | (width <= NARROW))
-    within, ranging, axes = np.flatnonzero(joint & ~own), np.flatnonzero(own & (width > 0)), np.eye(len(theta))
+    within, ranging, axes = np.flatnonzero(joint & ~at_bound), joint & at_bound & (width > 0), np.eye(len(theta))
     hessian = np.empty((len(within), len(within)))
     for row, index in enumerate(within):
         away = DIFFERENCE * axes[index]
@@ -151,16 +148,8 @@ def _principal_steps(
     values = np.clip(values, MOST_DEVIATION**-2, None)
     steps = np.zeros((len(within), len(theta)))
     steps[:, within] = LATTICE_STEP * (vectors / np.sqrt(values)).T
-    crossing = []
-    for index in ranging:
-        narrow = width[index] <= NARROW
-        step = axes[index].copy()
-        if narrow and len(within):
-            away = min(DIFFERENCE, width[index]) * np.where(theta[index] > bounds[index].mean(), -1, 1)
-            here, there = (objective(linear, prior, at)[1][within] for at in (theta, theta + away * axes[index]))
-            step[within] = -vectors @ ((vectors.T @ (there - here)) / (2 * values)) / away
-        crossing.append(width[index] / (NARROW_STEPS if narrow else np.ceil(width[index] / LATTICE_STEP)) * step)
-    return np.concatenate([steps, np.reshape(crossing, (-1, len(theta)))])
+    crossing = width[ranging] / np.ceil(width[ranging] / LATTICE_STEP)
+    return np.concatenate([steps, crossing[:, None] * axes[ranging]])
 
 
 def _lattice(

@@ -18,9 +18,9 @@ from baryscope.estimator.dynamics.sampled_path import IsotropicPath, SampledPath
 FloatArray = NDArray[np.float64]
 
 FIXED = "fixed"
-FIRST, FREQUENCY, STEEP = "first coefficient", "frequency", "steepness"  # the names of hyperparameters
+FIRST, FREQUENCY, OVERTONES = "first coefficient", "frequency", "overtones"  # the names of hyperparameters
 LOWEST_FREQUENCY = 1e-2  # of a smooth path's coefficients, rad in half the time span
-STEEPNESS = (0.0, 1.0)  # of their decrease; 1 is that of waves, 0 that of ellipses
+DECAY = (0.0, 10.0)  # of overtones: minus the logarithm of the ratio of one to the one before
 POWER = 5 / 3  # of it: for branch points with a power of 2/3, as Kepler's motion has in complex time
 SHARPNESS = 3.0  # of the transition from a law with a frequency to one with a rate
 LONGEST = 1e6  # m, of a smooth path's coefficients: a bound on their law, which nothing comes near
@@ -123,10 +123,11 @@ class Smooth(Polynomial):
     """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease as those of orbits do.
 
     A wave of x rad in half the time span has coefficients ±2 Jⱼ(x): as large up to j = x, and beyond, less than any
-    power. Those of an ellipse decrease as ρ^−j j^(−5/3), with the branch points of Kepler's motion on the Bernstein
-    ellipse of ρ. The law of the standard deviations has both as its ends (`_decrease`). The variance of the first
-    coefficient, frequency or rate, and the steepness are hyperparameters. They take the place of the choice of a
-    degree, with its uncertainty. Each coefficient that the tracks do not tell may break the law, for all that follow.
+    power. On an ellipse it has overtones, each less than the one before by a ratio, whose coefficients decrease by a
+    constant ratio from some j on: as ρ^−j j^(−5/3), with the branch points of Kepler's motion on the Bernstein ellipse
+    of ρ. The law of the standard deviations has both (`_decrease`). The variance of the first coefficient, frequency or
+    rate, and the decay of the overtones are hyperparameters. They take the place of the choice of a degree, with its
+    uncertainty. Each coefficient that the tracks do not tell may break the law, for all that follow.
     """
 
     @property
@@ -141,7 +142,7 @@ class Smooth(Polynomial):
         parameters = (
             Hyperparameter(FIRST, upper=np.log(LONGEST**2), by_root=True),
             Hyperparameter(FREQUENCY, np.log(LOWEST_FREQUENCY), np.log(max(self.degree, 1))),
-            Hyperparameter(STEEP, *STEEPNESS),
+            Hyperparameter(OVERTONES, *DECAY),
         )
         slopes = np.repeat([[1.0, 0.0, 0.0]], len(order), axis=0)
         law = Prior(np.zeros(len(order)), slopes, parameters, SCATTER, Trend(_decrease, (1, 2)), order)
@@ -156,21 +157,27 @@ class Smooth(Polynomial):
 def _decrease(order: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The logarithms (k,) of the variances of coefficients over that of the first, and their derivatives (k, 2).
 
-    order (k,): j of each; at (2,): t and the steepness s. They are −2 s (g(j) − g(1)) − 2 λ (j − 1) − 2 p ln(j/x),
-    with g = 0 and no power for j ≤ x, and g = j arcosh(j/x) − √(j² − x²) beyond, as Bessel's Jⱼ(x) decreases with
-    e^(−g). x is eᵗ and λ zero where t is greater than zero, and x is 1 and λ is −t where it is less, but for a smooth
-    transition: for s = 1 these are one law, as g(j) − g(1) grows by (j − 1) ln(1/x) for a smaller x. For s = 0 it is
-    that of coefficients ρ^−j j^−p with λ = ln ρ, those of a function whose nearest branch points are on the ellipse of
-    ρ about ±1.
+    order (k,): j of each; at (2,): t, and the decay η of overtones. They are −2 G(j) − 2 λ (j − 1) − 2 p ln(j/x),
+    without the power for j ≤ x. G is zero up to j = x; beyond, it is g = j arcosh(j/x) − √(j² − x²), as Bessel's Jⱼ(x)
+    decreases with e^(−g), up to the knee √(x² + η²), and from there on the tangent j arsinh(η/x) − η. That is the least
+    over all k ≥ 1 of η (k − 1) + g for k x in the place of x: of overtones of k times the frequency, e^(−η (k − 1)) as
+    large as the wave, the greatest coefficient. x is eᵗ and λ zero where t is greater than zero, and x is 1 and λ is
+    −t where it is less, but for a smooth transition: for a wave these are one law, as g(j) − g(1) grows by
+    (j − 1) ln(1/x) for a smaller x. For η = 0 it is that of coefficients ρ^−j j^−p with λ = ln ρ, those of a function
+    whose nearest branch points are on the ellipse of ρ about ±1.
 
     Source: Abramowitz and Stegun 1964, 9.1.44, 9.1.45 and 9.3.7; Trefethen 2019, Approximation Theory and
     Approximation Practice, chapter 8.
     """
-    t, steepness = map(float, at)
+    t, decay = map(float, at)
     log_x = max(t, 0.0) + math.log1p(math.exp(-SHARPNESS * abs(t))) / SHARPNESS  # positive, so that g(1) is zero
     x, rate, wave = math.exp(log_x), log_x - t, math.exp(SHARPNESS * (t - log_x))  # wave: its share in the transition
     beyond, after = np.maximum(order, x), order - 1
     root, ratio = np.sqrt((beyond - x) * (beyond + x)), beyond / x
-    g = beyond * np.arccosh(ratio) - root
-    by_t = wave * (steepness * root + POWER * (order > x)) + (1 - wave) * after  # −root is the derivative of g by ln x
-    return -2 * (steepness * g + rate * after + POWER * np.log(ratio)), 2 * np.column_stack([by_t, -g])
+    knee, slope = math.hypot(x, decay), math.asinh(decay / x)
+    tail = order > knee
+    G = np.where(tail, order * slope - decay, beyond * np.arccosh(ratio) - root)
+    by_log_x = np.where(tail, order * math.tanh(slope), root)  # −∂G
+    by_t = wave * (by_log_x + POWER * (order > x)) + (1 - wave) * after
+    by_decay = np.where(tail, 1 - order / knee, 0.0)
+    return -2 * (G + rate * after + POWER * np.log(ratio)), 2 * np.column_stack([by_t, by_decay])

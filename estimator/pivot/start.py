@@ -18,7 +18,7 @@ from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
-from baryscope.estimator.dynamics.paths import FIRST, FREQUENCY, STEEP, STEEPNESS
+from baryscope.estimator.dynamics.paths import DECAY, FIRST, FREQUENCY, OVERTONES
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 
 FREQUENCIES = (0.01, 0.4, 2.0, 8.0)  # of a smooth path's coefficients, from which solutions start
 NOTHING = -200.0  # logarithm of a density without effect
-WAVES = tuple({DENSITY: NOTHING, STEEP: STEEPNESS[1], FREQUENCY: float(np.log(frequency))} for frequency in FREQUENCIES)
+WAVES = tuple({DENSITY: NOTHING, OVERTONES: DECAY[1], FREQUENCY: float(np.log(frequency))} for frequency in FREQUENCIES)
 SIMPLE_AND_SMOOTH = (*WAVES, WAVES[0] | {FIRST: NOTHING})  # the last at rest
 STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared

@@ -200,7 +200,7 @@ def over_grid(linear, prior, theta):
     As far as −2 ln p is at most GRID_END above the least: beyond, the mean of a variance that is not told has no bound
     but that of the range.
     """
-    axes = [np.linspace(low, high, n) for (low, high), n in zip(ranges(linear, prior), (48, 20, 9), strict=True)]
+    axes = [np.linspace(low, high, n) for (low, high), n in zip(ranges(linear, prior), (48, 20, 21), strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     costs = np.array([cost(linear, prior, at) for at in points])
     weight = np.where(costs < costs.min() + GRID_END, np.exp(-(costs - costs.min()) / 2), 0.0)

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Chebyshev
 from scipy.special import jv
 
-from baryscope.estimator.dynamics.paths import FREQUENCY, STEEP, Polynomial, Smooth
+from baryscope.estimator.dynamics.paths import DECAY, FREQUENCY, OVERTONES, Polynomial, Smooth
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
@@ -130,10 +130,10 @@ def test_the_law_of_a_smooth_path_is_the_envelope_of_the_coefficients_of_waves(x
 
     Debye's expansion has a factor (2π √(j² − x²))^−½ besides, and relative terms of 1/(12 j). The law has (j/x)^(−5/3)
     instead, or j^(−5/3) where x is less than one, and a rate of ln(1 + x⁻³)/3, which is far less. Up to x it is
-    nearly one.
+    nearly one. Overtones come after the knee, here where they are the least.
     """
-    order = np.arange(1.0, 25.0)
-    found = deviations((0.0, np.log(x), 1.0))
+    order = np.arange(1.0, np.hypot(x, DECAY[1]))
+    found = deviations((0.0, np.log(x), DECAY[1]), len(order))
     beyond = order > x + 2
     bessel = np.log(np.abs(jv(order[beyond], x))) + np.log((order[beyond] ** 2 - x**2) ** 0.25)
     law = np.log(found[beyond]) + 5 / 3 * np.log(order[beyond])
@@ -169,13 +169,29 @@ def test_the_law_is_that_of_an_ellipses_coefficients(eccentricity, begin, end):
     assert np.std(size - law) < 0.8
 
 
+@pytest.mark.parametrize(("x", "decay"), [(4.0, 1.0), (6.3, 5.0), (11.7, 0.3)])
+def test_the_law_is_that_of_the_greatest_of_all_overtones(x, decay):
+    """Over all k ≥ 1, whole or not, of e^(−η (k − 1)) times the law of a wave of k x, but for the power.
+
+    The law has a rate of ln(1 + x⁻³)/3 besides.
+    """
+    order = np.arange(1.0, 41.0)
+    waves = x * np.geomspace(1.0, 400.0, 20_001)[:, None]
+    beyond = np.maximum(order, waves)
+    bessel = beyond * np.arccosh(beyond / waves) - np.sqrt(beyond**2 - waves**2)
+    least = (decay * (waves / x - 1) + bessel).min(axis=0)
+    power = np.maximum(order / x, 1.0) ** (-5 / 3)
+    found = -np.log(deviations((0.0, np.log(x), decay), 40) / power)
+    np.testing.assert_allclose(found, least, atol=40 * x**-3 / 3 + 0.02)
+
+
 def test_the_law_has_no_jump_from_a_rate_to_a_frequency():
-    for steepness in (0.0, 0.3, 1.0):
-        at = np.array([np.log(deviations((0.0, t, steepness))) for t in np.linspace(-1, 1, 2001)])
+    for decay in (0.0, 0.3, 3.0, 10.0):
+        at = np.array([np.log(deviations((0.0, t, decay))) for t in np.linspace(-1, 1, 2001)])
         assert np.abs(np.diff(at, axis=0)).max() < 0.05
 
 
-@pytest.mark.parametrize("theta", [(0.5, -3.0, 0.9), (-2.0, 0.2, 0.3), (1.0, 2.1, 0.7)])
+@pytest.mark.parametrize("theta", [(0.5, -3.0, 0.9), (-2.0, 0.2, 3.3), (1.0, 2.1, 0.7), (1.0, 2.1, 9.7)])
 def test_the_law_has_its_derivatives(theta):
     """With other unknowns and hyperparameters before and after it."""
     noise = Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale"),))
@@ -189,11 +205,11 @@ def test_the_law_has_its_derivatives(theta):
 def test_a_fixed_hyperparameter_and_fewer_unknowns_leave_the_other_variances_as_they_are():
     noise = Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale"),))
     prior, at = noise.joined(Smooth(5, 0.0, 1.0).prior).joined(noise), np.array([0.4, 0.5, -0.6, 0.7, -0.8])
-    for name in ("scale", "first coefficient", FREQUENCY, STEEP):
+    for name in ("scale", "first coefficient", FREQUENCY, OVERTONES):
         index = prior.index(name)
         fixed = prior.fixed(name, at[index])
         np.testing.assert_allclose(fixed.precision(np.delete(at, index)), prior.precision(at), rtol=1e-12)
-    fixed = prior.fixed(STEEP, 0.7).fixed(FREQUENCY, -0.6)
+    fixed = prior.fixed(OVERTONES, 0.7).fixed(FREQUENCY, -0.6)
     assert fixed.trend is None
     np.testing.assert_allclose(fixed.precision(np.array([0.4, 0.5, -0.8])), prior.precision(at), rtol=1e-12)
     kept = np.array([1, 6, 9, 11, 20])
