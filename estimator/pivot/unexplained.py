@@ -17,7 +17,7 @@ from baryscope.estimator.findings import FollowsRotation, WrongOrbit
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.joint_covariance import shown_spurious_share
+from baryscope.estimator.pivot.joint_covariance import shown_spurious_share_of_main
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -59,11 +59,8 @@ def following_rotation(found: Pivot, observability: Observability) -> tuple[Foll
     than the true one; then neither is to be trusted. That is so of significant process noise, and of a smooth path that
     is much curved, unless the claim is that the offset is not told anyway.
     """
-    if smooth_in(found.path) is None:
-        able = found.has(DENSITY)
-    else:
-        able = found.path_unknowns > CURVED and bool(observability.observable.all())
-    if not able or (share := shown_spurious_share(found)) <= FEIGNED:
+    able = found.has(DENSITY) if smooth_in(found.path) is None else found.path_unknowns > CURVED
+    if not (able and observability.observable.all()) or (share := shown_spurious_share_of_main(found)) <= FEIGNED:
         return ()
     return (FollowsRotation(share, found.path_unknowns),)
 
