@@ -11,6 +11,7 @@ from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import Departure, FollowsRotation, WrongOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.pivot.joint_covariance import shown_spurious_share, shown_spurious_share_of_main
 from baryscope.estimator.pivot.method import solve_pivot
 from baryscope.estimator.result import Status
 from baryscope.models.ephemeris.trajectory import kepler_states, lvlh_axes
@@ -115,6 +116,23 @@ def test_a_smooth_path_that_follows_the_rotation_is_announced():
     filtered = estimate(tracks, method="ekf")
     assert filtered.status is Status.GOOD
     assert not wrong(of_estimate(filtered, case.path))
+
+
+def test_what_is_not_told_anyway_is_not_announced():
+    """Significant process noise, 160 % of the information feigned, and a claim of several radii."""
+    case = drawn(124, 80)
+    found = estimate(sampled(case).tracks, orbit=case.orbit)
+    assert found.process_noise.significance > 15
+    assert found.status is Status.NOT_OBSERVABLE
+    assert not wrong(of_estimate(found, case.path))
+
+
+def test_attitudes_of_few_frames_feign_nothing_for_those_of_many():
+    """Two bodies of one path, of one of which hardly an attitude is right."""
+    case = drawn(124, 18)
+    found = solve_pivot(sampled(case).tracks, None, PathOptions(sigma=case.sensor.noise if case.sensor.told else None))
+    assert shown_spurious_share(found) > 1
+    assert shown_spurious_share_of_main(found) < 0.1
 
 
 def test_a_path_that_is_curved_as_much_is_not_where_the_tracks_tell_it():
