@@ -103,15 +103,11 @@ def shown_spurious_share(found: Pivot) -> float:
     return float(np.linalg.eigvals(found.solution.offset_covariance @ _spurious(found)).real.max())
 
 
-def shown_spurious_share_of_main(found: Pivot) -> float:
-    """The same for the offset of the body with an attitude in the most frames, whose axes a result refers to.
-
-    Others, of few frames, may tell nothing of theirs and yet be of the same path.
-    """
-    main = max(range(len(found.bodies)), key=lambda index: len(found.bodies[index].frames))
-    own = slice(3 * main, 3 * main + 3)
-    of_main = found.solution.offset_covariance[own, own] @ _spurious(found)[own, own]
-    return float(np.linalg.eigvals(of_main).real.max())
+def shown_spurious_share_of(found: Pivot, body: int) -> float:
+    """The same for the offset of one body, by its index: others may tell nothing of theirs, and share the path."""
+    own = slice(3 * body, 3 * body + 3)
+    of_body = found.solution.offset_covariance[own, own] @ _spurious(found)[own, own]
+    return float(np.linalg.eigvals(of_body).real.max())
 
 
 def _excesses(found: Pivot) -> list[float]:

@@ -17,7 +17,7 @@ from baryscope.estimator.findings import FollowsRotation, WrongOrbit
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.joint_covariance import shown_spurious_share_of_main
+from baryscope.estimator.pivot.joint_covariance import shown_spurious_share_of
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -60,7 +60,10 @@ def following_rotation(found: Pivot, observability: Observability) -> tuple[Foll
     is much curved, unless the claim is that the offset is not told anyway.
     """
     able = found.has(DENSITY) if smooth_in(found.path) is None else found.path_unknowns > CURVED
-    if not (able and observability.observable.all()) or (share := shown_spurious_share_of_main(found)) <= FEIGNED:
+    if not (able and observability.observable.all()):
+        return ()
+    share = shown_spurious_share_of(found, observability.cluster)
+    if share <= FEIGNED:
         return ()
     return (FollowsRotation(share, found.path_unknowns),)
 
