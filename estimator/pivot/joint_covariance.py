@@ -14,13 +14,17 @@ from baryscope.estimator.adjustment.spurious import (
     spurious_information_columns,
     untold_decrease,
 )
+from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.symmetric import factor_of
+from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
 
 FloatArray = NDArray[np.float64]
 
 SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which it matters
+LINE = 0.1  # second over first singular value of points that are nearly in a line
 LOOKED_AT = 1e-4  # the same, as weights and residuals have it, from which the rotation shows whether it is more
 
 
@@ -80,7 +84,33 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     if shown_spurious_share(found) < SPURIOUS:
         return whole
     # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
-    return whole.grown(joint @ factor_of(_products(found, whole.of_offsets)))
+    whole = whole.grown(joint @ factor_of(_products(found, whole.of_offsets)))
+    return whole.grown(_beside_lines(found, whole.of_offsets))
+
+
+def _beside_lines(found: Pivot, offsets: FloatArray) -> FloatArray:
+    """Columns (3 k + p, d) that leave nothing told by features nearly in a line, where their offset is not observable.
+
+    Attitudes about the line are off by more than they claim, as it has hardly any width. A centre of mass beside it may
+    then be found on it, where nothing depends on these. offsets (k, 3, 3): the covariances of offsets.
+    """
+    columns = []
+    for index, (body, covariance) in enumerate(zip(found.bodies, offsets, strict=True)):
+        widths = np.linalg.svd(body.points - body.points.mean(axis=0), compute_uv=False)
+        told = np.linalg.eigvalsh(covariance)[-1] <= (UNOBSERVABLE * rms_radius(body.points)) ** 2
+        if not (body.in_line or told or widths[1] > LINE * widths[0]):
+            column = np.zeros((3 * len(found.bodies), 3))
+            column[3 * index : 3 * index + 3] = np.eye(3)
+            columns.append(farthest(body.points) * block_diag(column, _displacement(found.sampled.itself)))
+    size = 3 * len(found.bodies) + len(found.solution.x)
+    return np.concatenate([np.zeros((size, 0)), *columns], axis=1)
+
+
+def _displacement(path: SampledPath) -> FloatArray:
+    """The changes of x (p, 3) that displace a path by 1 m along each axis, as nearly as it can be."""
+    axes = np.broadcast_to(np.eye(3), (path.frames, 3, 3))
+    mean = path.moment(slice(0, path.frames), axes) / path.frames
+    return np.asarray(np.linalg.pinv(path.mean_square(), hermitian=True) @ mean)
 
 
 def is_at_rest(found: Pivot) -> bool:
