@@ -15,10 +15,13 @@ FloatArray = NDArray[np.float64]
 IN_LINE = 0.03  # rms distance from a line over that along it, up to which points are in a line
 
 
-def are_in_line(points: FloatArray) -> bool:
-    """Whether points (m, 3) are in a line, so that their axes are those of the line and the origin."""
+def are_in_line(points: FloatArray, most: float = IN_LINE) -> bool:
+    """Whether points (m, 3) are in a line; up to IN_LINE, their axes are those of the line and the origin.
+
+    most: rms distance from a line over that along it.
+    """
     values = np.linalg.eigvalsh(_inertia(points))
-    return bool(values[0] <= IN_LINE**2 * values[-1])
+    return bool(values[0] <= most**2 * values[-1])
 
 
 def offset_by_points(points: FloatArray) -> FloatArray:

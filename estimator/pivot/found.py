@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.evidence import solved
 from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.observations import Observations
@@ -25,6 +26,7 @@ from baryscope.estimator.registration.body import Body
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+LOOKED_AT = 1e-4  # share of spurious information, as weights and residuals have it, from which the rotation shows it
 SIGNIFICANT = 15.0  # 2 ln of a likelihood over that without an effect: by chance once in 20,000 cases
 
 
@@ -108,6 +110,35 @@ class Pivot:
     def spurious_share(self) -> float:
         """The spurious information over that on the bodies' offsets, in the direction where it is greatest."""
         return float(np.linalg.eigvals(self.solution.offset_covariance @ block_diag(*self.spurious)).real.max())
+
+    @cached_property
+    def shown_spurious(self) -> FloatArray:
+        """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as the rotation shows it.
+
+        Jointly for all bodies: spurious information of one body on the path would propagate to the others. A body that
+        is lost has none.
+        """
+        own = self.spurious
+        if self.spurious_share >= LOOKED_AT:
+            noise = (excess_noise(body, self.observations, self.frame_variance) for body in self.bodies)
+            own = tuple(excess * one for excess, one in zip(noise, own, strict=True))
+        return np.asarray(block_diag(*(one * (not lost) for one, lost in zip(own, self.lost, strict=True))))
+
+    @cached_property
+    def shown_spurious_share(self) -> float:
+        """The share of that.
+
+        A few attitudes that are off by many deviations, as their frame's only features are displaced, may give most.
+        """
+        if self.spurious_share < LOOKED_AT:
+            return self.spurious_share
+        return float(np.linalg.eigvals(self.solution.offset_covariance @ self.shown_spurious).real.max())
+
+    def shown_spurious_share_of(self, body: int) -> float:
+        """The same for the offset of one body, by its index: others may tell nothing of theirs, and share the path."""
+        own = slice(3 * body, 3 * body + 3)
+        of_body = self.solution.offset_covariance[own, own] @ self.shown_spurious[own, own]
+        return float(np.linalg.eigvals(of_body).real.max())
 
     def at_mean(self, errors: SharedErrors | None) -> "Pivot":
         """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.

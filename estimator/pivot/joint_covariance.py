@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.attitude_noise import excess_noise
 from baryscope.estimator.adjustment.spurious import (
     OffsetPrior,
     farthest,
@@ -16,6 +15,7 @@ from baryscope.estimator.adjustment.spurious import (
 )
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
+from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.found import Pivot
@@ -24,8 +24,7 @@ from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
 FloatArray = NDArray[np.float64]
 
 SPURIOUS = 0.02  # share of the information on an offset that is spurious, from which it matters
-LINE = 0.1  # second over first singular value of points that are nearly in a line
-LOOKED_AT = 1e-4  # the same, as weights and residuals have it, from which the rotation shows whether it is more
+LINE = 0.1  # rms distance from a line over that along it, up to which it is nearly one
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
     columns = np.concatenate(
         spurious_information_columns(
-            solution.offset_covariance, crossed, _spurious(found), _least(found), _prior(found)
+            solution.offset_covariance, crossed, found.shown_spurious, _least(found), _prior(found)
         ),
         axis=0,
     )
@@ -81,7 +80,7 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     far = implausible_columns(points, solution.offset_covariance, crossed)
     whole = JointCovariance(variance * (joint + columns @ columns.T) + unseen @ unseen.T, len(found.bodies))
     whole = whole.grown(np.concatenate(far, axis=0))
-    if shown_spurious_share(found) < SPURIOUS:
+    if found.shown_spurious_share < SPURIOUS:
         return whole
     # By a factor, as rounding of large products would leave the difference of two such terms indefinite.
     whole = whole.grown(joint @ factor_of(_products(found, whole.of_offsets)))
@@ -96,9 +95,8 @@ def _beside_lines(found: Pivot, offsets: FloatArray) -> FloatArray:
     """
     columns = []
     for index, (body, covariance) in enumerate(zip(found.bodies, offsets, strict=True)):
-        widths = np.linalg.svd(body.points - body.points.mean(axis=0), compute_uv=False)
         told = np.linalg.eigvalsh(covariance)[-1] <= (UNOBSERVABLE * rms_radius(body.points)) ** 2
-        if not (body.in_line or told or widths[1] > LINE * widths[0]):
+        if are_in_line(body.points, LINE) and not (body.in_line or told):
             column = np.zeros((3 * len(found.bodies), 3))
             column[3 * index : 3 * index + 3] = np.eye(3)
             columns.append(farthest(body.points) * block_diag(column, _displacement(found.sampled.itself)))
@@ -119,29 +117,8 @@ def is_at_rest(found: Pivot) -> bool:
     Where nothing tells the centre of mass, steps follow the noise of the attitudes, slowly and far, but within it.
     """
     last, offset = found.last, found.solution.offset_covariance
-    untold = untold_decrease(last.offsets, offset, _spurious(found), _least(found), _prior(found))
+    untold = untold_decrease(last.offsets, offset, found.shown_spurious, _least(found), _prior(found))
     return last.steady and last.decrease - untold <= STEP_TOLERANCE * found.residual_variance
-
-
-def shown_spurious_share(found: Pivot) -> float:
-    """The spurious information over that on the offsets, as the rotation shows the attitudes' noise.
-
-    A few attitudes that are off by many deviations, as their frame's only features are displaced, may give most of it.
-    """
-    if found.spurious_share < LOOKED_AT:
-        return found.spurious_share
-    return float(np.linalg.eigvals(found.solution.offset_covariance @ _spurious(found)).real.max())
-
-
-def shown_spurious_share_of(found: Pivot, body: int) -> float:
-    """The same for the offset of one body, by its index: others may tell nothing of theirs, and share the path."""
-    own = slice(3 * body, 3 * body + 3)
-    of_body = found.solution.offset_covariance[own, own] @ _spurious(found)[own, own]
-    return float(np.linalg.eigvals(of_body).real.max())
-
-
-def _excesses(found: Pivot) -> list[float]:
-    return [excess_noise(body, found.observations, found.frame_variance) for body in found.bodies]
 
 
 def _products(found: Pivot, offsets: FloatArray) -> FloatArray:
@@ -174,15 +151,3 @@ def _prior(found: Pivot) -> OffsetPrior:
     held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
     wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
     return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets))
-
-
-def _spurious(found: Pivot) -> FloatArray:
-    """The spurious information (3 k, 3 k) on the bodies' offsets; where it matters, as their attitudes show it.
-
-    Jointly for all bodies: spurious information of one body on the path would propagate to the others. A body that is
-    lost has none.
-    """
-    spurious = found.spurious
-    if found.spurious_share >= LOOKED_AT:
-        spurious = tuple(excess * own for excess, own in zip(_excesses(found), spurious, strict=True))
-    return np.asarray(block_diag(*(own * (not lost) for own, lost in zip(spurious, found.lost, strict=True))))

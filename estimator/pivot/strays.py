@@ -14,7 +14,7 @@ from baryscope.estimator.adjustment.diagnostics import REJECTED
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.joint_covariance import SPURIOUS, shown_spurious_share
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
@@ -31,7 +31,7 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
     start.
     """
     for _ in range(REPEATS):
-        if shown_spurious_share(found) < SPURIOUS:
+        if found.shown_spurious_share < SPURIOUS:
             break
         weight, bodies = start.observations.weight.copy(), []
         astray = strays(found.bodies, found.observations, found.frame_variance)

@@ -17,7 +17,6 @@ from baryscope.estimator.findings import FollowsRotation, WrongOrbit
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.joint_covariance import shown_spurious_share_of
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -62,7 +61,7 @@ def following_rotation(found: Pivot, observability: Observability) -> tuple[Foll
     able = found.has(DENSITY) if smooth_in(found.path) is None else found.path_unknowns > CURVED
     if not (able and observability.observable.all()):
         return ()
-    share = shown_spurious_share_of(found, observability.cluster)
+    share = found.shown_spurious_share_of(observability.cluster)
     if share <= FEIGNED:
         return ()
     return (FollowsRotation(share, found.path_unknowns),)
