@@ -27,6 +27,7 @@ SHAPE_FRAMES = 1000  # of a body, from which its points are improved, approximat
 ROUNDS = 8  # of steps at most: with all observations, and with robust weights
 POSE_STEPS = 3  # for the poses before each step of the points
 ENOUGH = 1e-3  # relative decrease of the cost by a round, below which the next would change little
+MOST_HALVINGS = 4  # of a step of the points that leads uphill
 MOST_TURN = 0.5  # rad, of a step
 CLEARLY = 9.0  # 2 ln of the likelihood ratio from which a reversed pose counts as better
 POSE = 6  # unknowns of a frame
@@ -120,16 +121,23 @@ def _robust(fitted: Callable[..., _Fitted], body: Body, origin: FloatArray, own:
 
 
 def _adjusted(body: Body, origin: FloatArray, own: Observations) -> _Fitted:
-    """Body and origins (n, 3) after rounds of poses and points, and the weighted squares (n, m) there."""
-    before = np.inf
+    """Body and origins (n, 3) after rounds of poses and points, and the weighted squares (n, m) there.
+
+    A step that leads uphill, as from points that few observations tell, is halved.
+    """
+    best = _all_posed(body, origin, own)
     for _ in range(ROUNDS):
-        body, origin, squares = _all_posed(body, origin, own)
-        cost = float(squares.sum())
-        if not cost < (1 - ENOUGH) * before:
-            return body, origin, squares
-        before = cost
-        body = replace(body, points=body.points + _change_of_points(body, origin, own))
-    return body, origin, pieces(own, body.attitude, origin, body.points).squares
+        body, origin, squares = best
+        change, cost = _change_of_points(body, origin, own), float(squares.sum())
+        for halved in range(MOST_HALVINGS + 1):
+            moved = replace(body, points=body.points + change / 2**halved)
+            found = _all_posed(moved, origin, own)
+            if found[2].sum() <= cost:
+                best = found
+                break
+        if not float(best[2].sum()) < (1 - ENOUGH) * cost:
+            break
+    return best
 
 
 def _all_posed(body: Body, origin: FloatArray, own: Observations) -> _Fitted:
