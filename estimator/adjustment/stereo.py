@@ -25,6 +25,8 @@ BoolArray = NDArray[np.bool_]
 NEAREST = 1e-6  # m, of a point from the rig
 STEREO = 4.0  # power of the range that the variance along the line of sight of a stereo rig goes with
 SAMPLE = 2000  # frames that are looked at to tell whether it does, at most
+OUTLYING = 20.0  # square of an error over the median, above which it is left out there
+MEANS = 3  # times that means of features and frames are subtracted in turn
 MAX_CORRECTION = 0.5  # of a range: where noise is as large as the range, the second order says nothing
 
 
@@ -58,25 +60,39 @@ def _refuse_singular(tracks: FeatureTracks, covariance: FloatArray, used: BoolAr
         )
 
 
-def varies_with_range(measured: Observations, noise: Noise) -> bool:
+def varies_with_range(measured: Observations, estimated: FloatArray, noise: Noise) -> bool:
     """Whether the precisions are those of a stereo rig at the measured points; none are not.
 
-    Where noise is auto, they tell: of each feature, the variance along the line of sight goes with the range to the
-    power of 4, or by itself with none.
+    estimated (n, m, 3): the points in C, m. Where noise is auto, the precisions tell. What of the logarithm of the
+    variance along the line of sight goes with the estimated point is no matter; with the measured range less the
+    estimated one it goes by a factor of 4 if it belongs to the measured point, of 0 if to the true one, or to none.
     """
     if measured.precision is None or noise != "auto":
         return measured.precision is not None and noise == "stereo"
     every = max(1, len(measured.position) // SAMPLE)
-    few = measured.frames(slice(None, None, every))
-    r = np.linalg.norm(few.position, axis=2)
-    seen = (few.weight > 0) & (r > NEAREST)
-    a = np.where(seen[..., None], few.position, 1.0) / np.where(seen, r, 1.0)[..., None]
+    few, place = measured.frames(slice(None, None, every)), estimated[::every]
+    far, r = np.linalg.norm(place, axis=2), np.linalg.norm(few.position, axis=2)
+    seen = (few.weight > 0) & (r > NEAREST) & (far > NEAREST)
+    sight = np.where(seen[..., None], place, 1.0) / np.where(seen, far, np.sqrt(3.0))[..., None]
     assert few.precision is not None  # noqa: S101  as above
-    along = np.einsum("kmi,kmi->km", a, np.linalg.solve(few.precision, a[..., None])[..., 0])
-    x, y = np.log(np.where(seen, r, 1.0)), np.log(np.where(seen, along, 1.0))
-    count = np.maximum(seen.sum(axis=0), 1)
-    x, y = (np.where(seen, one - np.where(seen, one, 0.0).sum(axis=0) / count, 0.0) for one in (x, y))
-    return float(np.vdot(x, y)) > STEREO / 2 * float(np.vdot(x, x))
+    along = np.einsum("kmi,kmi->km", sight, np.linalg.solve(few.precision, sight[..., None])[..., 0])
+    far, r, along = (np.where(seen, one, 1.0) for one in (far, r, along))
+    longer = np.log(r / far)
+    seen &= longer != 0  # what is not estimated
+    square = longer**2 * far**2 / along
+    seen &= square <= OUTLYING * np.median(square[seen]) if seen.any() else False
+    values = np.concatenate([np.stack([np.log(along), longer, np.log(far)], axis=2), sight], axis=2)
+    for _ in range(MEANS):
+        for axis in (0, 1):  # of a feature, whose variance is its own, and of a frame, whose place may be wrong
+            count = np.maximum(seen.sum(axis=axis, keepdims=True), 1)[..., None]
+            values = np.where(
+                seen[..., None], values - (values * seen[..., None]).sum(axis, keepdims=True) / count, 0.0
+            )
+    logarithm, *others = values[seen].T
+    columns = np.array(others).T
+    scale = np.linalg.norm(columns, axis=0) + np.finfo(float).tiny
+    slope = np.linalg.lstsq(columns / scale, logarithm, rcond=None)[0][0] / scale[0]
+    return bool(slope > STEREO / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,9 +144,9 @@ class StereoNoise:
         return Observations(self.position * shortened[..., None], weight, precision)
 
 
-def stereo_noise(measured: Observations, noise: Noise) -> StereoNoise | None:
+def stereo_noise(measured: Observations, estimated: FloatArray, noise: Noise) -> StereoNoise | None:
     """The noise of a stereo rig, if the precisions are those at the measured points, see `varies_with_range`."""
-    return StereoNoise.of(measured) if varies_with_range(measured, noise) else None
+    return StereoNoise.of(measured) if varies_with_range(measured, estimated, noise) else None
 
 
 def _rotation_between(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
@@ -154,6 +155,7 @@ def passes(problem: Problem) -> Passes:
     observations = problem.measured.weighted(start.weight)
     variance = problem.sigma or max(start.noise**2 / problem.unit, problem.floor)
     last = _pass(problem, reference, shift, observations, variance, None)
+    stereo = stereo_noise(problem.measured, last.after.seen_at(start.nodes), problem.options.noise)
     count, sought = 1, 0
     while count < MAX_PASSES:
         if last.final:
@@ -165,7 +167,7 @@ def passes(problem: Problem) -> Passes:
         if problem.on_orbit:
             shift = shift + reference.x
             reference = replace(reference, path=problem.process(shift), x=np.zeros_like(shift), deviation=still)
-        last = _pass(problem, reference, shift, _renewed(problem, last), last.variance, last)
+        last = _pass(problem, reference, shift, _renewed(problem, stereo, last), last.variance, last)
         count += 1
     return Passes(problem, reference, shift, last, count)
 
@@ -283,11 +285,11 @@ def _bounded(problem: Problem, reference: Reference, solution: Solution) -> Floa
     return state
 
 
-def _renewed(problem: Problem, last: Pass) -> Observations:
+def _renewed(problem: Problem, stereo: StereoNoise | None, last: Pass) -> Observations:
     """The observations with new weights, and covariances at the estimated points."""
-    if problem.stereo is None:
+    if stereo is None:
         return last.observations.weighted(last.weight)
-    return problem.stereo.moved_to(last.after.seen_at(problem.start.nodes), last.weight)
+    return stereo.moved_to(last.after.seen_at(problem.start.nodes), last.weight)
 
 
 def _is_linear(problem: Problem, reference: Reference, solution: Solution, variance: float) -> bool:

@@ -10,7 +10,6 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import FARTHEST_RADII
-from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.paths import FIXED, Path
 from baryscope.estimator.ekf.bank import GENEROUS, Axis, Member, level_of
 from baryscope.estimator.ekf.filter import ProcessNoise
@@ -67,11 +66,6 @@ class Problem:
     def sigma(self) -> float | None:
         """The known variance of an observation of weight 1, m² or a factor on the given covariances."""
         return None if self.options.sigma is None else self.options.sigma**2
-
-    @cached_property
-    def stereo(self) -> StereoNoise | None:
-        """The noise of a stereo rig, if the given covariances are its at the measured points."""
-        return stereo_noise(self.measured, self.options.noise)
 
     @cached_property
     def unit(self) -> float:

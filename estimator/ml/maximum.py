@@ -12,7 +12,7 @@ from baryscope.estimator.adjustment.evidence import Linear, conditional, held, m
 from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
-from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of, stereo_noise
+from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
@@ -160,7 +160,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
     observations, floor = measured.weighted(weight), least_variance(measured, ROUNDING)
     density = None if isinstance(options.torque_noise, str) else float(options.torque_noise)
-    stereo = stereo_noise(measured, options.noise)
+    stereo = StereoNoise.of(measured) if pivot.stereo else None
     noise = _frame_noise(errors_of(tracks), pivot.slip, len(tracks.time), max(pivot.variance, floor))
 
     def problem_of(rotation: Rotation) -> _Problem:

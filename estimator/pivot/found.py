@@ -52,7 +52,7 @@ class Pivot:
     of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of unknowns of x
     that the observations determine.
     holding: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step, in the
-    weights' units.
+    weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
     refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
     variance; findings against the models.
@@ -72,6 +72,7 @@ class Pivot:
     rounds: int
     holding: Holding
     offsets: FloatArray
+    stereo: bool
     slip: float
     tie_points: tuple[TiePoints, ...]
     refused: tuple[TiePoints, ...]

@@ -29,7 +29,7 @@ from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, Holding, Plain
 from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
-from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.body import Body, places_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -117,7 +117,7 @@ class _Refinement:
         self.theta: FloatArray | None = None
         self.variance, self.path_unknowns = np.nan, np.nan
         self.floor = least_variance(start.measured, ROUNDING)
-        self.stereo = stereo_noise(start.measured, options.noise)
+        self.stereo = stereo_noise(start.measured, self._places(), options.noise)
         self.simple, self.scan = start.first_prior, True
         self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
         self.shift: FloatArray | None = None
@@ -151,8 +151,7 @@ class _Refinement:
         """The problem where the iteration is, with what depends on the place."""
         start = self.start
         if self.stereo is not None:
-            points = _points_in_C(self.bodies, self._origin(), start.measured)
-            self.observations = self.stereo.moved_to(points, self.observations.weight)
+            self.observations = self.stereo.moved_to(self._places(), self.observations.weight)
         sigma, lasting = self.options.sigma, self.lasting
         self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
         self.shift = _shift(start.errors, self._origin(), self.slip, self.told)
@@ -342,6 +341,7 @@ class _Refinement:
             rounds=self.rounds,
             holding=self.holding,
             offsets=self.offsets,
+            stereo=self.stereo is not None,
             slip=float(np.sqrt(self.slip)),
             tie_points=tied,
             refused=refused,
@@ -356,6 +356,10 @@ class _Refinement:
     def _origin(self) -> FloatArray:
         """The path (n, 3) in C, m, as the camera sees it."""
         return self.sampled.position(self.x)
+
+    def _places(self) -> FloatArray:
+        """The estimated positions (n, m, 3) in C, m; the measured ones where no body has the feature."""
+        return places_of(self.bodies, self._origin(), self.start.measured.position)
 
     def _move(self, bodies: tuple[Body, ...], x: FloatArray) -> None:
         """Go to bodies and x (p,)."""
@@ -386,12 +390,3 @@ def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, varianc
 def _typical(covariance: FloatArray) -> float:
     """The median variance of a coordinate over n times, for covariances (n, 3, 3)."""
     return float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3
-
-
-def _points_in_C(bodies: tuple[Body, ...], origin: FloatArray, measured: Observations) -> FloatArray:
-    """The estimated positions (n, m, 3) in C, m; the measured ones where no body has the feature."""
-    estimated = measured.position.copy()
-    for body in bodies:
-        image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
-        estimated[np.ix_(body.frames, body.features)] = image
-    return estimated

@@ -1,5 +1,6 @@
 """A rigid body: features that are seen together, their points in body axes, and the attitude in every frame."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,3 +33,14 @@ class Body:
         """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points."""
         moves = change.reshape(-1, 3)
         return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))
+
+
+def places_of(bodies: Sequence[Body], origin: FloatArray, otherwise: FloatArray) -> FloatArray:
+    """The positions (n, m, 3) in C, m, of features of bodies with points from an origin (n, 3) in C; where no body has
+    the feature, those otherwise (n, m, 3).
+    """
+    places = otherwise.copy()
+    for body in bodies:
+        image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
+        places[np.ix_(body.frames, body.features)] = image
+    return places

@@ -126,7 +126,7 @@ def test_missing_and_isotropic_observations_are_unchanged():
     assert np.isfinite(moved.position).all()
     plain = observations(position, None)
     assert plain.precision is None
-    assert stereo_noise(plain, "stereo") is None
+    assert stereo_noise(plain, plain.position, "stereo") is None
 
 
 def test_a_singular_covariance_is_refused():
@@ -141,26 +141,52 @@ def a_walk(frames=50):
     return TARGET + 3.0 * rng.uniform(-1, 1, (frames, COUNT, 3)), np.broadcast_to(R_C_V, (frames, 3, 3)), rng
 
 
-def test_a_rigs_covariances_tell_that_they_grow_with_the_range():
+def test_a_rigs_covariances_tell_that_they_are_those_of_the_measured_points():
     truth, axes, rng = a_walk()
     pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
     given = observations(*triangulate(RIG, axes, pixels))
-    assert varies_with_range(given, "auto")
-    assert not varies_with_range(given, "fixed")
+    assert varies_with_range(given, truth, "auto")
+    assert not varies_with_range(given, truth, "fixed")
 
 
-def test_covariances_tell_that_they_do_not_whatever_those_of_each_feature():
+def test_a_rigs_covariances_at_the_true_points_tell_that_they_are():
+    """As those of a simulation, or of a tracker that smooths: they go with the range, but not with its error."""
+    truth, axes, rng = a_walk()
+    measured, _ = triangulate(RIG, axes, project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape))
+    _, covariance = triangulate(RIG, axes, project(RIG, axes, truth))
+    given = observations(measured, covariance)
+    assert not varies_with_range(given, truth, "auto")
+    assert varies_with_range(given, truth, "stereo")
+    assert stereo_noise(given, truth, "auto") is None
+
+
+@pytest.mark.parametrize("at_measured", [True, False])
+def test_outliers_frames_out_of_place_and_points_that_are_not_estimated_do_not_hide_it(at_measured):
+    truth, axes, rng = a_walk(200)
+    pixels = project(RIG, axes, truth) + RIG.pixel_noise * rng.standard_normal(truth.shape)
+    wrong = rng.random(truth.shape[:2]) < 0.1
+    measured, covariance = triangulate(RIG, axes, pixels)
+    if not at_measured:
+        _, covariance = triangulate(RIG, axes, project(RIG, axes, truth))
+    other = rng.permutation(COUNT)
+    measured[wrong], covariance[wrong] = measured[:, other][wrong], covariance[:, other][wrong]
+    estimated = truth + 0.3 * rng.standard_normal((200, 1, 3))
+    estimated[:, 0] = measured[:, 0]
+    assert varies_with_range(observations(measured, covariance), estimated, "auto") == at_measured
+
+
+def test_covariances_of_each_feature_tell_that_they_are_fixed():
     truth, axes, rng = a_walk()
     deviation = np.array([0.01, 0.01, 0.2]) * np.linspace(1, 3, COUNT)[:, None]
     covariance = axes[:, None] @ (deviation[..., None] ** 2 * np.eye(3)) @ np.swapaxes(axes, 1, 2)[:, None]
     noise = (axes[:, None] @ (deviation * rng.standard_normal(truth.shape))[..., None])[..., 0]
     given = observations(truth + noise, covariance)
-    assert not varies_with_range(given, "auto")
-    assert varies_with_range(given, "stereo")
+    assert not varies_with_range(given, truth, "auto")
+    assert varies_with_range(given, truth, "stereo")
 
 
 def test_tracks_without_covariances_have_none_that_vary():
     truth, _, _ = a_walk()
     given = observations_of(FeatureTracks(np.arange(50.0), truth, tuple("abcdefgh")), np.ones((50, COUNT), dtype=bool))
-    assert not varies_with_range(given, "auto")
-    assert not varies_with_range(given, "stereo")
+    assert not varies_with_range(given, truth, "auto")
+    assert not varies_with_range(given, truth, "stereo")
