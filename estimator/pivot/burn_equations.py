@@ -289,7 +289,7 @@ def burn_equations(
     distance = max(float(np.abs(origin).max()) for origin in registered.origins)
     least = (ROUNDING * distance) ** 2
     both = zip(registered.bodies, found.bodies, strict=True)
-    offsets = tuple(after.points.mean(axis=0) - before.points.mean(axis=0) for before, after in both)
+    offsets = tuple(after.points.mean(axis=0) - before.like(after).points.mean(axis=0) for before, after in both)
     root, all_rows = np.tile(np.eye(3), (len(frames), 1, 1)), np.concatenate(rows)
     noise = max(registered.noise**2, least) if few.observations.precision is None else 1.0
     equations = BurnEquations(few, all_rows, frames, root, time, edges, base, orbit, others, noise, least)

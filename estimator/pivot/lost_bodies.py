@@ -1,4 +1,4 @@
-"""Bodies that a path has lost: all that they show is rejected, and nothing draws them back."""
+"""Bodies and features of which all that they show is rejected: a path has lost them, or their labels are wrong."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,17 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
 
 LOST = 0.1  # share of a body's weight that is left where a path has lost it
+REJECTED = 0.5  # weight of an observation, below which it is an outlier
+LEAST = 3  # features of a body
 
 
 def brought_back_bodies(
     bodies: tuple[Body, ...],
     weight: FloatArray,
-    registered: tuple[Sequence[Body], Sequence[FloatArray]],
+    start: Sequence[Body],
+    registered: Sequence[Body],
     first: Observations,
     origin: FloatArray,
 ) -> tuple[tuple[Body, ...], FloatArray] | None:
@@ -29,19 +33,39 @@ def brought_back_bodies(
     Args:
         bodies: with points from the centre of mass.
         weight: (n, m), their robust weights.
-        registered: with the attitudes of registration, and their shapes, points (m, 3) in m from their centroid.
+        start: the bodies with which the iteration began, whose attitudes are those of registration.
+        registered: their shapes, with points from their centroid; start and these may have more features.
         first: the observations with the weights from which the iteration began.
         origin: (n, 3) in C, m: the path.
     """
     moved, weight, lost = list(bodies), weight.copy(), False
-    for index, (body, start, shape) in enumerate(zip(bodies, *registered, strict=True)):
+    for index, (body, whole, shape) in enumerate(zip(bodies, start, registered, strict=True)):
+        own, points = whole.like(body), shape.like(body).points
         block = np.ix_(body.frames, body.features)
         before = first.weight[block]
         if weight[block].sum() > LOST * before.sum():
             continue
         seen = first.position[block] - origin[body.frames][:, None]
-        apart = (seen @ start.attitude - shape)[before >= LOST]
+        apart = (seen @ own.attitude - points)[before >= LOST]
         if len(apart):
-            moved[index] = replace(start, points=shape + np.median(apart, axis=0))
+            moved[index] = replace(own, points=points + np.median(apart, axis=0))
             weight[block], lost = before, True
     return (tuple(moved), weight) if lost else None
+
+
+def without_untold_features(bodies: tuple[Body, ...], weight: FloatArray) -> tuple[tuple[Body, ...], FloatArray] | None:
+    """The bodies without features of which all observations are rejected, and the weights (n, m), 0 there; None if none
+    is.
+
+    The place of such a feature is not told, and with it not where the centre of mass is from the centroid of all. A
+    body that without them had too few, or they a line, keeps all.
+    """
+    fewer, weight = [], weight.copy()
+    for body in bodies:
+        block = np.ix_(body.frames, body.features)
+        told = np.asarray((weight[block] >= REJECTED).any(axis=0))
+        few = told.sum() < LEAST or (are_in_line(body.points[told]) and not are_in_line(body.points))
+        if not few:
+            weight[block] *= told
+        fewer.append(body if few or told.all() else body.of_features(told))
+    return (tuple(fewer), weight) if fewer != list(bodies) else None

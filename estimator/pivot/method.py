@@ -255,7 +255,7 @@ class _Given:
             path,
             everywhere,
             time,
-            tuple(body.points for body in registered.bodies),
+            registered.bodies,
             bodies,
             initial.x,
             self.measured,

@@ -25,7 +25,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
-from baryscope.estimator.pivot.lost_bodies import brought_back_bodies
+from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, Holding, Plain
 from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
@@ -52,19 +52,19 @@ OMITTED = 0.01  # of the variance: more than that of the modes left out
 class Start:
     """The initial solution of the refinement.
 
-    path, and sampled at the tracks' times (n,) in s; shapes: the points (m, 3) of each body as registered, m from their
-    centroid; bodies with points from the centre of mass, and the path's x; measured: all observations; observations:
-    those of bodies in their frames; inliers (n, m): which passed screening; weight (n, m): of the observations in this
-    solution, if not their own. lasting: how many frames have the same errors of the features, as the registered bodies
-    tell; variance: of an observation of weight 1, as these tell; errors: of the camera at the times; first_prior: of a
-    simple path, which holds until the weights have settled; slips: whether the position may have white noise, as that
-    of a pivot that slips.
+    path, and sampled at the tracks' times (n,) in s; registered: the bodies, with points from their centroid; bodies
+    with points from the centre of mass, and the path's x; measured: all observations; observations: those of bodies in
+    their frames; inliers (n, m): which passed screening; weight (n, m): of the observations in this solution, if not
+    their own. lasting: how many frames have the same errors of the features, as the registered bodies tell; variance:
+    of an observation of weight 1, as these tell; errors: of the camera at the times; first_prior: of a simple path,
+    which holds until the weights have settled; slips: whether the position may have white noise, as that of a pivot
+    that slips.
     """
 
     path: Path
     sampled: SampledPath
     time: FloatArray
-    shapes: tuple[FloatArray, ...]
+    registered: tuple[Body, ...]
     bodies: tuple[Body, ...]
     x: FloatArray
     measured: Observations
@@ -118,7 +118,7 @@ class _Refinement:
         self.variance, self.path_unknowns = np.nan, np.nan
         self.floor = least_variance(start.measured, ROUNDING)
         self.stereo = stereo_noise(start.measured, self._places(), options.noise)
-        self.simple, self.scan = start.first_prior, True
+        self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
         self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
         self.shift: FloatArray | None = None
         self.holding = Holding.of(start.bodies)
@@ -212,22 +212,21 @@ class _Refinement:
         return self.last.steady and self.last.decrease <= STEP_TOLERANCE * self.least
 
     def _is_complete(self) -> bool:
-        """Whether bodies, frames and the path's modes are all there; any that are not join now."""
+        """Whether bodies, frames, modes of the path and no untold features are there; if not, they are from now on."""
         if self.rounds == self.most:
             return True
         joins = not self.brought_back and self._bring_back_bodies()
         joins = joins or (not self.extended and self._add_few_features()) or self._enrich_path()
-        if joins:
+        changed = joins or self._leave_untold_features()
+        if changed:
             self.here = None
-        return not joins
+        return not changed
 
     def _bring_back_bodies(self) -> bool:
         """Whether a body is lost, which is then at the path again."""
         start = self.start
-        registered = (start.bodies, start.shapes)
-        near = brought_back_bodies(
-            self.bodies, self.observations.weight, registered, start.observations, self._origin()
-        )
+        weight, began = self.observations.weight, (start.bodies, start.registered, start.observations)
+        near = brought_back_bodies(self.bodies, weight, *began, self._origin())
         self.brought_back = near is not None
         return self._take(near)
 
@@ -245,6 +244,13 @@ class _Refinement:
         self.bodies, weight = found
         self.observations = self.observations.weighted(weight)
         return True
+
+    def _leave_untold_features(self) -> bool:
+        """Whether features of which all observations are rejected leave their bodies."""
+        before = self.observations.weight
+        left = self._take(None if self.plain is not None else without_untold_features(self.bodies, before))
+        self.inliers = self.inliers & ~((before > 0) & (self.observations.weight == 0))
+        return left
 
     def _enrich_path(self) -> bool:
         """Whether the modes of process noise that the path leaves out matter; then it has twice as many."""
@@ -328,7 +334,7 @@ class _Refinement:
         return Pivot(
             path=self.path,
             sampled=self.sampled,
-            inliers=self.start.inliers,
+            inliers=self.inliers,
             solution=solution,
             observations=self.observations,
             frame_variance=scale,

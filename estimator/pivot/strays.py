@@ -33,17 +33,19 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
     for _ in range(REPEATS):
         if found.shown_spurious_share < SPURIOUS:
             break
-        weight, bodies = start.observations.weight.copy(), []
+        known, bodies = np.where(found.observations.weight > 0, start.observations.weight, 0.0), []
+        weight = known.copy()
         astray = strays(found.bodies, found.observations, found.frame_variance)
         for body, stray in zip(found.bodies, astray, strict=True):
             stray |= _rest_on_rejected(body, found.observations)
             stray &= (~stray).sum() >= MIN_FRAMES
             weight[np.ix_(body.frames[stray], body.features)] = 0.0
             bodies.append(_in_frames(body, ~stray))
-        if np.array_equal(weight, start.observations.weight):
+        if np.array_equal(weight, known):
             break
         first = None if start.weight is None else np.where(weight > 0, start.weight, 0.0)
-        fewer = replace(start, bodies=tuple(bodies), observations=start.observations.weighted(weight), weight=first)
+        own = start.observations.weighted(weight)
+        fewer = replace(start, bodies=tuple(bodies), observations=own, inliers=found.inliers, weight=first)
         try:
             found = refined(replace(fewer, x=found.solution.x[: start.path.size]), options)
         except ComputationError:

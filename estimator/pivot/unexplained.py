@@ -42,6 +42,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
         bodies=found.bodies,
         x=np.insert(x, path.base.size, np.zeros(more)),
         observations=found.observations,
+        inliers=found.inliers,
         first_prior=None,
     )
     try:

@@ -11,6 +11,7 @@ from baryscope.estimator.registration.intervals import Interval
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,14 @@ class Body:
     attitude: FloatArray
     intervals: tuple[Interval, ...] = ()
     in_line: bool = False
+
+    def like(self, other: "Body") -> "Body":
+        """The body with those features that another has, too."""
+        return self.of_features(np.isin(self.features, other.features))
+
+    def of_features(self, some: BoolArray) -> "Body":
+        """The body with some (m,) of its features."""
+        return replace(self, features=self.features[some], points=self.points[some])
 
     def moved(self, change: FloatArray) -> "Body":
         """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points."""

@@ -64,9 +64,9 @@ def test_a_body_that_the_path_has_lost_is_brought_back():
     measured = Observations(case.tracks.position, np.ones(case.tracks.seen.shape))
     lost = replace(bodies[1], points=FEATURES + np.array([5.0, 0.0, 0.0]), attitude=np.swapaxes(R[second], 1, 2))
     weight = np.ones_like(measured.weight)
-    assert brought_back_bodies(bodies, weight, (bodies, (shape, shape)), measured, at_rest(time)) is None
+    assert brought_back_bodies(bodies, weight, bodies, bodies, measured, at_rest(time)) is None
     weight[second] = 1e-9
-    found = brought_back_bodies((bodies[0], lost), weight, (bodies, (shape, shape)), measured, at_rest(time))
+    found = brought_back_bodies((bodies[0], lost), weight, bodies, bodies, measured, at_rest(time))
     assert found is not None
     (same, back), weights = found
     assert same is bodies[0]

@@ -1,0 +1,66 @@
+"""Features of which everything is rejected: they leave their bodies, and the others tell as much as without them."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator import FeatureTracks, PathOptions, estimate
+from baryscope.estimator.pivot.lost_bodies import without_untold_features
+from baryscope.estimator.registration.body import Body
+from synthetic import ENVISAT, attitude, box_features, make_case
+
+TIME = np.arange(0.0, 200.0, 1.0)
+FEATURES = box_features(7, (4, 3, 2), seed=2, centre=(0.5, 0.3, -0.2))
+NOISE = 0.01  # m
+
+
+@pytest.fixture(scope="module")
+def astray():
+    """Tracks of which one label is beside the body for a while, and does not turn with it; and the path."""
+    com = np.array([2.0, 18.0, -5.0]) + np.outer(TIME, [0.004, -0.003, 0.002])
+    tracks = make_case(TIME, attitude(ENVISAT, np.array([0.02, 0.05, 0.01]), TIME), com, FEATURES, noise=NOISE).tracks
+    position = tracks.position.copy()
+    position[:60, 6] += np.array([1.0, 1.0, 0.0])
+    position[60:, 6] = np.nan
+    return FeatureTracks(TIME, position, tracks.labels), com
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_a_label_without_a_right_observation_costs_nothing(astray, method):
+    tracks, com = astray
+    options = PathOptions(trajectory="polynomial:1", process_noise="none", sigma=NOISE)
+    without = FeatureTracks(TIME, tracks.position[:, :6], tracks.labels[:6])
+    found, best = (estimate(one, method=method, options=options) for one in (tracks, without))
+    assert str(found.status) == str(best.status) == "good"
+    np.testing.assert_allclose(found.position, best.position, atol=1e-5)
+    np.testing.assert_allclose(found.covariance, best.covariance, rtol=1e-2, atol=1e-10)
+    assert found.rejected[:60, 6].all()
+    assert found.rejected[:, :6].mean() < 0.01
+    (cluster,) = found.clusters
+    assert "F6" not in cluster.labels
+    nees = np.einsum("ni,nij,nj->n", found.position - com, np.linalg.inv(found.covariance), found.position - com)
+    assert nees.max() < 16.3  # of a true covariance with p = 0.001
+
+
+def body(points):
+    count = len(points)
+    return Body(np.arange(count), np.arange(2), np.asarray(points, float), np.tile(np.eye(3), (2, 1, 1)))
+
+
+def test_only_features_that_are_all_rejected_leave():
+    rng = np.random.default_rng(1)
+    own = body(rng.uniform(-1, 1, (5, 3)))
+    weight = np.ones((2, 5))
+    assert without_untold_features((own,), weight) is None
+    weight[:, 1], weight[0, 3] = 1e-9, 1e-9
+    (fewer,), left = without_untold_features((own,), weight)
+    np.testing.assert_array_equal(fewer.features, [0, 2, 3, 4])
+    np.testing.assert_array_equal(fewer.points, own.points[[0, 2, 3, 4]])
+    np.testing.assert_array_equal(left, np.where(np.arange(5) == 1, 0.0, weight))
+
+
+def test_a_body_that_would_be_left_with_a_line_or_two_features_keeps_all():
+    flat = body([[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]])
+    for gone in ([3], [0, 1]):
+        weight = np.ones((2, 4))
+        weight[:, gone] = 1e-9
+        assert without_untold_features((flat,), weight) is None
