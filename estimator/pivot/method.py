@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
-from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
 from baryscope.estimator.adjustment.diagnostics import (
     attitude_series,
     cluster_of,
@@ -66,6 +67,7 @@ BoolArray = NDArray[np.bool_]
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
+SIGNIFICANCE = 1e-5  # probability of that ratio by chance, below which it is named
 
 
 def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -194,7 +196,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         found, start = (found, fewer) if burned is found else without_strays(burned, with_burns, options)
     found = with_corrected_orbit(found, orbit, start, options)
     _refuse_untold(found, registered)
-    findings = _findings(found, registered.noise, tracks) + wrong_orbit(found, orbit)
+    findings = _findings(found, registered, tracks) + wrong_orbit(found, orbit)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))
@@ -354,16 +356,15 @@ def _refuse_untold(found: Pivot, registered: Registered) -> None:
         )
 
 
-def _findings(found: Pivot, noise: float, tracks: FeatureTracks) -> tuple[Finding, ...]:
-    """Findings against labels and path; noise: standard deviation of a coordinate from the registration, m."""
+def _findings(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tuple[Finding, ...]:
+    """Findings against labels and path."""
     findings: list[Finding] = [
         DifferentPoints(tuple(tracks.labels[index] for index in points.features), points.bodies)
         for points in found.refused
     ]
     measured = found.observations
-    ratio = found.residual_variance / max(noise**2, 1e-300)
     if found.residual_variance > least_variance(measured, ROUNDING):
-        if measured.precision is None and ratio > MAX_VARIANCE_RATIO:
+        if measured.precision is None and (ratio := _excess(found, registered)) > MAX_VARIANCE_RATIO:
             findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
@@ -372,6 +373,17 @@ def _findings(found: Pivot, noise: float, tracks: FeatureTracks) -> tuple[Findin
     if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
+
+
+def _excess(found: Pivot, registered: Registered) -> float:
+    """The variance of the residuals over that of the registration; 1 if it is greater by chance.
+
+    The registration's are some of the values of the solution: of independent ones the ratio would scatter more.
+    """
+    ratio = found.residual_variance / max(registered.noise**2, 1e-300)
+    dof = values_for_path(found.bodies, found.observations) - found.path_unknowns
+    chance = fdtrc(max(dof, 0.0) / found.lasting, registered.values / found.lasting, ratio)
+    return ratio if chance < SIGNIFICANCE else 1.0
 
 
 def _restricted(measured: Observations, right: Observations, bodies: tuple[Body, ...]) -> Observations:

@@ -51,12 +51,13 @@ class Registered:
     """Rigid bodies from registration; each body's points have their origin in their centroid.
 
     origins: for each body its centroid in each of its frames, (n, 3) in C, m; noise: standard deviation of a
-    coordinate, m.
+    coordinate, m, and values: the degrees of freedom that tell it.
     """
 
     bodies: tuple[Body, ...]
     origins: tuple[FloatArray, ...]
     noise: float
+    values: float = 0.0
 
     @property
     def in_line(self) -> bool:
@@ -89,8 +90,8 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
         blocks.append(np.where(used[block][..., None], position[block], np.nan))
         registrations.append(register(blocks[-1], tolerance=SHAPE_TOLERANCE))
     pooled = pooled_noise(registrations, blocks)
-    noise = noise_of_distances(position, used) if pooled is None else pooled
-    sightings = Sightings(position, used, noise)
+    told = noise_of_distances(position, used) if pooled is None else pooled
+    noise, sightings = told.deviation, Sightings(position, used, told.deviation)
     shapes, loose = [], [_placed(interval, enough) for interval in intervals if interval not in set(long)]
     for interval, fitted in zip(long, registrations, strict=True):
         placed = _placed(interval, enough)
@@ -108,7 +109,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
         raise collinear_features()
     found = [(body, origin) for body, origin in with_attitudes if len(body.frames) >= min(MIN_FRAMES, longest)]
     bodies, origins = zip(*found, strict=True)
-    return Registered(bodies, origins, noise)
+    return Registered(bodies, origins, noise, told.values)
 
 
 def _placed(interval: Interval, frames: NDArray[np.intp]) -> Interval:

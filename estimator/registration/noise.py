@@ -1,6 +1,7 @@
 """The noise of a coordinate from the residuals of registrations, without the influence of outliers."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +14,21 @@ BoolArray = NDArray[np.bool_]
 MEDIAN = 2.366  # of χ² with three degrees of freedom
 MAX_PAIRS = 500  # pairs whose distances are looked at, at most
 QUARTILE = 0.6745  # of the standard Gaussian
+EFFICIENCY = 0.25  # of the median of the differences of distances: for how many independent values each counts
 MIN_DOF = 20.0  # degrees of freedom of the registrations, below which distances tell the noise
 GATE = 20.0  # squared residual over the variance that the median tells, beyond which there is an outlier: 1 in 6,000
 
 
-def pooled_noise(registrations: Sequence[Registration], blocks: Sequence[FloatArray]) -> float | None:
-    """The standard deviation of a coordinate in m, from all registrations of the points (n, m, 3) in `blocks`.
+@dataclass(frozen=True)
+class Noise:
+    """The standard deviation of a coordinate, m, and of how many values: their degrees of freedom."""
+
+    deviation: float
+    values: float
+
+
+def pooled_noise(registrations: Sequence[Registration], blocks: Sequence[FloatArray]) -> Noise | None:
+    """The noise of a coordinate from all registrations of the points (n, m, 3) in `blocks`.
 
     None if these have too few degrees of freedom. Outliers are found by the median of the squared residuals, each over
     its share of the degrees of freedom.
@@ -37,23 +47,26 @@ def pooled_noise(registrations: Sequence[Registration], blocks: Sequence[FloatAr
         return None
     square, share, value = np.concatenate(squares), np.concatenate(shares), np.concatenate(values)
     inlier = square <= GATE * max(float(np.median(square / share)) / MEDIAN, 1e-300) * share
-    return float(np.sqrt(square[inlier].sum() / value[inlier].sum()))
+    left = float(value[inlier].sum())
+    return Noise(float(np.sqrt(square[inlier].sum() / left)), left)
 
 
-def noise_of_distances(position: FloatArray, used: BoolArray) -> float:
-    """The standard deviation of a coordinate in m, from the distances of features, which are constant on a body.
+def noise_of_distances(position: FloatArray, used: BoolArray) -> Noise:
+    """The noise of a coordinate from the distances of features, which are constant on a body.
 
-    position (n, m, 3) in m; used (n, m). It is the median departure of a distance from the median of its pair; 0 if no
-    two features are seen together twice. A body that is no larger than the noise makes it too small, by a third or so.
+    position (n, m, 3) in m; used (n, m). It is the median of a distance's differences from one sighting of its pair to
+    the next; 0 if no two features are seen together twice. A body that is no larger than the noise makes it too small,
+    by a third or so.
     """
     first, second = np.triu_indices(used.shape[1], 1)
     both = used[:, first] & used[:, second]
-    pairs = np.nonzero(both.sum(axis=0) >= 2)[0][:MAX_PAIRS]
-    departures, shares = [np.zeros(0)], [np.zeros(0)]
-    for pair in pairs.tolist():
+    differences = [np.zeros(0)]
+    for pair in np.nonzero(both.sum(axis=0) >= 2)[0][:MAX_PAIRS].tolist():
         rows = both[:, pair]
         distance = np.linalg.norm(position[rows, first[pair]] - position[rows, second[pair]], axis=1)
-        departures.append(np.abs(distance - np.median(distance)))
-        shares.append(np.full(len(distance), 1 - 1 / len(distance)))
-    departure, share = np.concatenate(departures), np.concatenate(shares)
-    return float(np.median(departure / np.sqrt(share)) / QUARTILE / np.sqrt(2)) if len(departure) else 0.0
+        differences.append(np.abs(np.diff(distance)))
+    difference = np.concatenate(differences)
+    if not len(difference):
+        return Noise(0.0, 0.0)
+    rigid = int(3 * used.sum() - 6 * (used.sum(axis=1) >= 2).sum())  # values, less the unknowns of the poses
+    return Noise(float(np.median(difference)) / QUARTILE / 2, EFFICIENCY * max(min(len(difference), rigid), 0))

@@ -30,7 +30,8 @@ def find_rods(position: FloatArray, used: BoolArray) -> Registered | None:
     used (n, m) selects the observations. The pair that tells most, by its length and how often it is seen together,
     begins a body, which takes all frames that show two features of it; then the next, in the frames that are left.
     """
-    noise, left = noise_of_distances(position, used), used.copy()
+    told, left = noise_of_distances(position, used), used.copy()
+    noise = told.deviation
     spread = _squared_distances(position, used) - 6 * noise**2
     spread[~(spread > (LENGTH * noise) ** 2)] = 0.0
     np.fill_diagonal(spread, 0.0)
@@ -50,7 +51,7 @@ def find_rods(position: FloatArray, used: BoolArray) -> Registered | None:
         body, origin = _rod(position, used, frames, features, places)
         bodies.append(body)
         origins.append(origin)
-    return Registered(tuple(bodies), tuple(origins), noise) if _leave_planes(bodies) else None
+    return Registered(tuple(bodies), tuple(origins), noise, told.values) if _leave_planes(bodies) else None
 
 
 def _leave_planes(bodies: list[Body]) -> bool:
