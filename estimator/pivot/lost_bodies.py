@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.registration.body import Body
 
@@ -51,6 +52,21 @@ def brought_back_bodies(
             moved[index] = replace(own, points=points + np.median(apart, axis=0))
             weight[block], lost = before, True
     return (tuple(moved), weight) if lost else None
+
+
+def without_scraps(bodies: Sequence[Body], weight: FloatArray) -> FloatArray:
+    """Weights (n, m) that leave nothing of bodies of which hardly anything is right.
+
+    What is right of such a body by chance does not tell its points, and with these the path would be led off. With
+    weights that are negligible, but alike, the body follows the path until that agrees with it.
+    """
+    weight = weight.copy()
+    for body in bodies:
+        block = np.ix_(body.frames, body.features)
+        own = weight[block]
+        if (own >= REJECTED).sum() < LOST * (own > 0).sum():
+            weight[block] = np.where(own > 0, NEGLIGIBLE, 0.0)
+    return weight
 
 
 def without_untold_features(bodies: tuple[Body, ...], weight: FloatArray) -> tuple[tuple[Body, ...], FloatArray] | None:

@@ -25,7 +25,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
-from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, without_untold_features
+from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, without_scraps, without_untold_features
 from baryscope.estimator.pivot.offset_prior import CONTRADICTED, Holding, Plain
 from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
@@ -192,7 +192,7 @@ class _Refinement:
     def _reweight(self, dof: float) -> None:
         """The robust weights of the residuals before the step, and what this tells of convergence."""
         solution, before = self.solution, self.observations.weight
-        weight = reweighted(solution.squares, before, dof, self.floor)
+        weight = without_scraps(self.bodies, reweighted(solution.squares, before, dof, self.floor))
         if self.rounds > FREE_ROUNDS:  # damping makes oscillating weights converge
             weight = np.sqrt(weight * before)
         unweighted = solution.squares / np.where(weight > 0, before, 1.0)

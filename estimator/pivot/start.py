@@ -22,7 +22,7 @@ from baryscope.estimator.dynamics.paths import DECAY, FIRST, FREQUENCY, OVERTONE
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.process_noise import DENSITY
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.pivot.drift import DriftEquations, drift_equations, frame_roots
+from baryscope.estimator.pivot.drift import Drift, DriftEquations, drift_equations, frame_roots
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, StepStart, linearised, squares_of_used
 from baryscope.estimator.pivot.offset_prior import a_priori_information
 from baryscope.estimator.pivot.reduced import bounded_cost, scaled, stepped
@@ -38,6 +38,7 @@ NOTHING = -200.0  # logarithm of a density without effect
 WAVES = tuple({DENSITY: NOTHING, OVERTONES: DECAY[1], FREQUENCY: float(np.log(frequency))} for frequency in FREQUENCIES)
 SIMPLE_AND_SMOOTH = (*WAVES, WAVES[0] | {FIRST: NOTHING})  # the last at rest
 STEPS = 5  # of Gauss and Newton under a prior that keeps the path simple
+SOFT_ROUNDS = 10  # of linear least squares with weights by the residuals of frames with covariances
 SETTLING = 12  # steps under the path's own prior, at most, before the solutions are compared
 SETTLED = 0.1  # squared length of the last step, in units of the covariance of all unknowns
 
@@ -155,9 +156,16 @@ def _settled(trials: list[_Trial], stepped: Callable[..., _Trial], prior: Prior,
 def _stepped(
     trial: _Trial, prior: Prior, steps: int, *, sampled: SampledPath, known: FloatArray, least: float, lasting: float
 ) -> _Trial:
-    """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`."""
+    """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`.
+
+    With covariances there are such weights before the first step: those of registration know nothing of the path. A
+    line has no attitudes before it.
+    """
     bodies, x, observations, theta = trial.bodies, trial.x, trial.observations, trial.theta
     dof = max(values_for_path(bodies, observations), 1.0)
+    if observations.precision is not None and theta is None and not bodies[0].in_line:
+        squares = linearised(bodies, observations, sampled, x, known=known).squares
+        observations = observations.weighted(reweighted(squares, observations.weight, dof, least, many=True))
     here, halvings = None, 0
     for _ in range(steps):
         problem = linearised(bodies, observations, sampled, x, known=known)
@@ -215,9 +223,26 @@ def _linear_solutions(
 def _linear_solution(
     registered: Registered, observations: Observations, sampled: SampledPath, even: DriftEquations, prior: Prior
 ) -> tuple[tuple[Body, ...], FloatArray]:
-    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted (even), weighted."""
+    """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted (even), weighted.
+
+    With covariances, frames that the path passes by are weighed less: outliers in the eyes of a stereo rig spoil poses
+    that seem to be as good as others.
+    """
     roots = frame_roots(registered.bodies, observations, even.solved(prior).offsets)
     noise = registered.noise if observations.precision is None else 1.0
     drift = drift_equations(registered, roots, sampled, noise).solved(prior)
+    for _ in range(0 if observations.precision is None else SOFT_ROUNDS):
+        soft = _softer(registered, roots, sampled, drift)
+        drift = drift_equations(registered, soft, sampled, noise).solved(prior)
     moved = zip(registered.bodies, drift.offsets, strict=True)
     return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x
+
+
+def _softer(registered: Registered, roots: list[FloatArray], sampled: SampledPath, drift: Drift) -> list[FloatArray]:
+    """The roots (n, 3, 3) of frames' weights for errors of a Cauchy distribution, by the median of the residuals."""
+    position, squares = sampled.position(drift.x), []
+    for body, origin, root, offset in zip(registered.bodies, registered.origins, roots, drift.offsets, strict=True):
+        left = root @ (origin - body.attitude @ offset - position[body.frames])[:, :, None]
+        squares.append(np.sum(left[:, :, 0] ** 2, axis=1))
+    typical = max(float(np.median(np.concatenate(squares))), np.finfo(float).tiny)
+    return [root / np.sqrt(1 + own / typical)[:, None, None] for root, own in zip(roots, squares, strict=True)]

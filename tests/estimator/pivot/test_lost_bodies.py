@@ -1,10 +1,12 @@
 """Features of which everything is rejected: they leave their bodies, and the others tell as much as without them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from baryscope.estimator import FeatureTracks, PathOptions, estimate
-from baryscope.estimator.pivot.lost_bodies import without_untold_features
+from baryscope.estimator.pivot.lost_bodies import without_scraps, without_untold_features
 from baryscope.estimator.registration.body import Body
 from synthetic import ENVISAT, attitude, box_features, make_case
 
@@ -64,3 +66,13 @@ def test_a_body_that_would_be_left_with_a_line_or_two_features_keeps_all():
         weight = np.ones((2, 4))
         weight[:, gone] = 1e-9
         assert without_untold_features((flat,), weight) is None
+
+
+def test_nothing_is_left_of_a_body_of_which_hardly_anything_is_right():
+    """By chance one of fourteen observations agrees with the path; of another body two of five do."""
+    weight = np.full((4, 5), 1e-6)
+    weight[0, 1], weight[1, 1:3], weight[1, 4], weight[3] = 1.0, 0.4, 0.0, [1.0, 1.0, 1e-9, 1e-9, 0.3]
+    lost, right = (replace(body(np.ones((5, 3))), frames=frames) for frames in (np.arange(3), np.array([3])))
+    left = without_scraps((lost, right), weight)
+    np.testing.assert_array_equal(left[3], weight[3])
+    np.testing.assert_array_equal(left[:3], np.where(weight[:3] > 0, 1e-9, 0.0))
