@@ -16,7 +16,7 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-MAGIC = b"baryscope online 3\n"
+MAGIC = b"baryscope online 4\n"
 REFUSED = {
     1: "time: found {time!r} s, expected a time after that of the last frame",
     3: "covariance: found one that is not symmetric positive definite",
@@ -31,11 +31,12 @@ class OnlineStatus(StrEnum):
     """No frame yet with three features that are not in a line."""
     STARTING = "starting"
     """The position of the centre of mass is less certain than the features are far from each other, or what
-    only the noise of the attitudes seemed to show is more than a quarter of what is known of it along some axis."""
+    only the noise of the attitudes seemed to show is more than a quarter of what is known of it along some axis, or
+    fewer than six nodes were taken: they have few more values than unknowns."""
     TRACKING = "tracking"
     DOUBTFUL = "doubtful"
     """The residuals are larger than the told noise: it is wrong, or features are confused with each other. Or the path
-    needs more process noise than the filter has."""
+    needs more process noise than the filter has, or, without an orbit, bends steadily."""
     LOST = "lost"
     """The last frame did not fit the map of the features; after ten of those the filter starts again."""
 
@@ -92,7 +93,8 @@ class OnlineEstimator:
 
     Args:
         sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own.
-        orbit: the target's; None: the centre of mass moves in a straight line, but for the white acceleration.
+        orbit: the target's; None: the centre of mass moves in a straight line, but for the white acceleration. Near
+            the Earth it does not: what is claimed is then too small, until the bend shows, which makes it doubtful.
         offset_radii: standard deviation of the centre of mass from the features' centroid before the first frame, per
             axis, in units of these features' rms distance from it.
         speed_std: of its velocity before the first frame, per axis, m/s.

@@ -1,6 +1,8 @@
 /* What the filter answers: noise and status, the state at a time, the tumble, a point, the map. */
 
 #define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
+#define FEWEST 6.0 /* nodes, of three values each, for the nine unknowns of path and offset */
+#define TREND 3.0 /* standard deviations */
 #define SEEMING 0.25 /* what was taken back, over what is known of the offset, along some direction */
 
 static int are_finite(const double *values, int count) {
@@ -32,6 +34,12 @@ static int only_seems(const Online *filter) {
     return size > SEEMING;
 }
 
+/* Whether successive innovations surely agree: the path bends, and white acceleration does not tell how. So they do where
+   the errors of features last. */
+static int is_bent(const Online *filter) {
+    return filter->frames_per_error <= 1.0 && filter->trend > TREND * sqrt(filter->terms);
+}
+
 static double status_of(const Online *filter, double P[6][6]) {
     if (filter->frames == 0.0) return WAITING;
     if (filter->lost > 0.0) return LOST;
@@ -39,7 +47,9 @@ static double status_of(const Online *filter, double P[6][6]) {
     for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
     if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
+    if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
+    if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
     return only_seems(filter) ? STARTING : TRACKING;
 }
 

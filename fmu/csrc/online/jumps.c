@@ -78,10 +78,22 @@ static int update_members(Online *filter, const Level *level, double span, doubl
     return fresh;
 }
 
+/* What successive innovations of the most likely member have in common: nothing, where the path is as modelled. */
+static void note_trend(Online *filter, const Level *level) {
+    double e[3], L[9], B[LEVEL][3];
+    if (!innovation(&filter->bank[likeliest(filter->bank)], level, e, L, B)) return;
+    whitened(L, e);
+    if (dot(e, e) > GATE) return;
+    if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;
+    filter->trend += dot(e, filter->last);
+    for (int k = 0; k < 3; k++) filter->last[k] = e[k];
+}
+
 /* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
    taken. */
 static double update_bank(Online *filter, const Level *level, int *late) {
     double jump = 0.0;
+    note_trend(filter, level);
     int sound, parent = likeliest(filter->bank), fresh = update_members(filter, level, filter->span, &jump, &sound);
     int best = likeliest(filter->bank);
     const Member *first = &filter->bank[best];

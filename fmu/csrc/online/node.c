@@ -5,6 +5,7 @@
 #define FAR 16.0
 #define USUAL 0.25  /* rad, enough for the first */
 #define WIDEST 0.5  /* rad, enough for both */
+#define LOOSE 0.3   /* rad, standard deviation of an attitude that is as good as none: features near a line */
 
 /* Whether a point that is in no map is where it was seen before in this node; if it mostly is not, it begins anew. */
 static int is_same(Sum *sum, const Frame *frame, int i, const Pose *pose) {
@@ -233,13 +234,6 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Foreseen foreseen = {.variance = INFINITY};
     copy(R, foreseen.R);
     if (!registered(filter, &frame, &foreseen, &pose)) return 1;
-    copy(filter->R, before);
-    settle(filter);
-    if (!update_frame(filter, &frame, &pose, lag, &sweep, noise)) return 0;
-    angle_between(filter->R, before, turn);
-    for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
-    follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
-    filter->turned = time;
     double V[6][6];
     for (int j = 0; j < 6; j++) {
         double column[6] = {0};
@@ -247,6 +241,14 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
         solved(6, pose.factor, column);
         for (int k = 0; k < 6; k++) V[k][j] = column[k];
     }
+    if (!(V[3][3] + V[4][4] + V[5][5] < LOOSE * LOOSE)) return 1;
+    copy(filter->R, before);
+    settle(filter);
+    if (!update_frame(filter, &frame, &pose, lag, &sweep, noise)) return 0;
+    angle_between(filter->R, before, turn);
+    for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
+    follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
+    filter->turned = time;
     extend_map(filter, &frame, lag, V);
     return 1;
 }

@@ -165,6 +165,7 @@ typedef struct {
     double again;      /* variance of the offset below which they are taken again, m2 */
     Stage leg;         /* the way since the last node */
     Member first;      /* of the bank at the first frame */
+    double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
     Stage stage[STAGES];
     Tumble tumble;
     double looked; /* 1: `now` is what is known at `time`, as of the last frame */

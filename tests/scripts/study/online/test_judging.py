@@ -80,3 +80,11 @@ def test_an_hour_of_frames_has_a_row(capsys):
     assert float(nees) < 16.3
     with pytest.raises(SystemExit):
         main(["endure", "--hours", "0"])
+
+
+def test_five_nodes_of_three_features_are_no_claim():
+    """Five attitudes, then one or two features for a turn: 1.7 m off at a claim of 0.2 m, and called tracking."""
+    made = flight(POPULATION, 31, 21)
+    for state, true in zip(made.states(), made.path, strict=True):
+        tracking = state.status is OnlineStatus.TRACKING
+        assert not tracking or nees(state.position - true, state.covariance[:3, :3]) < WRONG
