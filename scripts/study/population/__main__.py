@@ -12,11 +12,10 @@ from pathlib import Path  # noqa: E402
 
 from baryscope.estimator import METHODS, Estimate  # noqa: E402
 from baryscope.study.population import command  # noqa: E402
-from baryscope.study.population.cases import Case  # noqa: E402
 from baryscope.study.population.judging import judged, of_estimate, prepared, tried  # noqa: E402
+from baryscope.study.population.populations import FIRST, POPULATIONS  # noqa: E402
 from baryscope.study.population.report import by_status, draws, failing, refusals, table  # noqa: E402
 from baryscope.study.population.running import Line  # noqa: E402
-from baryscope.study.population.sensing import sampled  # noqa: E402
 
 USUAL = ("pivot", "ml", "ekf", "score")
 BOTH = (True, False)  # with the orbit, and without
@@ -27,10 +26,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m baryscope.study.population", description=__doc__)
     commands = parser.add_subparsers(required=True)
     runner = command.add_run(commands, "cases", METHODS, USUAL, 60.0)
+    _add_population(runner)
     runner.add_argument("--cases", type=command.natural, default=200)
     runner.add_argument("--first", type=command.natural, default=0, help="index of the first case")
     runner.set_defaults(run=_run)
     one = commands.add_parser("case", help="one estimate in detail")
+    _add_population(one)
     one.add_argument("--seed", type=command.natural, default=1)
     one.add_argument("--index", type=command.natural, required=True)
     one.add_argument("--method", default="pivot", choices=METHODS)
@@ -44,19 +45,25 @@ def main(arguments: list[str] | None = None) -> int:
     return command.executed(parser, arguments)
 
 
+def _add_population(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--population", default=FIRST, choices=POPULATIONS, help="who drew the cases")
+
+
 def _run(options: argparse.Namespace) -> None:
     indices = range(options.first, options.first + options.cases)
     groups = [
-        [(options.seed, index, method, orbit) for method in options.methods for orbit in BOTH] for index in indices
+        [(options.seed, index, method, orbit, options.population) for method in options.methods for orbit in BOTH]
+        for index in indices
     ]
-    command.fill(options, judged, ("seed", "index", "method", "orbit"), groups)
+    names = ("seed", "index", "method", "orbit", "population")
+    command.fill(options, judged, names, groups, silent={"population": FIRST})
 
 
 def _case(options: argparse.Namespace) -> None:
-    case, sample, facts = prepared(options.seed, options.index)
     if options.draws:
-        print(draws(list(_redrawn(case, options))))
+        print(draws(list(_redrawn(options))))
         return
+    case, sample, facts = prepared(options.seed, options.index, options.population)
     if options.tracks:
         sample.tracks.write_csv(options.tracks)
     found = tried(case, sample, options.method, options.orbit)
@@ -66,10 +73,11 @@ def _case(options: argparse.Namespace) -> None:
     print(json.dumps(facts | {"orbit": vars(case.orbit), "sensor": vars(case.sensor)} | answer, indent=1))
 
 
-def _redrawn(case: Case, options: argparse.Namespace) -> Iterator[Line]:
+def _redrawn(options: argparse.Namespace) -> Iterator[Line]:
     """The answers of a case with other noise."""
+    case, sampler = POPULATIONS[options.population](options.seed, options.index)
     for draw in range(1, options.draws + 1):
-        found = tried(case, sampled(case, draw), options.method, options.orbit)
+        found = tried(case, sampler(draw), options.method, options.orbit)
         answer = of_estimate(found, case.path) if isinstance(found, Estimate) else {"failure": found.reason}
         yield {"draw": draw} | answer
         print(f"\r{draw} of {options.draws}", end="", file=sys.stderr, flush=True)

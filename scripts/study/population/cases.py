@@ -42,6 +42,18 @@ class Case:
     sensor: "Sensor"
 
     @property
+    def noise(self) -> float:
+        """Its standard deviation, as the sensor has it."""
+        return self.sensor.noise
+
+    @property
+    def told(self) -> float | None:
+        """The sigma that the estimator is told: 1 beside covariances."""
+        if not self.sensor.told:
+            return None
+        return 1.0 if self.sensor.baseline else self.sensor.noise
+
+    @property
     def radius(self) -> float:
         """The rms distance of the features that are seen from their centroid, m."""
         points = self.points[self.seen.any(axis=0)]

@@ -61,19 +61,24 @@ def executed(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -
 
 
 def fill(
-    options: argparse.Namespace, function: Callable[..., Line], names: Sequence[str], groups: Sequence[Sequence[Task]]
+    options: argparse.Namespace,
+    function: Callable[..., Line],
+    names: Sequence[str],
+    groups: Sequence[Sequence[Task]],
+    silent: Line | None = None,
 ) -> None:
     """Add the lines that a function makes of the tasks to the file of the options, but of those that it has.
 
-    names: of a task's parts, which tell it in a line.
+    names: of a task's parts, which tell it in a line; silent: parts with the value at which a line leaves them out.
     """
-    known = {tuple(line[name] for name in names) for line in lines_of(options.output)}
+    silent = silent or {}
+    known = {tuple((silent | line)[name] for name in names) for line in lines_of(options.output)}
     left = [[task for task in group if task not in known] for group in groups]
     total = sum(map(len, left))
     for done, (task, line) in enumerate(run(function, left, options.workers, options.limit), 1):
-        killed = dict(zip(names, task, strict=True)) | {"failure": "killed", "wall": options.limit}
-        append(options.output, line or killed)
-        print(f"\r{done} of {total}: {', '.join(map(str, task)):<50}", end="", file=sys.stderr, flush=True)
+        said = {name: part for name, part in zip(names, task, strict=True) if part != silent.get(name)}
+        append(options.output, line or said | {"failure": "killed", "wall": options.limit})
+        print(f"\r{done} of {total}: {', '.join(map(str, said.values())):<50}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
 
 

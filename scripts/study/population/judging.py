@@ -13,10 +13,10 @@ from scipy.stats import chi2
 
 from baryscope.estimator import METHODS, Estimate, Failure, PathOptions, attempt
 from baryscope.models.errors import InputError, Reason
-from baryscope.study.population.cases import Case, drawn
 from baryscope.study.population.information import Watched, path_bound, polynomial_jacobian, polynomial_misfit, rms
+from baryscope.study.population.interface import Drawn, Sample
+from baryscope.study.population.populations import FIRST, POPULATIONS
 from baryscope.study.population.running import Line
-from baryscope.study.population.sensing import Sample, sampled
 
 FloatArray = NDArray[np.float64]
 
@@ -26,24 +26,24 @@ HIGHEST = 20  # degree of a polynomial
 
 
 @lru_cache(maxsize=1)
-def prepared(seed: int, index: int) -> tuple[Case, Sample, Line]:
-    """A case, its sample, and what every line about it says."""
-    case = drawn(seed, index)
-    sample = sampled(case)
+def prepared(seed: int, index: int, population: str = FIRST) -> tuple[Drawn, Sample, Line]:
+    """A case of a population, its sample, and what every line about it says."""
+    case, sampler = POPULATIONS[population](seed, index)
+    sample = sampler(0)
     facts = {
         "kind": case.kind,
         "frames": len(case.time),
         "features": len(case.points),
         "span": float(case.time[-1] - case.time[0]),
         "rotations": round(case.rotations, 2),
-        "noise": case.sensor.noise,
+        "noise": case.noise,
         "radius": case.radius,
         "bounds": bounds_of(case, sample),
     }
     return case, sample, facts
 
 
-def bounds_of(case: Case, sample: Sample) -> dict[str, float]:
+def bounds_of(case: Drawn, sample: Sample) -> dict[str, float]:
     """Bounds on the path's rms error, m: with free attitudes and a free tumble, with the orbit and without.
 
     Without it the path is the polynomial of lowest degree that departs from the truth by a third of its bound.
@@ -65,10 +65,15 @@ def bounds_of(case: Case, sample: Sample) -> dict[str, float]:
     return found
 
 
-def judged(seed: int, index: int, method: str, orbit: bool) -> Line:
-    """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time."""
-    case, sample, facts = prepared(seed, index)
+def judged(seed: int, index: int, method: str, orbit: bool, population: str = FIRST) -> Line:
+    """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time.
+
+    It names the population unless that is the first.
+    """
+    case, sample, facts = prepared(seed, index, population)
     line: Line = {"seed": seed, "index": index, "method": method, "orbit": orbit}
+    if population != FIRST:
+        line["population"] = population
     with measured(line):
         found = tried(case, sample, method, orbit)
     if isinstance(found, Estimate):
@@ -90,11 +95,11 @@ def measured(line: Line) -> Iterator[None]:
         line["warnings"] = sorted({f"{item.category.__name__}: {item.message}" for item in caught})
 
 
-def tried(case: Case, sample: Sample, method: str, orbit: bool) -> Estimate | Failure:
+def tried(case: Drawn, sample: Sample, method: str, orbit: bool) -> Estimate | Failure:
     """An estimate, or the failure, even one that is no reasoned refusal."""
     options = METHODS[method].options()
-    if isinstance(options, PathOptions) and case.sensor.told:
-        options = PathOptions(sigma=1.0 if case.sensor.baseline else case.sensor.noise)
+    if isinstance(options, PathOptions) and case.told is not None:
+        options = PathOptions(sigma=case.told)
     try:
         return attempt(sample.tracks, method=method, orbit=case.orbit if orbit else None, options=options)
     except InputError as error:

@@ -1,26 +1,14 @@
 """The tracks of a case: noise, a stereo rig's triangulation, dropouts, blunders and wrong labels."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator import FeatureTracks
 from baryscope.study.population.cases import FOCAL_LENGTH, Case
+from baryscope.study.population.interface import Sample
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """tracks: what the estimators get; right (n, m): observations of what the label says, without a blunder; precision
-    (n, m, 3, 3): the true inverse covariance of the noise in C, 1/m².
-    """
-
-    tracks: FeatureTracks
-    right: BoolArray
-    precision: FloatArray
 
 
 def sampled(case: Case, draw: int = 0) -> Sample:

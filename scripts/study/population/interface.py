@@ -1,0 +1,93 @@
+"""What judging asks of a case, of whichever population it is."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator import FeatureTracks
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """tracks: what the estimators get; right (n, m): observations of what the label says, without a blunder; precision
+    (n, m, 3, 3): the true inverse covariance of the noise in C, 1/m².
+    """
+
+    tracks: FeatureTracks
+    right: BoolArray
+    precision: FloatArray
+
+
+class Drawn(Protocol):
+    """The truth of a case: n times, m labels."""
+
+    @property
+    def kind(self) -> str:
+        """Words that name what is special, or how it was drawn."""
+        ...
+
+    @property
+    def time(self) -> FloatArray:
+        """(n,) s."""
+        ...
+
+    @property
+    def orbit(self) -> Orbit:
+        """That of the target, as an estimator may be told it."""
+        ...
+
+    @property
+    def path(self) -> FloatArray:
+        """The centre of mass (n, 3) in C, m."""
+        ...
+
+    @property
+    def path_jacobian(self) -> FloatArray:
+        """(n, 3, 6), of the path by a state of the chaser."""
+        ...
+
+    @property
+    def attitude(self) -> FloatArray:
+        """(n, 3, 3) R_C_B."""
+        ...
+
+    @property
+    def turn(self) -> FloatArray:
+        """(n, 3, 8): rotation vectors in B by rate and inertia."""
+        ...
+
+    @property
+    def points(self) -> FloatArray:
+        """What is behind each label (m, 3) in B, from the centre of mass, m."""
+        ...
+
+    @property
+    def sensor(self) -> object:
+        """A dataclass of its errors."""
+        ...
+
+    @property
+    def noise(self) -> float:
+        """Its standard deviation, in a unit of the population's own."""
+        ...
+
+    @property
+    def told(self) -> float | None:
+        """The sigma that the estimator is told, if it is."""
+        ...
+
+    @property
+    def radius(self) -> float:
+        """The rms distance of the features that are seen from their centroid, m."""
+        ...
+
+    @property
+    def rotations(self) -> float:
+        """How often the target turns while it is watched."""
+        ...
