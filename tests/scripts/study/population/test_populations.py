@@ -1,0 +1,42 @@
+"""Cases of another population by the same command: their lines say so, and are not taken for the first's."""
+
+import json
+from itertools import chain
+
+from baryscope.study.population import command
+from baryscope.study.population.__main__ import main
+from baryscope.study.population.judging import prepared
+from baryscope.study.population.populations import POPULATIONS
+
+
+def test_lines_of_the_second_say_so_and_are_resumed(tmp_path, capsys):
+    output = tmp_path / "results.jsonl"
+    run = ["run", "--seed", "2", "--first", "3", "--cases", "1", "--methods", "score", "-o", str(output)]
+    for population in ([], ["--population", "second"], [], ["--population", "second"]):
+        main([*run, *population])
+    lines = [json.loads(line) for line in output.read_text(encoding="utf-8").splitlines()]
+    assert [line.get("population") for line in lines] == [None, None, "second", "second"]
+    assert lines[2]["kind"] == POPULATIONS["second"](2, 3)[0].kind != lines[0]["kind"]
+    assert main(["report", str(output)]) == 0
+    assert "| score | yes | 2 |" in capsys.readouterr().out
+
+
+def test_one_killed_says_of_which_population_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(command, "run", lambda _function, groups, *_: ((task, None) for task in chain(*groups)))
+    output = tmp_path / "results.jsonl"
+    run = ["run", "--cases", "1", "--methods", "score", "-o", str(output)]
+    for population in ("first", "second"):
+        main([*run, "--population", population])
+    lines = [json.loads(line) for line in output.read_text(encoding="utf-8").splitlines()]
+    assert {line["failure"] for line in lines} == {"killed"}
+    assert [line.get("population") for line in lines] == [None, None, "second", "second"]
+
+
+def test_a_case_of_the_second_is_drawn_with_other_noise(capsys):
+    main(["case", "--population", "second", "--seed", "2", "--index", "3", "--orbit", "--draws", "2"])
+    assert capsys.readouterr().out.startswith("2 draws, 2 of them answered without a remark; of these wrong: 0")
+
+
+def test_the_populations_draw_different_cases():
+    first, second = (prepared(2, 3, name)[0] for name in POPULATIONS)
+    assert len(first.time) != len(second.time)
