@@ -31,10 +31,11 @@ def test_noise_has_the_told_covariance(sensor):
 
 
 def test_depth_is_worse_than_the_rest_by_the_ratio():
-    """At the median range, here the only one, on the axis."""
-    true = np.tile([0.0, 0.0, 20.0], (4, 3, 1))
+    """At the median range; across the ray sigma grows like the range, along it like its square."""
+    true = np.array([[[0.0, 0.0, z] for z in (10.0, 20.0, 40.0)]])
     found = observed(np.random.default_rng(5), Sensor(0.1, ratio=10.0), true)
-    np.testing.assert_allclose(found.covariance[0, 0], np.diag([0.01, 0.01, 0.1]) ** 2, atol=1e-15)
+    for k, (across, along) in enumerate([(0.005, 0.025), (0.01, 0.1), (0.02, 0.4)]):
+        np.testing.assert_allclose(found.covariance[0, k], np.diag([across, across, along]) ** 2, atol=1e-15)
 
 
 def test_gross_and_swapped_observations_are_not_right():
