@@ -122,7 +122,7 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
                        G[b][k] * rows[a][TURN + k] + passage->swept * D[b][k] * rows[a][SWEEP + k];
             filter->P[at + a][at + b] = filter->P[at + b][at + a] = a == b ? sum + ROUNDING * sum : sum;
         }
-    filter->feature[slot] = (Feature){frame->name[i], filter->time, 0.0, 0.0, {{0}}};
+    filter->feature[slot] = (Feature){.name = frame->name[i], .last = filter->time};
     filter->series[slot] = (Series){.last = 0.0};
     inform(&filter->feature[slot], frame, i, arm, R, V);
 }

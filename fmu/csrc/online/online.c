@@ -177,6 +177,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     filter->sightings += pose.count;
     filter->frames += 1.0;
     note_residuals(filter, &frame, &pose);
+    if (covariances) carry_covariances(filter, &frame, &pose);
     filter->lost = 0.0;
     copy(pose.R, filter->attitude);
     filter->registered = time;

@@ -62,6 +62,7 @@ typedef struct {
     double sightings;
     double refused; /* sightings in a row that did not fit */
     double information[3][3]; /* of its place in B, as if its sightings were independent, 1/m2 */
+    double looked, sighted[3]; /* sightings with a covariance; ln of the last one's range over the map's, of this, of its variance */
 } Feature;
 
 /* Sums of a feature's residuals over blocks that wait for their other halves, along C and B; and the number of its last frame. */
@@ -154,6 +155,7 @@ typedef struct {
     double sightings; /* that these are of */
     double frames_per_error; /* how many frames have the same errors of the features, as far as it was allowed for */
     Lasting lasting;
+    double kind[5], pairs;   /* sums of products of how `sighted` changes, and of how many pairs of sightings */
     double used;             /* features */
     Node node;
     Feature feature[MOST_FEATURES];

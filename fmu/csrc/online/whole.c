@@ -37,6 +37,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 #include "filter.c"
 #include "mixture.c"
 #include "level.c"
+#include "stereo.c"
 #include "seeming.c"
 #include "again.c"
 #include "update.c"
