@@ -6,6 +6,7 @@ import numpy as np
 
 from baryscope.estimator.ekf.filter import Forward, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import TURN, Linearised
+from baryscope.estimator.geometry.symmetric import eigen
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError, Reason
 
@@ -54,7 +55,7 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
     if not (np.isfinite(cost).all() and np.abs(cost).max() < LARGEST and np.diag(matrix).min() > 0):
         raise diverged()
     scale = 1 / np.sqrt(np.diag(matrix))
-    values, axes = np.linalg.eigh(matrix * np.outer(scale, scale))
+    values, axes = eigen(matrix * np.outer(scale, scale))
     rounding = MARGIN * float(np.max(forward.rounding[member, 1:, 1:] * np.outer(scale, scale)))
     known = values > rounding
     own = scale[:, None] * axes[:, ~known]

@@ -6,6 +6,7 @@ diagonal itself may be rounding error alone; `sizes` is then the diagonal before
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf, dpotri
 
 FloatArray = NDArray[np.float64]
@@ -16,6 +17,19 @@ FULL = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # which of them stands where
 DIGITS = 1e-14  # of the trace: what is added to a covariance that rounding leaves indefinite
 RANK_TOLERANCE = 1e-13  # eigenvalue of the scaled matrix up to which a direction belongs to the null space
 REGULAR = 1e-10  # least eigenvalue of the scaled matrix from which it is far from having one
+
+
+def eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The eigenvalues (p,), ascending, and eigenvectors (p, p) of a symmetric matrix of finite numbers.
+
+    Divide and conquer, which is fast, does not converge for one matrix in many thousands; then by QR iterations.
+    """
+    try:
+        found = np.linalg.eigh(matrix)
+        return found.eigenvalues, found.eigenvectors
+    except np.linalg.LinAlgError:
+        values, vectors = eigh(matrix, driver="ev")
+        return np.asarray(values), np.asarray(vectors)
 
 
 def symmetric_pseudo_inverse(matrix: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
@@ -62,7 +76,7 @@ def factor_of(covariance: FloatArray) -> FloatArray:
 def _scaled(matrix: FloatArray, sizes: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The scale 1/√sizes (p,), and the eigenvalues, ascending, and eigenvectors of the matrix scaled by it."""
     scale = _scale(matrix, sizes)
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    values, vectors = eigen(matrix * np.outer(scale, scale))
     return scale, values, vectors
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
+    eigen,
     inverse_across,
     made_definite,
     null_space_of,
@@ -86,3 +87,18 @@ def test_covariances_that_rounding_leaves_indefinite_are_wider_by_what_it_lost(l
 def test_covariances_that_are_definite_stay_as_they_are():
     given = np.array([np.diag([1e6, 1.0, 1e-6]), np.eye(3)])
     assert made_definite(given) is given
+
+
+def test_where_divide_and_conquer_fails_qr_iterations_do(monkeypatch):
+    """An `ekf` of the second population, seed 5, case 71, ended in a LinAlgError of a matrix that has no fault."""
+    rng = np.random.default_rng(1)
+    axes, _ = np.linalg.qr(rng.standard_normal((5, 5)))
+    matrix = (axes * np.array([1e-9, 0.5, 1.0, 2.0, 7.0])) @ axes.T
+
+    def fails(_):
+        raise np.linalg.LinAlgError("Eigenvalues did not converge")
+
+    monkeypatch.setattr(np.linalg, "eigh", fails)
+    values, vectors = eigen(matrix)
+    np.testing.assert_allclose(values, [1e-9, 0.5, 1.0, 2.0, 7.0], rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose((vectors * values) @ vectors.T, matrix, atol=1e-13)
