@@ -79,8 +79,10 @@ def varies_with_range(measured: Observations, estimated: FloatArray, noise: Nois
     far, r, along = (np.where(seen, one, 1.0) for one in (far, r, along))
     longer = np.log(r / far)
     seen &= longer != 0  # what is not estimated
+    if not seen.any():
+        return False
     square = longer**2 * far**2 / along
-    seen &= square <= OUTLYING * np.median(square[seen]) if seen.any() else False
+    seen &= square <= OUTLYING * np.median(square[seen])
     values = np.concatenate([np.stack([np.log(along), longer, np.log(far)], axis=2), sight], axis=2)
     for _ in range(MEANS):
         for axis in (0, 1):  # of a feature, whose variance is its own, and of a frame, whose place may be wrong

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.adjustment.diagnostics import REJECTED
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.geometry.gauge import are_in_line
@@ -14,7 +15,6 @@ from baryscope.estimator.registration.body import Body
 FloatArray = NDArray[np.float64]
 
 LOST = 0.1  # share of a body's weight that is left where a path has lost it
-REJECTED = 0.5  # weight of an observation, below which it is an outlier
 LEAST = 3  # features of a body
 
 
