@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 
 LOST = 0.1  # share of a body's weight that is left where a path has lost it
 LEAST = 3  # features of a body
+FEWEST = 2  # of them in a frame
 
 
 def brought_back_bodies(
@@ -60,6 +61,9 @@ def without_scraps(bodies: Sequence[Body], weight: FloatArray) -> FloatArray:
     What is right of such a body by chance does not tell its points, and with these the path would be led off. With
     weights that are negligible, but alike, the body follows the path until that agrees with it.
     """
+    rejected = np.count_nonzero((weight > 0) & (weight < REJECTED))
+    if rejected < (1 - LOST) * FEWEST * min(len(body.frames) for body in bodies):
+        return weight  # no body can be lost
     weight = weight.copy()
     for body in bodies:
         block = np.ix_(body.frames, body.features)

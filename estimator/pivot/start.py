@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
+from baryscope.estimator.adjustment.diagnostics import REJECTED
 from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import BEYOND, MANY, MEDIAN, Mixture, reweighted
+from baryscope.estimator.adjustment.reweighting import MANY, Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.paths import DECAY, FIRST, FREQUENCY, OVERTONES
 from baryscope.estimator.dynamics.prior import Prior
@@ -158,12 +159,12 @@ def _stepped(
 ) -> _Trial:
     """The trial after steps with robust weights, until they are small; known (k, 3, 3): see `linearised`.
 
-    With covariances there are such weights before the first step: those of registration know nothing of the path. A
-    line has no attitudes before it.
+    Where registration has rejected many there are such weights before the first step: its own know nothing of the path.
+    A line has no attitudes before it.
     """
     bodies, x, observations, theta = trial.bodies, trial.x, trial.observations, trial.theta
     dof = max(values_for_path(bodies, observations), 1.0)
-    if observations.precision is not None and theta is None and not bodies[0].in_line:
+    if theta is None and _has_many_outliers(observations) and not bodies[0].in_line:
         squares = linearised(bodies, observations, sampled, x, known=known).squares
         observations = observations.weighted(reweighted(squares, observations.weight, dof, least, many=True))
     here, halvings = None, 0
@@ -225,34 +226,30 @@ def _linear_solution(
 ) -> tuple[tuple[Body, ...], FloatArray]:
     """Bodies with points from the centre of mass, and x (p,), by linear least squares: unweighted (even), weighted.
 
-    With covariances, frames that the path passes by are weighed less if they are many: outliers in the eyes of a stereo
-    rig spoil poses that seem to be as good as others.
+    Where registration has rejected many observations, frames that the path passes by are weighed less: outliers in the
+    eyes of a stereo rig spoil poses that seem to be as good as others.
     """
     roots = frame_roots(registered.bodies, observations, even.solved(prior).offsets)
     noise = registered.noise if observations.precision is None else 1.0
     drift = drift_equations(registered, roots, sampled, noise).solved(prior)
-    for _ in range(0 if observations.precision is None else SOFT_ROUNDS):
+    for _ in range(SOFT_ROUNDS if _has_many_outliers(observations) else 0):
         soft = _softer(registered, roots, sampled, drift)
-        if soft is None:
-            break
         drift = drift_equations(registered, soft, sampled, noise).solved(prior)
     moved = zip(registered.bodies, drift.offsets, strict=True)
     return tuple(replace(body, points=body.points + offset) for body, offset in moved), drift.x
 
 
-def _softer(
-    registered: Registered, roots: list[FloatArray], sampled: SampledPath, drift: Drift
-) -> list[FloatArray] | None:
-    """The roots (n, 3, 3) of frames' weights for errors of a Cauchy distribution, by the median of the residuals.
-
-    None if few residuals are beyond those of a Gaussian one.
-    """
+def _softer(registered: Registered, roots: list[FloatArray], sampled: SampledPath, drift: Drift) -> list[FloatArray]:
+    """The roots (n, 3, 3) of frames' weights for errors of a Cauchy distribution, by the median of the residuals."""
     position, squares = sampled.position(drift.x), []
     for body, origin, root, offset in zip(registered.bodies, registered.origins, roots, drift.offsets, strict=True):
         left = root @ (origin - body.attitude @ offset - position[body.frames])[:, :, None]
         squares.append(np.sum(left[:, :, 0] ** 2, axis=1))
-    every = np.concatenate(squares)
-    typical = max(float(np.median(every)), np.finfo(float).tiny)
-    if np.mean(every > BEYOND / MEDIAN * typical) <= MANY:
-        return None
+    typical = max(float(np.median(np.concatenate(squares))), np.finfo(float).tiny)
     return [root / np.sqrt(1 + own / typical)[:, None, None] for root, own in zip(roots, squares, strict=True)]
+
+
+def _has_many_outliers(observations: Observations) -> bool:
+    """Whether registration with covariances has rejected many of the observations."""
+    seen = observations.weight[observations.weight > 0]
+    return observations.precision is not None and bool(np.mean(seen < REJECTED) > MANY)
