@@ -125,8 +125,7 @@ def residuals_of(position: FloatArray, bodies: Sequence[Body], origin: FloatArra
     """
     residual = np.full_like(position, np.nan)
     for body in bodies:
-        image = body.points @ np.swapaxes(body.attitude, 1, 2)
-        image += origin[body.frames][:, None]
+        image = body.places(origin)
         frames, features = as_slice(body.frames), as_slice(body.features)
         block = (frames, features) if isinstance(features, slice) else np.ix_(body.frames, body.features)
         np.subtract(position[block], image, out=image)

@@ -71,30 +71,35 @@ def varies_with_range(measured: Observations, estimated: FloatArray, noise: Nois
         return measured.precision is not None and noise == "stereo"
     every = max(1, len(measured.position) // SAMPLE)
     few, place = measured.frames(slice(None, None, every)), estimated[::every]
-    far, r = np.linalg.norm(place, axis=2), np.linalg.norm(few.position, axis=2)
+    assert few.precision is not None  # noqa: S101  as above
+    r, far = np.linalg.norm(few.position, axis=2), np.linalg.norm(place, axis=2)
     seen = (few.weight > 0) & (r > NEAREST) & (far > NEAREST)
     sight = np.where(seen[..., None], place, 1.0) / np.where(seen, far, np.sqrt(3.0))[..., None]
-    assert few.precision is not None  # noqa: S101  as above
     along = np.einsum("kmi,kmi->km", sight, np.linalg.solve(few.precision, sight[..., None])[..., 0])
-    far, r, along = (np.where(seen, one, 1.0) for one in (far, r, along))
+    r, far, along = (np.where(seen, one, 1.0) for one in (r, far, along))
     longer = np.log(r / far)
     seen &= longer != 0  # what is not estimated
     if not seen.any():
         return False
     square = longer**2 * far**2 / along
     seen &= square <= OUTLYING * np.median(square[seen])
-    values = np.concatenate([np.stack([np.log(along), longer, np.log(far)], axis=2), sight], axis=2)
-    for _ in range(MEANS):
-        for axis in (0, 1):  # of a feature, whose variance is its own, and of a frame, whose place may be wrong
-            count = np.maximum(seen.sum(axis=axis, keepdims=True), 1)[..., None]
-            values = np.where(
-                seen[..., None], values - (values * seen[..., None]).sum(axis, keepdims=True) / count, 0.0
-            )
-    logarithm, *others = values[seen].T
-    columns = np.array(others).T
-    scale = np.linalg.norm(columns, axis=0) + np.finfo(float).tiny
-    slope = np.linalg.lstsq(columns / scale, logarithm, rcond=None)[0][0] / scale[0]
+    logarithms = np.stack([np.log(along), longer, np.log(far)], axis=2)
+    values = _without_means(np.concatenate([logarithms, sight], axis=2), seen)
+    scale = np.linalg.norm(values[:, 1:], axis=0) + np.finfo(float).tiny
+    slope = np.linalg.lstsq(values[:, 1:] / scale, values[:, 0], rcond=None)[0][0] / scale[0]
     return bool(slope > STEREO / 2)
+
+
+def _without_means(values: FloatArray, seen: BoolArray) -> FloatArray:
+    """Those (n, m, d) that are seen (n, m), as rows (k, d), without means of features, whose variance is their own, and
+    of frames, whose place may be wrong.
+    """
+    values = np.where(seen[..., None], values, 0.0)
+    for _ in range(MEANS):
+        for axis in (0, 1):
+            mean = values.sum(axis, keepdims=True) / np.maximum(seen.sum(axis, keepdims=True), 1)[..., None]
+            values = np.where(seen[..., None], values - mean, 0.0)
+    return np.asarray(values[seen])
 
 
 @dataclass(frozen=True, eq=False)

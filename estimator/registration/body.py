@@ -38,6 +38,12 @@ class Body:
         """The body with some (m,) of its features."""
         return replace(self, features=self.features[some], points=self.points[some])
 
+    def places(self, origin: FloatArray) -> FloatArray:
+        """Where its features are in its frames, (n, m, 3) in C, m; origin (all frames, 3) in C: of its points."""
+        found = self.points @ np.swapaxes(self.attitude, 1, 2)
+        found += origin[self.frames][:, None]
+        return np.asarray(found)
+
     def moved(self, change: FloatArray) -> "Body":
         """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points."""
         moves = change.reshape(-1, 3)
@@ -50,6 +56,5 @@ def places_of(bodies: Sequence[Body], origin: FloatArray, otherwise: FloatArray)
     """
     places = otherwise.copy()
     for body in bodies:
-        image = body.points @ np.swapaxes(body.attitude, 1, 2) + origin[body.frames][:, None]
-        places[np.ix_(body.frames, body.features)] = image
+        places[np.ix_(body.frames, body.features)] = body.places(origin)
     return places

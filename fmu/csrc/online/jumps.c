@@ -81,7 +81,9 @@ static int update_members(Online *filter, const Level *level, double span, doubl
 /* What successive innovations of the most likely member have in common: nothing, where the path is as modelled. */
 static void note_trend(Online *filter, const Level *level) {
     double e[3], L[9], B[LEVEL][3];
-    if (!innovation(&filter->bank[likeliest(filter->bank)], level, e, L, B)) return;
+    Member member = filter->bank[likeliest(filter->bank)];
+    add_change(&member, level);
+    if (!innovation(&member, level, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
     if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;

@@ -234,14 +234,8 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Foreseen foreseen = {.variance = INFINITY};
     copy(R, foreseen.R);
     if (!registered(filter, &frame, &foreseen, &pose)) return 1;
-    double V[6][6];
-    for (int j = 0; j < 6; j++) {
-        double column[6] = {0};
-        column[j] = 1.0;
-        solved(6, pose.factor, column);
-        for (int k = 0; k < 6; k++) V[k][j] = column[k];
-    }
-    if (!(V[3][3] + V[4][4] + V[5][5] < LOOSE * LOOSE)) return 1;
+    of_pose(&pose, 3, noise);
+    if (!(noise[0][0] + noise[1][1] + noise[2][2] < LOOSE * LOOSE)) return 1;
     copy(filter->R, before);
     settle(filter);
     if (!update_frame(filter, &frame, &pose, lag, &sweep, noise)) return 0;
@@ -249,6 +243,13 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
     follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
     filter->turned = time;
+    double V[6][6];
+    for (int j = 0; j < 6; j++) {
+        double column[6] = {0};
+        column[j] = 1.0;
+        solved(6, pose.factor, column);
+        for (int k = 0; k < 6; k++) V[k][j] = column[k];
+    }
     extend_map(filter, &frame, lag, V);
     return 1;
 }
