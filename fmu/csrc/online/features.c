@@ -12,13 +12,9 @@ static int slot_of(const Online *filter, long long name) {
 /* The weight of a residual of a point that is a mean of `count`, at the attitude R: its noise, the map's, and `more`. */
 static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3], double count,
                   const double more[3][3]) {
-    double spread[3][3], T[3][3], both[3][3];
     frame->sightings[i] = count;
-    if (frame->slot[i] < 0 || !inverted(filter->feature[frame->slot[i]].information, spread)) return;
-    product(R, spread, T);
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]) + more[a][b];
-    if (!inverted(both, frame->W[i])) frame->slot[i] = -1;
+    copy(more, frame->more[i]);
+    if (frame->slot[i] >= 0 && !weighed(filter, frame, i, R)) frame->slot[i] = -1;
 }
 
 /* What a point says of its feature, seen from a pose whose place and rotation vector in C have the covariance V. */

@@ -15,7 +15,8 @@ typedef struct {
     int count;
     double y[MOST_FEATURES][3];
     double noise[MOST_FEATURES][3][3];
-    double W[MOST_FEATURES][3][3]; /* of a residual: noise and map */
+    double more[MOST_FEATURES][3][3]; /* covariance that a residual has besides noise and map */
+    double W[MOST_FEATURES][3][3]; /* of a residual: noise, map and `more` */
     long long name[MOST_FEATURES];
     int slot[MOST_FEATURES]; /* of the map, -1: not in it */
     int fits[MOST_FEATURES];

@@ -2,7 +2,23 @@
 
 #define GATE 21.1        /* chi-square of 3 degrees of freedom with p = 1e-4 */
 #define ROUGHLY 9.0      /* a pose from three points has up to three times the noise */
+#define ALIKE 0.1        /* rad, within which the map's covariances need not be turned */
 enum { ROUNDS = 6, TRIPLES = 60 };
+
+/* The weight of a residual at the attitude R, with which the map's covariance turns; 0 where it has none. */
+static int weighed(const Online *filter, Frame *frame, int i, const double R[3][3]) {
+    double spread[3][3], T[3][3], both[3][3];
+    if (!inverted(filter->feature[frame->slot[i]].information, spread)) return 0;
+    product(R, spread, T);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]) + frame->more[i][a][b];
+    return inverted(both, frame->W[i]);
+}
+
+static void weigh_all(const Online *filter, Frame *frame, const double R[3][3]) {
+    for (int i = 0; i < frame->count; i++)
+        if (frame->slot[i] >= 0) weighed(filter, frame, i, R);
+}
 
 static double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3]) {
     double We[3];
@@ -67,8 +83,11 @@ static int sorted_out(const Online *filter, Frame *frame, const Pose *pose, doub
 
 static int settled(const Online *filter, Frame *frame, Pose *pose) {
     for (int round = 0; round < ROUNDS; round++) {
+        double before[3][3], turn[3];
+        copy(pose->R, before);
+        weigh_all(filter, frame, before);
         if (!adjusted(filter, frame, pose)) return 0;
-        if (!sorted_out(filter, frame, pose, GATE)) return 1;
+        if (!sorted_out(filter, frame, pose, GATE) && angle_between(pose->R, before, turn) < ALIKE) return 1;
     }
     return adjusted(filter, frame, pose);
 }
@@ -86,7 +105,7 @@ static int triad(const double a[3], const double b[3], const double c[3], double
     return 1;
 }
 
-static int from_triple(const Online *filter, const Frame *frame, const int at[3], Pose *pose) {
+static int from_triple(const Online *filter, Frame *frame, const int at[3], Pose *pose) {
     double body[3][3], seen[3][3], arm[3];
     const double(*b)[3] = filter->b;
     if (!triad(b[frame->slot[at[0]]], b[frame->slot[at[1]]], b[frame->slot[at[2]]], body)) return 0;
@@ -99,7 +118,9 @@ static int from_triple(const Online *filter, const Frame *frame, const int at[3]
         times(pose->R, b[frame->slot[at[p]]], arm);
         for (int k = 0; k < 3; k++) pose->c[k] += (frame->y[at[p]][k] - arm[k]) / 3.0;
     }
-    return 1;
+    weigh_all(filter, frame, pose->R);
+    for (int i = 0; i < frame->count; i++) frame->fits[i] = i == at[0] || i == at[1] || i == at[2];
+    return adjusted(filter, frame, pose);
 }
 
 /* The pose that most points, and the foreseen attitude, agree on, by some of all triples. */
@@ -140,6 +161,10 @@ static int registered(const Online *filter, Frame *frame, const Foreseen *forese
         known += frame->fits[i];
     }
     if (known < 3) return 0;
-    if (adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE)) return 1;
+    if (adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE)) {
+        double turn[3];
+        if (angle_between(pose->R, foreseen->R, turn) < ALIKE) return 1;
+        if (settled(filter, frame, pose) && pose->count == known) return 1;
+    }
     return agreed(filter, frame, foreseen, pose) && 2 * pose->count > known;
 }
