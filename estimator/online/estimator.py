@@ -38,7 +38,8 @@ class OnlineStatus(StrEnum):
     """The residuals are larger than the told noise: it is wrong, or features are confused with each other. Or the path
     needs more process noise than the filter has, or, without an orbit, bends steadily."""
     LOST = "lost"
-    """The last frame did not fit the map of the features; after ten of those the filter starts again."""
+    """The last frame did not fit the map of the features; after ten of those, or three with hardly a feature that is in
+    it, the filter begins with another map, and goes on with the path if that was known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,7 +46,7 @@ _EQUATIONS = (
     "A sample is taken in the step that begins with a sample.number greater than before, as of sample.time. What the "
     "command changed since then, at up to 64 communication points, is in the outputs, which are of the step's end.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
-    "the filter starts again. It holds up to 32 features.",
+    "the filter begins with another map. It holds up to 32 features.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
     "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
     "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "

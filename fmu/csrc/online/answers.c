@@ -40,9 +40,8 @@ static int is_bent(const Online *filter) {
     return filter->frames_per_error <= 1.0 && filter->trend > TREND * sqrt(filter->terms);
 }
 
-static double status_of(const Online *filter, double P[6][6]) {
-    if (filter->frames == 0.0) return WAITING;
-    if (filter->lost > 0.0) return LOST;
+/* What a path of the covariance P is worth, whether the last frame fits or not. */
+static OnlineStatus worth_of(const Online *filter, double P[6][6]) {
     double square = mean_square(filter->b, (int)filter->used), L[36];
     for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
@@ -51,6 +50,11 @@ static double status_of(const Online *filter, double P[6][6]) {
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
     return only_seems(filter) ? STARTING : TRACKING;
+}
+
+static OnlineStatus status_of(const Online *filter, double P[6][6]) {
+    if (filter->frames == 0.0) return WAITING;
+    return filter->lost > 0.0 ? LOST : worth_of(filter, P);
 }
 
 /* P = F P F'. */

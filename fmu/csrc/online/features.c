@@ -1,7 +1,7 @@
 /* The map: features that are found by name or by place, come, are forgotten, and are measured afresh. */
 
 #define PLACED 16.3 /* chi-square of 3 degrees of freedom with p = 1e-3: within it a point is where a feature is */
-enum { TRUSTED = 3, STUBBORN = 5, HOPELESS = 10 };
+enum { TRUSTED = 3, PATIENT = 3, STUBBORN = 5, HOPELESS = 10 };
 
 static int slot_of(const Online *filter, long long name) {
     for (int f = 0; f < (int)filter->used; f++)

@@ -34,78 +34,6 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
     return ACCEPTED;
 }
 
-/* Whether the points are not all in a line. */
-static int spread_out(const Frame *frame) {
-    double axes[3][3];
-    for (int i = 2; i < frame->count; i++)
-        for (int j = 1; j < i; j++)
-            if (triad(frame->y[0], frame->y[j], frame->y[i], axes)) return 1;
-    return 0;
-}
-
-#define BETTER 4.0 /* times less is the variance of an attitude, of a frame that is a better first one */
-
-/* The variance of the attitude that a frame shows by itself, rad2 over all axes; INFINITY where it shows none. */
-static double own_attitude(const Frame *frame) {
-    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3], weight[MOST_FEATURES], total = 0.0;
-    for (int i = 0; i < frame->count; i++) {
-        weight[i] = 3.0 / (frame->noise[i][0][0] + frame->noise[i][1][1] + frame->noise[i][2][2]);
-        total += weight[i];
-        for (int k = 0; k < 3; k++) mean[k] += (frame->y[i][k] - mean[k]) * weight[i] / total;
-    }
-    for (int i = 0; i < frame->count; i++) {
-        double arm[3], K[3][3];
-        for (int k = 0; k < 3; k++) arm[k] = frame->y[i][k] - mean[k];
-        moved_by_turn(arm, K);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) J[a][b] += weight[i] * dot(K[a], K[b]);
-    }
-    return inverted(J, inverse) ? inverse[0][0] + inverse[1][1] + inverse[2][2] : INFINITY;
-}
-
-/* Whether nothing is lost if the filter begins with this frame: it shows the attitude much better than the first did, and of
-   the offset hardly anything is known yet. What comes into the map by a bad attitude has errors that are not small. */
-static int is_better_first(const Online *filter, const Frame *frame) {
-    const Member *best = &filter->bank[likeliest(filter->bank)];
-    double variance = (best->P[6][6] + best->P[7][7] + best->P[8][8]) / 3.0;
-    return variance > 0.5 * filter->widest && own_attitude(frame) * BETTER < filter->first_attitude;
-}
-
-/* The first frame defines the body's axes, and puts the centre of mass at the features' centroid. */
-static void begin(Online *filter, Frame *frame, double time) {
-    OnlineOptions options = filter->options;
-    Lasting lasting = filter->lasting;
-    double frames_per_error = fmax(filter->frames_per_error, 1.0);
-    online_start(filter, &options);
-    filter->lasting = lasting, filter->frames_per_error = frames_per_error;
-    filter->time = filter->turned = filter->registered = time;
-    if (frame->count < 3 || !spread_out(frame)) return;
-    double variance = options.offset * options.offset * mean_square(frame->y, frame->count);
-    filter->widest = variance;
-    filter->first_attitude = own_attitude(frame);
-    for (int k = 0; k < 3; k++) {
-        filter->R[k][k] = filter->attitude[k][k] = 1.0;
-        for (int i = 0; i < frame->count; i++) filter->x[k] += frame->y[i][k] / frame->count;
-        filter->P[PLACE + k][PLACE + k] = variance;
-        filter->P[SPEED + k][SPEED + k] = options.speed * options.speed;
-    }
-    double exact[6][6] = {{0}};
-    for (int i = 0; i < frame->count; i++) {
-        frame->passage[i] = (Passage){.M = {{1.0, 0, 0}, {0, 1.0, 0}, {0, 0, 1.0}}};
-        for (int k = 0; k < 3; k++) frame->passage[i].y[k] = frame->y[i][k] - filter->x[k];
-        add(filter, frame, i, 0.0, exact);
-    }
-    for (int f = 0; f < (int)filter->used; f++)
-        for (int k = 0; k < 3; k++) filter->share[f][k][k] = 1.0 / filter->used;
-    filter->density = DENSITY[0];
-    filter->frames = 1.0;
-    start_interval(filter);
-    start_bank(filter);
-    start_leg(filter);
-    filter->first = filter->bank[0];
-    filter->again = FIRST_AGAIN * variance;
-}
-
 /* The attitude at a time: of the tumble where it is known, else of a constant rate, which may change by its square. */
 static void foresee(const Online *filter, double time, OnlineTumble *found, Foreseen *foreseen) {
     double turn[3], T = time - filter->registered, square = dot(filter->rate, filter->rate);
@@ -150,6 +78,7 @@ int online_update(Online *filter, double time, int count, const long long *names
                   const double *covariances, const double *acceleration) {
     Frame frame;
     Pose pose;
+    Path path;
     OnlineTumble tumble;
     Foreseen foreseen;
     double R[3][3], turn[3];
@@ -160,15 +89,23 @@ int online_update(Online *filter, double time, int count, const long long *names
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
     if (refused) return refused;
     filter->looked = 0.0;
-    if (filter->frames == 0.0 || is_better_first(filter, &frame)) {
-        begin(filter, &frame, time);
+    if (filter->frames == 0.0) {
+        filter->time = time;
+        begin(filter, &frame, NULL);
         return ACCEPTED;
     }
     advance(filter, time, acceleration);
+    if (is_better_first(filter, &frame)) {
+        begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
+        return ACCEPTED;
+    }
     if (tumble.known != 0.0 && known_in(&frame) < 3)
         guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time, acceleration));
     if (!registered(filter, &frame, &foreseen, &pose) || is_surprising(filter, &foreseen, &pose)) {
-        if (frame.count >= 3 && ++filter->lost >= HOPELESS) begin(filter, &frame, time);
+        int strangers = known_in(&frame) < 3;
+        if (frame.count < 3 || ++filter->lost < (strangers ? PATIENT : HOPELESS) || !spread_out(&frame)) return ACCEPTED;
+        if (known_path(filter, &path)) begin(filter, &frame, &path);
+        else if (filter->lost >= HOPELESS) begin(filter, &frame, NULL);
         return ACCEPTED;
     }
     settle_names(filter, &frame);
@@ -188,6 +125,6 @@ int online_update(Online *filter, double time, int count, const long long *names
     gather(filter, &frame, &pose);
     note_sightings(filter, &frame);
     if (sound && far_enough(filter, R)) sound = close_node(filter, &tumble, R);
-    if (!sound) begin(filter, &frame, time);
+    if (!sound) begin(filter, &frame, NULL);
     return ACCEPTED;
 }

@@ -47,4 +47,5 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 #include "node.c"
 #include "now.c"
 #include "answers.c"
+#include "begin.c"
 #include "online.c"

@@ -1,9 +1,59 @@
-"""The online estimator where the attitude is not foreseen."""
+"""The online estimator where nothing that is seen is in its map: the path goes on."""
 
 import numpy as np
+from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
-from tops import POINTS, run, straight, tracks
+from baryscope.study.population.cases import drawn
+from baryscope.study.population.sensing import sampled
+from tops import POINTS, SIGMA, errors, run, straight, tracks
+
+ALPHA = 1e-4  # of the chi-square bands
+PATIENCE = 3  # frames of strangers, after which the filter maps them
+
+
+def two_sides(rng, time, path, turn):
+    """Tracks (n, 2 m, 3) of a target that shows one half of its features up to frame `turn`, then the other."""
+    seen = tracks(rng, time, path, np.concatenate([POINTS, -0.7 * POINTS]))
+    seen[:turn, len(POINTS) :] = np.nan
+    seen[turn:, : len(POINTS)] = np.nan
+    return seen
+
+
+def test_another_side_of_the_target_leaves_the_path_as_well_known_as_it_was():
+    """A filter that started anew would claim ten metres, and be as far off as the centroid."""
+    time = np.arange(150.0)
+    path, turn = straight(time), 75
+    nees = []
+    for draw in range(8):
+        seen = two_sides(np.random.default_rng([41, draw]), time, path, turn)
+        filter = OnlineEstimator(SIGMA)
+        states = run(filter, time, seen)
+        claimed = [np.sqrt(np.trace(state.covariance[:3, :3])) for state in states]
+        status = [state.status for state in states]
+        assert status[turn - 1] is OnlineStatus.TRACKING
+        assert status[turn : turn + PATIENCE] == [OnlineStatus.LOST] * (PATIENCE - 1) + [OnlineStatus.TRACKING]
+        assert set(status[turn + PATIENCE :]) == {OnlineStatus.TRACKING}
+        assert max(claimed[turn:]) < 1.3 * claimed[turn - 1]
+        assert claimed[-1] < 0.5 * claimed[turn - 1]
+        nees.append(errors(states, path)[1][[turn + 10, -1]])
+    assert (np.sum(nees, axis=0) < chi2.ppf(1 - ALPHA, 24)).all()
+
+
+def test_a_path_that_was_wrong_when_it_went_on_is_given_up():
+    """Off by eight times what it claims when another side comes into view: the new map tells, and the path goes there.
+
+    `python -m baryscope.study.population case --seed 7 --index 15 --orbit`
+    """
+    case = drawn(7, 15)
+    states = run(OnlineEstimator(case.sensor.noise, case.orbit), case.time, sampled(case).tracks.position)
+    distance, nees = errors(states[700:], case.path[700:])
+    lost = [state.status is OnlineStatus.LOST for state in states[700:]].index(True)
+    assert distance[lost] > 0.1
+    assert nees[lost] > 50
+    assert states[-1].status is OnlineStatus.TRACKING
+    assert distance[-1] < 0.02
+    assert nees[-1] < chi2.ppf(1 - ALPHA, 3)
 
 
 def test_frames_of_a_rig_with_outliers_fit_whatever_the_attitude_is():
