@@ -75,3 +75,19 @@ def test_frames_of_a_rig_with_outliers_fit_whatever_the_attitude_is():
         states = run(OnlineEstimator(1.0), time, seen, covariance=covariance)
         lost += sum(state.status is OnlineStatus.LOST for state in states)
     assert lost < 0.05 * 8 * len(time)
+
+
+def test_a_first_attitude_that_is_too_rough_vouches_for_nothing():
+    """A rig at 37 m, with a depth of 0.2 m (1σ) on a target of 0.6 m: the first attitude is off by 0.1 rad, and with it
+    turn errors of the map as large; claims were several times too small.
+
+    `python -m baryscope.study.population case --seed 7 --index 182 --orbit`
+    """
+    case = drawn(7, 182)
+    for draw in range(2):
+        seen = sampled(case, draw).tracks
+        filter, status = OnlineEstimator(1.0, case.orbit), set()
+        for k in range(0, 900, 2):
+            covariance = np.where(seen.seen[k][:, None, None], seen.covariance[k], np.eye(3))
+            status.add(filter.update(float(seen.time[k]), seen.position[k], covariance=covariance).status)
+        assert status <= {OnlineStatus.STARTING, OnlineStatus.LOST, OnlineStatus.DOUBTFUL}
