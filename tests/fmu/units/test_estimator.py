@@ -189,18 +189,19 @@ def test_samples_that_are_no_news_change_nothing(started):
         np.testing.assert_array_equal(first[name], second[name])
 
 
-def test_after_a_new_start_nothing_is_valid(started):
-    """Where points are no longer those of the body it is lost; after ten samples it waits, if they are in a line."""
+def test_while_it_is_lost_nothing_is_valid_and_another_map_goes_on_with_the_path(started):
+    """Where points are no longer those of the body it is lost, for ten samples, or as long as they are in a line."""
     rng, body = np.random.default_rng(8), np.random.default_rng(2).uniform(-2, 2, (COUNT, 3))
     unit, said = started("estimator", onOrbit=False), []
-    for k in range(115):
+    for k in range(130):
         R = Rotation.from_euler("ZXZ", [0.1 * k, 0.7, 0.06 * k]).as_matrix()
-        shape = body if k < 100 else np.outer(np.arange(COUNT), [1.0, 2.0, 3.0])
+        shape = body if k < 100 else np.outer(np.arange(COUNT), [1.0, 2.0, 3.0]) if k < 115 else -body[::-1]
         unit["points"] = [0.0, 0.0, 20.0] + shape @ R.T + 0.01 * rng.normal(size=(COUNT, 3))
         unit["seen"], unit["sample.time"], unit["sample.number"] = np.ones(COUNT), float(k), k + 1
         unit.step()
         said.append((STATUSES[int(unit["status"][0])], bool(unit["navigation.valid"][0])))
     assert said[99] == ("tracking", True)
-    assert said[105] == ("lost", False)
-    assert said[-1] == ("waiting", False)
+    assert said[105] == said[114] == ("lost", False)
+    assert said[115] == said[-1] == ("tracking", True)
+    assert np.linalg.norm(unit["target.position"] - [0.0, 0.0, 20.0]) < 0.01  # that of a point, of which there are many
     assert all(valid == (status == "tracking") for status, valid in said)
