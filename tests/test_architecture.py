@@ -132,10 +132,11 @@ def test_estimators_know_nothing_of_units_and_commands():
             assert "scripts" not in reached, name
 
 
-def test_the_populations_share_no_truth():
-    """What one draws wrongly, the other may show: of the first the second knows only what judging asks of a case."""
-    first, second = "baryscope.study.population", "baryscope.study.population.second"
-    own = {name for name in IMPORTS if name.startswith(second)}
+@pytest.mark.parametrize("population", ["second", "third"])
+def test_the_populations_share_no_truth(population):
+    """What one draws wrongly, another may show: of the others each knows only what judging asks of a case."""
+    first = "baryscope.study.population"
+    own = {name for name in IMPORTS if name.startswith(f"{first}.{population}")}
     shared = {other for name in own for other in IMPORTS[name] if other.startswith("baryscope")} - own
     assert shared == {f"{first}.interface", "baryscope.estimator", "baryscope.models.orbit"}
     assert own & {other for name in ("cases", "motion", "sensing") for other in IMPORTS[f"{first}.{name}"]} == set()

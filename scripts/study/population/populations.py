@@ -6,6 +6,7 @@ from functools import partial
 from baryscope.study.population import cases, sensing
 from baryscope.study.population.interface import Drawn, Sample
 from baryscope.study.population.second import cases as second_cases
+from baryscope.study.population.third import cases as third_cases
 
 Sampler = Callable[[int], Sample]  # draw 0: the tracks of the case; others: with other noise and blunders
 
@@ -22,4 +23,13 @@ def _second(seed: int, index: int) -> tuple[Drawn, Sampler]:
     return case, partial(second_cases.sampled, case)
 
 
-POPULATIONS: dict[str, Callable[[int, int], tuple[Drawn, Sampler]]] = {FIRST: _first, "second": _second}
+def _third(seed: int, index: int) -> tuple[Drawn, Sampler]:
+    case = third_cases.drawn(seed, index)
+    return case, partial(third_cases.sampled, case)
+
+
+POPULATIONS: dict[str, Callable[[int, int], tuple[Drawn, Sampler]]] = {
+    FIRST: _first,
+    "second": _second,
+    "third": _third,
+}
