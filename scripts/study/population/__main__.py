@@ -85,7 +85,7 @@ def _redrawn(options: argparse.Namespace) -> Iterator[Line]:
 
 
 def _report(options: argparse.Namespace) -> None:
-    lines = command.reported(options)
+    lines = [line for line in command.reported(options) if "skipped" not in line]
     print(table(lines).markdown(), by_status(lines).markdown(), refusals(lines).markdown(), sep="\n\n")
     if options.failing:
         print("", *failing(lines), sep="\n")

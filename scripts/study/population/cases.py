@@ -42,6 +42,11 @@ class Case:
     sensor: "Sensor"
 
     @property
+    def orbital(self) -> bool:
+        """Whether the target flies: always."""
+        return True
+
+    @property
     def noise(self) -> float:
         """Its standard deviation, as the sensor has it."""
         return self.sensor.noise

@@ -38,6 +38,11 @@ class Drawn(Protocol):
         ...
 
     @property
+    def orbital(self) -> bool:
+        """Whether the target flies; if not, an orbit says nothing of it."""
+        ...
+
+    @property
     def orbit(self) -> Orbit:
         """That of the target, as an estimator may be told it."""
         ...

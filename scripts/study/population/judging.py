@@ -68,12 +68,15 @@ def bounds_of(case: Drawn, sample: Sample) -> dict[str, float]:
 def judged(seed: int, index: int, method: str, orbit: bool, population: str = FIRST) -> Line:
     """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time.
 
-    It names the population unless that is the first.
+    It names the population unless that is the first. Of a target that does not fly none is made with an orbit: the line
+    says `skipped`.
     """
     case, sample, facts = prepared(seed, index, population)
     line: Line = {"seed": seed, "index": index, "method": method, "orbit": orbit}
     if population != FIRST:
         line["population"] = population
+    if orbit and not case.orbital:
+        return line | {"skipped": "no orbit"}
     with measured(line):
         found = tried(case, sample, method, orbit)
     if isinstance(found, Estimate):

@@ -54,6 +54,11 @@ class Case:
     sample: Sample
 
     @property
+    def orbital(self) -> bool:
+        """Whether the target flies: always."""
+        return True
+
+    @property
     def orbit(self) -> Orbit:
         """The orbit at time 0, as an estimator may be told it."""
         o = self.start.orbit

@@ -37,5 +37,35 @@ def test_a_case_of_the_second_is_drawn_with_other_noise(capsys):
     assert capsys.readouterr().out.startswith("2 draws, 2 of them answered without a remark; of these wrong: 0")
 
 
+def test_a_target_in_a_laboratory_is_estimated_without_an_orbit_only(tmp_path, capsys):
+    index = next(index for index in range(100) if not POPULATIONS["third"](2, index)[0].orbital)
+    output = tmp_path / "results.jsonl"
+    main(
+        [
+            "run",
+            "--population",
+            "third",
+            "--seed",
+            "2",
+            "--first",
+            f"{index}",
+            "--cases",
+            "1",
+            "--methods",
+            "score",
+            "-o",
+            f"{output}",
+        ]
+    )
+    first, second = (json.loads(line) for line in output.read_text(encoding="utf-8").splitlines())
+    assert (first["orbit"], first["skipped"]) == (True, "no orbit")
+    assert not second["orbit"]
+    assert "rmse" in second
+    assert main(["report", str(output)]) == 0
+    said = capsys.readouterr().out
+    assert "| score | no |" in said
+    assert "| score | yes |" not in said
+
+
 def test_the_populations_draw_different_cases():
     assert len({len(prepared(2, 3, name)[0].time) for name in POPULATIONS}) == len(POPULATIONS)
