@@ -8,7 +8,7 @@ equals the noise of a single observation.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from math import log
+from math import log, log10
 
 import numpy as np
 
@@ -20,6 +20,7 @@ COARSE = tuple(10.0**power for power in range(-4, 9, 2))  # levels that are trie
 FINE = 10.0  # factor between neighbouring levels
 GENEROUS = 1e4  # level of a noise that leaves the other one free to be judged
 MAX_REFINEMENTS = 12
+CLOSE = 0.4  # decades, within which a density need not be evaluated beside another
 NEGLIGIBLE = 0.02  # probability below which a member does not enter the result
 
 
@@ -103,7 +104,12 @@ class Bank:
         return Member(path * member.path, turn * member.turn)
 
     def posterior(self, best: Member) -> tuple[list[Member], FloatArray]:
-        """The members with their probabilities (k,), as if path and rotation were independent around the best one."""
+        """The members with their probabilities (k,), as if path and rotation were independent around the best one.
+
+        What is likely along either density is evaluated first, wherever it lies.
+        """
+        self._survey(self.path, lambda density: replace(best, path=density))
+        self._survey(self.turn, lambda density: replace(best, turn=density))
         paths, path_weight = self._weights(
             {member.path: score for member, score in self.scores.items() if member.turn == best.turn}, self.path
         )
@@ -114,6 +120,26 @@ class Bank:
         members = [Member(path, turn) for path, turn in product(paths, turns)]
         kept = weight >= min(NEGLIGIBLE, float(weight.max()))
         return [member for member, keep in zip(members, kept, strict=True) if keep], weight[kept] / weight[kept].sum()
+
+    def _survey(self, axis: Axis, at: Callable[[float], Member]) -> None:
+        """Evaluate the members at the coarse levels of a density, and the neighbours of those that are probable."""
+        densities = axis.coarse
+        while axis.free and densities:
+            self._best([at(density) for density in densities])
+            known = [density for density in self._densities(axis, at) if density > 0]
+            least = max(self.log_posterior(at(density)) for density in (0.0, *known)) + log(NEGLIGIBLE)
+            likely = [density for density in known if self.log_posterior(at(density)) > least]
+            densities = [
+                near
+                for density in likely
+                for near in (density / FINE, density * FINE)
+                if known[0] < near < known[-1] and min(abs(log10(near / other)) for other in known) > CLOSE
+            ]
+
+    def _densities(self, axis: Axis, at: Callable[[float], Member]) -> list[float]:
+        """Those along an axis of which the score is known."""
+        every = {member.path if axis is self.path else member.turn for member in self.scores}
+        return sorted(density for density in every if at(density) in self.scores)
 
     def _weights(self, scores: dict[float, float], axis: Axis) -> tuple[list[float], FloatArray]:
         """Densities, ascending, and their probabilities."""

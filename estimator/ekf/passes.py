@@ -31,6 +31,7 @@ WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last cha
 MAX_SOUGHT = 3  # how often a path's hyperparameters are sought anew
 THETA_TOLERANCE = 0.1  # of these logarithms
 VARIANCE_TOLERANCE = 0.05  # change of the logarithm of an observation's variance
+ANOTHER_VARIANCE = np.log(2.0)  # change of it, from which on the process noise is sought anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +218,9 @@ def _pass(
             return log_likelihoods(system, problem.noise(members, variance), prior, values, sigma)
 
         bank = Bank(*axes, scores)
-        member = bank.best(last.bank.scaled(last.member, variance / last.noise_variance) if last.bank else None)
+        ratio = variance / last.noise_variance
+        near = last.bank is not None and abs(np.log(ratio)) < ANOTHER_VARIANCE
+        member = bank.best(bank.scaled(last.member, ratio) if near else None)
     try:
         solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
     except ComputationError:

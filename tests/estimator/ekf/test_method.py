@@ -63,6 +63,10 @@ def rms(found, case):
     return float(np.sqrt(np.mean(np.sum((found.position - case.com) ** 2, axis=1))))
 
 
+def distance(found, other):
+    return float(np.sqrt(np.mean(np.sum((found.position - other.position) ** 2, axis=1))))
+
+
 def normalised(found, case):
     """Mean squared error over time in units of the covariance; 3 is expected."""
     error = found.position - case.com
@@ -71,15 +75,20 @@ def normalised(found, case):
 
 @pytest.mark.parametrize("rates", [FAST, SLOW], ids=["fast", "slow"])
 def test_agrees_with_the_estimate_of_ml(tracked, rates):
-    """Measured over 20 seeds at 1 Hz and 8 features: the same rms error as `ml` to 1 %."""
+    """Measured over 20 seeds at 1 Hz and 8 features: the same rms error as `ml` to 1 %.
+
+    If there may be process noise, the mean over densities is elsewhere by a part of the deviation, and less certain.
+    """
     squares = []
     for seed in range(2):
         case = tracked(rates, seed=seed)
-        found = run(case)
-        best = estimate_by_likelihood(case.tracks, CIRCULAR.model(), FREE)
+        best, free = estimate_by_likelihood(case.tracks, CIRCULAR.model(), FREE), run(case, **vars(FREE))
         deviation = best.predicted_rmse
-        assert np.sqrt(np.mean(np.sum((found.position - best.position) ** 2, axis=1))) < 0.25 * deviation
-        assert found.predicted_rmse == pytest.approx(deviation, rel=0.05)
+        assert distance(free, best) < 0.1 * deviation
+        assert free.predicted_rmse == pytest.approx(deviation, rel=0.02)
+        found = run(case)
+        assert distance(found, best) < deviation
+        assert deviation < found.predicted_rmse < 1.4 * deviation
         assert found.converged
         chosen = found.details
         assert (chosen.process_noise, chosen.torque_noise, chosen.gravity_gradient) == (0, 0, False)

@@ -1,0 +1,45 @@
+"""The bank of hypotheses against likelihoods in closed form."""
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.ekf.bank import DECADES, Axis, Bank, Member
+
+NONE = Axis(1.0, "none")
+
+
+def bell(height, middle, width):
+    """Log-likelihoods of members that go with the logarithm of the path's density as a bell above that of none."""
+
+    def evaluate(members):
+        off = np.array([np.log10(member.path / middle) / width if member.path else np.inf for member in members])
+        return np.log1p(np.expm1(height) * np.exp(-0.5 * off**2))
+
+    return evaluate
+
+
+@pytest.mark.parametrize("middle", [1e-3, 3e-2, 4.0, 2e3])
+def test_the_posterior_finds_densities_to_which_no_step_leads(middle):
+    """None is the best of its neighbours; a bell of e^2.5 and half a decade is as probable, as by an integral."""
+    width, height = 0.5, 2.5
+    bank = Bank(Axis(1.0, "auto"), NONE, bell(height, middle, width))
+    best = bank.best(Member(0.0, 0.0))
+    assert best == Member(0.0, 0.0)
+    members, probability = bank.posterior(best)
+    x = np.linspace(-4, 8, 12001)
+    ratio = 1 + np.expm1(height) * np.exp(-0.5 * ((x - np.log10(middle)) / width) ** 2)
+    near = float(np.trapezoid(ratio, x)) / DECADES
+    found = sum(p for member, p in zip(members, probability, strict=True) if member.path > 0)
+    assert found == pytest.approx(near / (1 + near), abs=0.05)
+    # Levels of a decade, and of two where the likelihood is that of none.
+    logarithm = [np.log10(member.path) for member in members if member.path > 0]
+    assert min(abs(np.array(logarithm) - np.log10(middle))) <= 0.5
+
+
+def test_a_density_that_is_given_is_the_only_one():
+    bank = Bank(Axis(1.0, 1e-3), NONE, bell(1.0, 1e-3, 1.0))
+    best = bank.best(None)
+    assert best == Member(1e-3, 0.0)
+    members, probability = bank.posterior(best)
+    assert members == [best]
+    assert probability.tolist() == [1.0]
