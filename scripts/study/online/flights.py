@@ -1,4 +1,4 @@
-"""What the online estimator sees in a draw: a world of the world suite, or a case of the population."""
+"""What the online estimator sees in a draw: a world of the world suite, or a case of a population."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -8,17 +8,23 @@ from numpy.typing import NDArray
 
 from baryscope.estimator import FeatureTracks
 from baryscope.estimator.online import OnlineEstimator, OnlineState
+from baryscope.estimator.online.core import MOST_FEATURES
 from baryscope.models.orbit import Orbit
-from baryscope.study.population.cases import drawn
 from baryscope.study.population.information import Watched, unknowns_bound
-from baryscope.study.population.sensing import sampled
+from baryscope.study.population.populations import FIRST, POPULATIONS
 from baryscope.study.world.scenes import RATE, memory, scene
 from baryscope.study.world.worlds import WORLDS
 
 FloatArray = NDArray[np.float64]
 
-POPULATION = "population"
-SUITES = (*WORLDS, POPULATION)
+POPULATION = "population"  # the first one
+UNTOLD = ", no orbit"
+OF_POPULATIONS = {
+    (POPULATION if name == FIRST else f"{POPULATION} {name}") + more: (name, not more)
+    for name in POPULATIONS
+    for more in ("", UNTOLD)
+}  # by suite: whose cases, and whether the orbit is told
+SUITES = (*WORLDS, *OF_POPULATIONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +48,13 @@ class Flight:
     rotations: FloatArray
 
     def states(self) -> Iterator[OnlineState]:
-        """The state after each frame, by a new filter."""
+        """The state after each frame, by a new filter, which sees the first of the features if it can't hold all."""
         tracks = self.tracks
+        seen = tracks.seen & (np.cumsum(tracks.seen, axis=1) <= MOST_FEATURES)
         filter = OnlineEstimator(self.sigma, self.orbit, attitude_noise=self.attitude_noise)
         for k, time in enumerate(tracks.time):
             covariance = None if tracks.covariance is None else tracks.covariance[k]
-            yield filter.update(float(time), tracks.position[k], covariance=covariance)
+            yield filter.update(float(time), tracks.position[k], seen[k], covariance=covariance)
 
     def causal_bound(self, k: int, tumble: bool) -> float:
         """The bound of the error of the path at frame k from the frames up to it, m; tumble: a free one, else any."""
@@ -61,7 +68,7 @@ class Flight:
 
 def flight(suite: str, seed: int, draw: int) -> Flight:
     """A draw of a suite, from the three alone."""
-    return _of_population(seed, draw) if suite == POPULATION else _of_world(suite, seed, draw)
+    return _of_population(suite, seed, draw) if suite in OF_POPULATIONS else _of_world(suite, seed, draw)
 
 
 def _of_world(name: str, seed: int, draw: int) -> Flight:
@@ -92,19 +99,19 @@ def _of_world(name: str, seed: int, draw: int) -> Flight:
     )
 
 
-def _of_population(seed: int, index: int) -> Flight:
-    case = drawn(seed, index)
-    sample = sampled(case)
+def _of_population(suite: str, seed: int, index: int) -> Flight:
+    name, told = OF_POPULATIONS[suite]
+    case, sampler = POPULATIONS[name](seed, index)
+    sample = sampler(0)
     steps = np.diff(case.time) * np.linalg.norm(case.rate[:-1], axis=1)
-    stereo = case.sensor.baseline > 0
     tracks = sample.tracks
     if tracks.covariance is not None:
         seen = tracks.seen[..., None, None]
         tracks = replace(tracks, covariance=np.where(seen, tracks.covariance, np.eye(3)))
     return Flight(
         tracks,
-        1.0 if stereo else case.sensor.noise,
-        case.orbit,
+        case.noise if case.told is None else case.told,
+        case.orbit if told and case.orbital else None,
         0.0,
         case.path,
         case.path_jacobian,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from baryscope.study.online.flights import POPULATION
+from baryscope.study.online.flights import OF_POPULATIONS
 from baryscope.study.online.judging import END, MARKS
 from baryscope.study.population.running import Line
 from baryscope.study.world.report import band
@@ -14,7 +14,7 @@ TRACKING = "tracking"
 
 
 def table(lines: Sequence[Line]) -> Table:
-    """A row for each suite and mark, over the draws that track there: root mean squares, for the population medians.
+    """A row for each suite and mark, over the draws that track there: root mean squares, for populations medians.
 
     With a column for each method beside: the error over that method's, of the draws that it does not refuse.
     """
@@ -38,7 +38,7 @@ def _row(suite: str, mark: str, group: list[Line], methods: Sequence[str]) -> tu
     head = (suite, mark, str(len(group)), str(len(right)))
     if not right:
         return (*head, *["-"] * (7 + len(methods)))
-    mean = np.median if suite == POPULATION else _rms
+    mean = np.median if suite in OF_POPULATIONS else _rms
     values = [[at[key] for at in right] for key in ("error", "claimed")]
     values += [[at["bounds"][key] for at in right] for key in ("free", "tumble")]
     ratio = _ratio(suite, values[0], values[2])
@@ -48,7 +48,7 @@ def _row(suite: str, mark: str, group: list[Line], methods: Sequence[str]) -> tu
         *head,
         *(f"{1e3 * float(mean(column)):.3g}" for column in values),
         f"{ratio:.2f}",
-        f"{float(np.median(every) if suite == POPULATION else every.mean()):.3g}",
+        f"{float(np.median(every) if suite in OF_POPULATIONS else every.mean()):.3g}",
         f"{low:.2f}–{high:.2f}",
         *(_over(suite, right, method) for method in methods),
     )
@@ -60,7 +60,7 @@ def _over(suite: str, right: list[Line], method: str) -> str:
 
 
 def _ratio(suite: str, errors: list[float], others: list[float]) -> float:
-    if suite == POPULATION:
+    if suite in OF_POPULATIONS:
         return float(np.median(np.array(errors) / np.array(others)))
     return _rms(errors) / _rms(others)
 

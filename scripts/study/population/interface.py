@@ -63,6 +63,11 @@ class Drawn(Protocol):
         ...
 
     @property
+    def rate(self) -> FloatArray:
+        """(n, 3) the angular rate in B, rad/s."""
+        ...
+
+    @property
     def turn(self) -> FloatArray:
         """(n, 3, 8): rotation vectors in B by rate and inertia."""
         ...

@@ -46,6 +46,18 @@ def test_a_case_of_the_population_has_its_rotations_and_bounds():
     assert line["marks"][END]["bounds"]["tumble"] > 0
 
 
+@pytest.mark.parametrize(
+    "suite, draw, told",
+    [("population second, no orbit", 7, False), ("population third", 7, True), ("population third", 1, False)],
+)
+def test_a_case_of_another_population_is_flown_as_its_suite_says(suite, draw, told):
+    """Draw 1 of the third is in a laboratory."""
+    assert (flight(suite, 2, draw).orbit is not None) == told
+    line = judged(suite, 2, draw)
+    assert 0 < line["marks"][END]["bounds"]["free"] < line["marks"]["0.25"]["bounds"]["free"]
+    assert table([line]).rows[0][0] == suite
+
+
 def test_tables_have_a_row_for_each_mark(line, tmp_path, capsys):
     again = line | {"draw": 1}
     assert len(table([line, again]).rows) == 6
