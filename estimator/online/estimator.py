@@ -32,8 +32,7 @@ class OnlineStatus(StrEnum):
     STARTING = "starting"
     """The position of the centre of mass is less certain than the features are far from each other, or what
     only the noise of the attitudes seemed to show is more than a quarter of what is known of it along some axis, or
-    fewer than six nodes were taken: they have few more values than unknowns; or the first frame showed the attitude no
-    better than to 0.08 rad, and with it turn errors of the map as large."""
+    fewer than six nodes were taken: they have few more values than unknowns."""
     TRACKING = "tracking"
     DOUBTFUL = "doubtful"
     """The residuals are larger than the told noise: it is wrong, or features are confused with each other. Or the path

@@ -3,7 +3,6 @@
 #define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
 #define FEWEST 6.0 /* nodes, of three values each, for the nine unknowns of path and offset */
 #define TREND 3.0 /* standard deviations */
-#define ROUGH 0.08 /* rad, of all axes: deviation of the first attitude, with which too much in the map is not linear */
 #define SEEMING 0.25 /* what was taken back, over what is known of the offset, along some direction */
 
 static int are_finite(const double *values, int count) {
@@ -48,7 +47,6 @@ static OnlineStatus worth_of(const Online *filter, double P[6][6]) {
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
     if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
     if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
-    if (filter->first_attitude > ROUGH * ROUGH) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
     return only_seems(filter) ? STARTING : TRACKING;

@@ -139,13 +139,15 @@ static void renew(Online *filter, int begin, double covariance[3][3]) {
 static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
     int n = size_of(filter), at = BODY + 3 * frame->slot[i];
-    double arm[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], L[9], e[3], since = lag - passage->later;
+    double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], L[9], e[3], since = lag - passage->later;
     times(filter->R, filter->b[frame->slot[i]], arm);
+    for (int k = 0; k < 3; k++) bent[k] = arm[k] + frame->bent[i][k];
+    times(passage->M, bent, there);
+    moved_by_turn(there, S);
     times(passage->M, arm, there);
     product(passage->M, filter->R, A);
-    moved_by_turn(arm, T);
+    moved_by_turn(bent, T);
     product(passage->M, T, K);
-    moved_by_turn(there, S);
     for (int c = 0; c < 3; c++) {
         const double *p = filter->P[SHIFT + c], *q = filter->P[PLACE + c], *v = filter->P[SPEED + c];
         const double *t0 = filter->P[TURN], *t1 = filter->P[TURN + 1], *t2 = filter->P[TURN + 2];

@@ -17,6 +17,7 @@ typedef struct {
     double noise[MOST_FEATURES][3][3];
     double more[MOST_FEATURES][3][3]; /* covariance that a residual has besides noise and map */
     double W[MOST_FEATURES][3][3]; /* of a residual: noise, map and `more` */
+    double bent[MOST_FEATURES][3]; /* where the point shows its feature to be, from where the map has it, in C */
     long long name[MOST_FEATURES];
     int slot[MOST_FEATURES]; /* of the map, -1: not in it */
     int fits[MOST_FEATURES];

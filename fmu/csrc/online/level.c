@@ -50,18 +50,29 @@ static void common_noise(const Online *filter, const Frame *frame, const Pose *p
     of_camera(filter, pose, found);
 }
 
-/* Of a feature's place, what the error of the rate does to it: of second order. */
-static void add_swept(const Online *filter, Frame *frame, const Pose *pose, const Sweep *sweep) {
+/* What an error of a rotation does to one of a place, added with a factor; covariances of both, of the place in B. */
+static void add_cross(const double turn[3][3], const double R[3][3], double place[3][3], double factor, double found[3][3]) {
+    double more[3][3];
+    turned(R, place);
+    of_cross(turn, place, more);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) found[j][k] += factor * more[j][k];
+}
+
+/* Of a feature's place, what the errors of attitude and rate do to it besides: of second order. With the attitude's it is the
+   feature's own error, as that of the whole map is in `common_noise`. */
+static void add_second_order(const Online *filter, Frame *frame, const Pose *pose, const Sweep *sweep) {
+    double turn[3][3], place[3][3];
+    of_pose(pose, 3, turn);
     for (int i = 0; i < frame->count; i++) {
-        double own[3][3], more[3][3], swept = frame->passage[i].swept;
-        if (!frame->fits[i] || swept == 0.0) continue;
+        double swept = frame->passage[i].swept;
+        if (!frame->fits[i]) continue;
+        if (inverted(filter->feature[frame->slot[i]].information, place)) add_cross(turn, pose->R, place, 1.0, frame->noise[i]);
+        if (swept == 0.0) continue;
         int at = BODY + 3 * frame->slot[i];
         for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) own[j][k] = filter->P[at + j][at + k];
-        turned(pose->R, own);
-        of_cross(sweep->covariance, own, more);
-        for (int j = 0; j < 3; j++)
-            for (int k = 0; k < 3; k++) frame->noise[i][j][k] += swept * swept * more[j][k];
+            for (int k = 0; k < 3; k++) place[j][k] = filter->P[at + j][at + k];
+        add_cross(sweep->covariance, pose->R, place, swept * swept, frame->noise[i]);
     }
 }
 
@@ -145,6 +156,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
         double arm[3], K[3][3], G[3], D[2][3][3], M[3][3];
         int f = frame->slot[i];
         times(pose->R, filter->b[f], arm);
+        for (int k = 0; k < 3; k++) arm[k] += frame->bent[i][k];
         moved_by_turn(arm, K);
         for (int j = 0; j < 6; j++) {
             for (int a = 0; a < 3; a++) G[a] = V[j][a] + dot(K[a], &V[j][3]);

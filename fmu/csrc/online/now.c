@@ -14,7 +14,7 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);
     if (!registered(filter, &frame, &foreseen, &pose)) return 0;
-    add_swept(filter, &frame, &pose, &sweep);
+    add_second_order(filter, &frame, &pose, &sweep);
     level_of(filter, &frame, &pose, lag, &sweep, share, &level);
     common_noise(filter, &frame, &pose, &level, common);
     for (int a = 0; a < 3; a++)

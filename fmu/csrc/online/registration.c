@@ -28,16 +28,24 @@ static double residual(const Online *filter, const Frame *frame, const Pose *pos
     return dot(e, We);
 }
 
+/* Where a point with a residual e, weighted We, shows its feature to be, from where the map has it: there it turns. */
+static void bend(Frame *frame, int i, const double e[3], const double We[3]) {
+    for (int k = 0; k < 3; k++) frame->bent[i][k] = e[k] - dot(frame->noise[i][k], We) - dot(frame->more[i][k], We);
+}
+
 /* Gauss and Newton's steps with the points that fit; 0 if these leave a direction free. */
-static int adjusted(const Online *filter, const Frame *frame, Pose *pose) {
+static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
     for (int round = 0; round < ROUNDS; round++) {
         double N[36] = {0}, step[6] = {0}, largest = 0.0, width = 0.0;
         pose->count = 0;
         for (int i = 0; i < frame->count; i++) {
             if (!frame->fits[i]) continue;
             double arm[3], e[3], We[3], K[3][3], WK[3][3];
+            weighed(filter, frame, i, pose->R);
             residual(filter, frame, pose, i, arm, e);
             times(frame->W[i], e, We);
+            bend(frame, i, e, We);
+            for (int k = 0; k < 3; k++) arm[k] += frame->bent[i][k];
             moved_by_turn(arm, K);
             product(frame->W[i], K, WK);
             for (int a = 0; a < 3; a++) {

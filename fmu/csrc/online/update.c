@@ -35,7 +35,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     double moved[3], share[MOST_FEATURES][3][3], rate[3][3];
     int first = SHIFT, late;
     Level level, bare;
-    add_swept(filter, frame, pose, sweep);
+    add_second_order(filter, frame, pose, sweep);
     level_of(filter, frame, pose, lag, sweep, share, &level);
     common_noise(filter, frame, pose, &level, common);
     bare = level;
