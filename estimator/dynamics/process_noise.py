@@ -27,6 +27,7 @@ FEWEST_MODES, MOST_MODES = 12, 96
 # m/s^1.5, mean of the root of the density in an orbit: 1e-3, or 2 cm/s in ten minutes, once in 150 cases
 TYPICAL = 2e-4
 SHORTEST = 1e-6  # s, of the time over which noise acts
+OMITTED = 0.01  # of the variance: more than that of the modes left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +130,19 @@ def disturbed(path: Path, noise: Density, begin: float, end: float, known: float
 def noise_in(path: Path) -> Disturbed | None:
     """The part of a path that has process noise, if one has."""
     return next((one for one in parts_of(path) if isinstance(one, Disturbed)), None)
+
+
+def enriched(path: Path, theta: FloatArray, sampled: SampledPath, of_x: FloatArray) -> Disturbed | None:
+    """The path with twice as many modes of process noise; None if it has none, or what it leaves out does not matter.
+
+    theta: hyperparameters, of which the density is the last unless it is given; sampled: the path at the tracks' times;
+    of_x (p, p): the covariance of its unknowns.
+    """
+    if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
+        return None
+    density = path.density if path.density is not None else float(np.exp(theta[-1]))
+    typical = float(np.median(np.trace(sampled.covariance(of_x), axis1=1, axis2=2))) / 3
+    return path.with_modes(2 * path.count) if path.omitted_variance(density) > OMITTED * typical else None
 
 
 def wave_numbers(count: int) -> FloatArray:

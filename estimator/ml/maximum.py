@@ -16,11 +16,13 @@ from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.inertia import of_a_body
+from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
+from baryscope.estimator.dynamics.process_noise import Disturbed, enriched
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.dynamics.seen import errors_in
+from baryscope.estimator.dynamics.seen import as_seen, errors_in
 from baryscope.estimator.dynamics.torque import Torque
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.ml.initial_tumble import MAX_NODES, NODES_PER_FRAME, Tumble
@@ -154,7 +156,10 @@ class _Iterate:
 
 
 def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
-    """The maximum, from the path of `pivot` and the fitted rotation, with as many modes of torque noise as it needs."""
+    """The maximum, from the path of `pivot` and the fitted rotation, with as many modes of both noises as it needs.
+
+    A tumble may tell the path far better than free attitudes do, and modes of which these see nothing.
+    """
     measured = observations_of(tracks, tracks.seen)
     weight = np.where(tracks.seen, NEGLIGIBLE, 0.0)
     weight = np.where(pivot.observations.weight > 0, pivot.observations.weight, weight)
@@ -163,20 +168,29 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     stereo = StereoNoise.of(measured) if pivot.stereo else None
     noise = _frame_noise(errors_of(tracks), pivot.slip, len(tracks.time), max(pivot.variance, floor))
 
-    def problem_of(rotation: Rotation) -> _Problem:
-        priors = Priors.of(rotation, pivot.path, pivot.sampled.itself, pivot.solution.x, density)
-        blocks = Blocks.over(tracks.time, _block_length(rotation, pivot.path))
-        return _Problem(tracks.time, pivot.path, pivot.sampled, blocks, noise, priors, floor, pivot.lasting, stereo)
+    def problem_of(rotation: Rotation, path: Path, sampled: SampledPath) -> _Problem:
+        priors = Priors.of(rotation, path, sampled.itself, _padded(pivot.solution.x, path), density)
+        blocks = Blocks.over(tracks.time, _block_length(rotation, path))
+        return _Problem(tracks.time, path, sampled, blocks, noise, priors, floor, pivot.lasting, stereo)
 
     rotation = tumble.rotation
     if options.torque_noise != "none":
         rotation = _with_modes(rotation, tracks.time)
-    problem, state = problem_of(rotation), _State(rotation, rotation.at(tracks.time), pivot.solution.x)
+    problem = problem_of(rotation, pivot.path, pivot.sampled)
+    state = _State(rotation, rotation.at(tracks.time), pivot.solution.x)
     found = problem.equations(observations, state, common_points(pivot, tumble))
     at = _Iterate(state, observations, found, max(pivot.variance, floor), pivot.posterior.theta)
     best = _converged(problem, at, done)
-    while best.converged and (richer := _richer(best, tracks.time, density)) is not None:
-        problem, state = problem_of(richer), _State(richer, richer.at(tracks.time), best.state.x)
+    while best.converged:
+        richer, path = _richer(best, tracks.time, density), _richer_path(problem, best)
+        if richer is None and path is None:
+            break
+        rotation, sampled, x = richer or best.state.rotation, problem.sampled, best.state.x
+        if path is not None:
+            x = _padded(x, path)
+            sampled = as_seen(path, interpolated(path.at, path.frequency, tracks.time), errors_of(tracks), x)
+        problem = problem_of(rotation, path or problem.path, sampled)
+        state = _State(rotation, rotation.at(tracks.time), x)
         found = problem.equations(best.observations, state, best.found.points)
         best = _converged(problem, replace(best, state=state, found=found, converged=False), done)
     residual = best.found.cost / _dof(best.observations, best.unknowns)
@@ -186,11 +200,11 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
         rotation=best.state.rotation,
         motion=best.state.motion,
         x=best.state.x,
-        path=pivot.path,
-        sampled=pivot.sampled,
+        path=problem.path,
+        sampled=problem.sampled,
         blocks=problem.blocks,
         noise=noise,
-        found=_of_true_size(best.found, pivot.path, errors_of(tracks)),
+        found=_of_true_size(best.found, problem.path, errors_of(tracks)),
         priors=problem.priors,
         posterior=posterior(linear, problem.priors.own, best.theta),
         observations=best.observations,
@@ -271,6 +285,24 @@ def _richer(best: _Iterate, time: FloatArray, density: float | None) -> Rotation
     if len(orders) <= len(rotation.torque.orders):
         return None
     return replace(rotation, torque=rotation.torque.with_orders(orders))
+
+
+def _richer_path(problem: "_Problem", best: _Iterate) -> Path | None:
+    """The path with as many modes of process noise as it needs; None if it has them."""
+    if not isinstance(problem.path, Disturbed):
+        return None
+    linear = problem.priors.linear(best.found, best.state.values, best.variance)
+    of_all, first = conditional(linear, problem.priors.own, best.theta)[1], best.state.rotation.size
+    of_x, sampled = of_all[first:, first:], problem.sampled.itself
+    path = None
+    while (richer := enriched(path or problem.path, best.theta, sampled, of_x)) is not None:
+        path = richer
+    return path
+
+
+def _padded(x: FloatArray, path: Path) -> FloatArray:
+    """Unknowns x (p,) of a path with fewer modes, as those of a path."""
+    return np.pad(x, (0, path.size - len(x)))
 
 
 def turned_by(sampled: SampledPath, x: FloatArray) -> FloatArray | None:

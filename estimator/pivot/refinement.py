@@ -18,7 +18,7 @@ from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import MOST_MODES, Disturbed
+from baryscope.estimator.dynamics.process_noise import enriched
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.options import PathOptions
@@ -45,7 +45,6 @@ SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over whi
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
-OMITTED = 0.01  # of the variance: more than that of the modes left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,15 +253,11 @@ class _Refinement:
 
     def _enrich_path(self) -> bool:
         """Whether the modes of process noise that the path leaves out matter; then it has twice as many."""
-        path = self.path
-        if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
-            return False
         assert self.theta is not None  # noqa: S101  there was a step
-        density = path.density if path.density is not None else float(np.exp(self.theta[-1]))
-        least = OMITTED * _typical(self.sampled.covariance(self.together * self.solution.covariance))
-        if path.omitted_variance(density) <= least:
+        richer = enriched(self.path, self.theta, self.sampled, self.together * self.solution.covariance)
+        if richer is None:
             return False
-        self.path = path.with_modes(2 * path.count)
+        self.path = richer
         self.x = np.pad(self.x, (0, self.path.size - len(self.x)))
         sampled = interpolated(self.path.at, self.path.frequency, self.start.time)
         self.sampled = as_seen(self.path, sampled, self.start.errors, self.x)
@@ -391,8 +386,3 @@ def _shift(errors: SharedErrors | None, origin: FloatArray, slip: float, varianc
         return None
     slipping = np.broadcast_to(slip * np.eye(3), (len(origin), 3, 3))
     return (slipping if errors is None or not noisy else slipping + errors.shift_covariance(origin)) / variance
-
-
-def _typical(covariance: FloatArray) -> float:
-    """The median variance of a coordinate over n times, for covariances (n, 3, 3)."""
-    return float(np.median(np.trace(covariance, axis1=1, axis2=2))) / 3

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import Disturbed, disturbed, free_modes, wave_numbers
+from baryscope.estimator.dynamics.process_noise import Disturbed, disturbed, enriched, free_modes, wave_numbers
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import EARTH_MU, Orbit
@@ -31,6 +31,19 @@ def test_the_variance_is_that_of_integrated_white_noise():
     path = Disturbed(Polynomial(1, 0.0, 20.0), 0.0, 20.0, 60)
     variance = np.exp(path.prior.offset[6::3]) * 3e-4
     assert variance.sum() + path.omitted_variance(3e-4) == pytest.approx(3e-4 * 20.0**3 / 420, rel=1e-3)
+
+
+def test_modes_are_doubled_until_what_is_left_out_is_a_hundredth_of_the_variance():
+    path, time = Disturbed(Polynomial(1, 0.0, 20.0), 0.0, 20.0), np.linspace(0.0, 20.0, 50)
+    theta, of_x = np.array([np.log(3e-4)]), np.zeros((path.size, path.size))
+    of_x[range(3), range(3)] = 1e-5  # of the mean of the path
+    sampled, counts = path.at(time), []
+    while (richer := enriched(path, theta, sampled, of_x)) is not None:
+        path = richer
+        counts.append(path.count)
+    assert counts == [24, 48]
+    assert path.omitted_variance(3e-4) < 1e-7 < path.with_modes(24).omitted_variance(3e-4)
+    assert enriched(path.base, theta, sampled, of_x) is None
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])

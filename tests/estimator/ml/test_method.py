@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from baryscope.estimator.dynamics.rotation import Rotation as Tumbling
 from baryscope.estimator.findings import FreeAttitudes
@@ -12,6 +13,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Status
 from baryscope.models.errors import InputError
+from baryscope.study.population.third.cases import drawn, sampled
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case, rig_tracks
 
 RATE = np.deg2rad([2.4, 4.4, 4.8])
@@ -208,3 +210,18 @@ def test_attitudes_of_no_tumble_give_the_estimate_of_pivot():
     np.testing.assert_array_equal(found.position, plain.position)
     error = found.position[0] - case.com[0]
     assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
+
+
+def test_a_path_that_free_attitudes_hardly_tell_has_the_modes_of_noise_that_a_tumble_tells():
+    """Three features, all of them in a quarter of the frames: `pivot` knows the path to a metre, and needs few modes.
+
+    With these the NEES of the first draw was 73: `python -m baryscope.study.population case --population third --seed 3
+    --index 17 --method ml --orbit`.
+    """
+    case = drawn(3, 17)
+    options = PathOptions(sigma=1.0)
+    for draw in range(3):
+        found = estimate(sampled(case, draw).tracks, method="ml", orbit=case.orbit, options=options)
+        for k in (0, len(case.time) // 2, -1):
+            error = found.position[k] - case.path[k]
+            assert error @ np.linalg.solve(found.covariance[k], error) < chi2.ppf(0.999, 3)
