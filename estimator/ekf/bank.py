@@ -108,38 +108,37 @@ class Bank:
 
         What is likely along either density is evaluated first, wherever it lies.
         """
-        self._survey(self.path, lambda density: replace(best, path=density))
-        self._survey(self.turn, lambda density: replace(best, turn=density))
-        paths, path_weight = self._weights(
-            {member.path: score for member, score in self.scores.items() if member.turn == best.turn}, self.path
-        )
-        turns, turn_weight = self._weights(
-            {member.turn: score for member, score in self.scores.items() if member.path == best.path}, self.turn
-        )
+        paths, path_weight = self._weights(self._surveyed(self.path, best), self.path)
+        turns, turn_weight = self._weights(self._surveyed(self.turn, best), self.turn)
         weight = np.outer(path_weight, turn_weight).ravel()
         members = [Member(path, turn) for path, turn in product(paths, turns)]
         kept = weight >= min(NEGLIGIBLE, float(weight.max()))
         return [member for member, keep in zip(members, kept, strict=True) if keep], weight[kept] / weight[kept].sum()
 
-    def _survey(self, axis: Axis, at: Callable[[float], Member]) -> None:
-        """Evaluate the members at the coarse levels of a density, and the neighbours of those that are probable."""
+    def _surveyed(self, axis: Axis, best: Member) -> dict[float, float]:
+        """The scores along a density from the best member: at the coarse levels, and beside all that is probable."""
+
+        def at(density: float) -> Member:
+            return replace(best, path=density) if axis is self.path else replace(best, turn=density)
+
+        def scores() -> dict[float, float]:
+            every = {member.path if axis is self.path else member.turn for member in self.scores}
+            return {density: self.scores[at(density)] for density in sorted(every) if at(density) in self.scores}
+
         densities = axis.coarse
         while axis.free and densities:
             self._best([at(density) for density in densities])
-            known = [density for density in self._densities(axis, at) if density > 0]
-            least = max(self.log_posterior(at(density)) for density in (0.0, *known)) + log(NEGLIGIBLE)
-            likely = [density for density in known if self.log_posterior(at(density)) > least]
+            probable = {density: score + axis.log_prior(density) for density, score in scores().items()}
+            known, least = [density for density in probable if density > 0], max(probable.values()) + log(NEGLIGIBLE)
             densities = [
                 near
-                for density in likely
+                for density in known
                 for near in (density / FINE, density * FINE)
-                if known[0] < near < known[-1] and min(abs(log10(near / other)) for other in known) > CLOSE
+                if probable[density] > least
+                and known[0] < near < known[-1]
+                and min(abs(log10(near / other)) for other in known) > CLOSE
             ]
-
-    def _densities(self, axis: Axis, at: Callable[[float], Member]) -> list[float]:
-        """Those along an axis of which the score is known."""
-        every = {member.path if axis is self.path else member.turn for member in self.scores}
-        return sorted(density for density in every if at(density) in self.scores)
+        return scores()
 
     def _weights(self, scores: dict[float, float], axis: Axis) -> tuple[list[float], FloatArray]:
         """Densities, ascending, and their probabilities."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 from baryscope.study.population import cases, sensing
 from baryscope.study.population.interface import Drawn, Sample
@@ -10,26 +11,22 @@ from baryscope.study.population.third import cases as third_cases
 
 Sampler = Callable[[int], Sample]  # draw 0: the tracks of the case; others: with other noise and blunders
 
+Population = Callable[[int, int], tuple[Drawn, Sampler]]
+_Case = TypeVar("_Case", bound=Drawn)
+
 FIRST = "first"
 
 
-def _first(seed: int, index: int) -> tuple[Drawn, Sampler]:
-    case = cases.drawn(seed, index)
-    return case, partial(sensing.sampled, case)
+def _population(drawn: Callable[[int, int], _Case], sampled: Callable[[_Case, int], Sample]) -> Population:
+    def population(seed: int, index: int) -> tuple[Drawn, Sampler]:
+        case = drawn(seed, index)
+        return case, partial(sampled, case)
+
+    return population
 
 
-def _second(seed: int, index: int) -> tuple[Drawn, Sampler]:
-    case = second_cases.drawn(seed, index)
-    return case, partial(second_cases.sampled, case)
-
-
-def _third(seed: int, index: int) -> tuple[Drawn, Sampler]:
-    case = third_cases.drawn(seed, index)
-    return case, partial(third_cases.sampled, case)
-
-
-POPULATIONS: dict[str, Callable[[int, int], tuple[Drawn, Sampler]]] = {
-    FIRST: _first,
-    "second": _second,
-    "third": _third,
+POPULATIONS: dict[str, Population] = {
+    FIRST: _population(cases.drawn, sensing.sampled),
+    "second": _population(second_cases.drawn, second_cases.sampled),
+    "third": _population(third_cases.drawn, third_cases.sampled),
 }

@@ -1,7 +1,5 @@
 """The iterated extended Kalman filter on tracks that are simulated without any of its models."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -59,12 +57,12 @@ def run(case, orbit=CIRCULAR, **options):
     return estimate_by_filter(case.tracks, orbit.model() if orbit else None, PathOptions(**options))
 
 
+def apart(path, other):
+    return float(np.sqrt(np.mean(np.sum((path - other) ** 2, axis=1))))
+
+
 def rms(found, case):
-    return float(np.sqrt(np.mean(np.sum((found.position - case.com) ** 2, axis=1))))
-
-
-def distance(found, other):
-    return float(np.sqrt(np.mean(np.sum((found.position - other.position) ** 2, axis=1))))
+    return apart(found.position, case.com)
 
 
 def normalised(found, case):
@@ -84,10 +82,10 @@ def test_agrees_with_the_estimate_of_ml(tracked, rates):
         case = tracked(rates, seed=seed)
         best, free = estimate_by_likelihood(case.tracks, CIRCULAR.model(), FREE), run(case, **vars(FREE))
         deviation = best.predicted_rmse
-        assert distance(free, best) < 0.1 * deviation
+        assert apart(free.position, best.position) < 0.1 * deviation
         assert free.predicted_rmse == pytest.approx(deviation, rel=0.02)
         found = run(case)
-        assert distance(found, best) < deviation
+        assert apart(found.position, best.position) < deviation
         assert deviation < found.predicted_rmse < 1.4 * deviation
         assert found.converged
         chosen = found.details
@@ -333,39 +331,6 @@ def test_passes_that_do_not_come_to_rest_give_way_to_pivot(tracked, monkeypatch)
     assert found.findings[-1] == FreeAttitudes("the passes of the filter do not come to rest")
     assert found.status is Status.GOOD
     assert normalised(found, case) < 4 * 3
-
-
-@pytest.mark.parametrize("on_orbit", [False, True])
-def test_a_known_thrust_moves_the_path(on_orbit):
-    """2 mm/s² for 40 of 200 s, in free flight or on an orbit so high that it is one: 0.2 m off without it."""
-    time, thrust = np.arange(0.0, 200.0, 2.0), np.array([2e-3, 0.0, -1e-3])
-    burning = np.clip(time - 60, 0, 40)
-    moved = np.outer(burning**2 / 2 + 40 * np.clip(time - 100, 0, None), -thrust)
-    com = np.array([4.0, -19.0, 3.0]) + moved
-    case = make_case(
-        time,
-        attitude(ENVISAT, np.deg2rad(FAST), time),
-        com,
-        box_features(6, (10, 5, 5), seed=3, centre=(1, 0.5, 0)),
-        noise=0.02,
-        seed=5,
-    )
-    orbit = Orbit(semi_major_axis=1e10).model() if on_orbit else None
-    known = KnownAcceleration([0.0, 60.0, 100.0], np.outer([0, 1, 0], thrust))
-    told = PathOptions(
-        trajectory=None if on_orbit else "polynomial:1", process_noise="none", torque="none", acceleration=known
-    )
-    found, blind = (
-        estimate(case.tracks, method="ekf", orbit=orbit, options=one)
-        for one in (told, replace(told, acceleration=None))
-    )
-    for k in (0, 50, 99):
-        error = found.position[k] - com[k]
-        assert error @ np.linalg.solve(found.covariance[k], error) < 4.5**2
-    assert np.linalg.norm(blind.position[50] - com[50]) > 10 * np.linalg.norm(found.position[50] - com[50])
-    ahead = found.predict([220.0])
-    error = ahead.position[0] - (com[-1] - 40 * thrust * 22)
-    assert error @ np.linalg.solve(ahead.covariance[0, :3, :3], error) < 4.5**2
 
 
 def test_what_the_filter_cannot_take_of_forces_is_said(tracked):
