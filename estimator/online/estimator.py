@@ -94,8 +94,8 @@ class OnlineEstimator:
 
     Args:
         sigma: standard deviation of a coordinate of a feature, m, where it has no covariance of its own.
-        orbit: the target's; None: the centre of mass moves in a straight line, but for the white acceleration. Near
-            the Earth it does not: what is claimed is then too small, until the bend shows, which makes it doubtful.
+        orbit: the target's; None: the centre of mass moves in a straight line, but for white acceleration, or an
+            acceleration that wanders, which is estimated. With the orbit of a target that has one it is better known.
         offset_radii: standard deviation of the centre of mass from the features' centroid before the first frame, per
             axis, in units of these features' rms distance from it.
         speed_std: of its velocity before the first frame, per axis, m/s.

@@ -14,6 +14,7 @@ static void keep(Online *filter, const Level *level, const double moved[3]) {
         copy(level->lag, stage->lag), copy(level->offset, stage->offset), copy(level->change, stage->change);
         copy(level->noise, stage->noise), copy(level->turn, stage->turn), copy(level->both, stage->both);
         for (int k = 0; k < 3; k++) stage->c[k] = level->c[k], stage->moved[k] = moved[k];
+        stage->bend = level->bend;
     }
     start_leg(filter);
 }
@@ -25,6 +26,7 @@ static void level_again(const Stage *stage, const double wrong[3], double P[3][3
     *level = (Level){0};
     copy(stage->lag, level->lag), copy(stage->offset, level->offset), copy(stage->change, level->change);
     copy(stage->turn, level->turn);
+    level->bend = stage->bend;
     times(stage->offset, wrong, off);
     moved_by_turn(off, K);
     copy(P, spread);
@@ -45,7 +47,7 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
     for (int m = 0; m < MEMBERS; m++) {
         Member *member = &filter->bank[m];
         if (!is_alive(member)) continue;
-        advance_member(member, DENSITY[(int)member->steady], stage->span, stage->step, stage->F);
+        advance_member(member, law_of((int)member->steady), stage->span, stage->step, stage->F);
     }
     update_members(filter, level, stage->span, &jump, &sound);
     adopt(filter);
@@ -85,9 +87,8 @@ static int take_again(Online *filter) {
     }
     for (int m = 0; m < MEMBERS; m++) {
         before[m] = filter->bank[m];
-        filter->bank[m] = filter->first;
-        filter->bank[m].steady = m;
-        filter->bank[m].weight = m < DENSITIES ? 0.0 : -INFINITY;
+        filter->bank[m] = going_on(&filter->first, m < STEADY ? m : 0);
+        filter->bank[m].weight = first_weight(filter, m);
     }
     for (int k = 0; k < count && sound; k++) {
         Level level;

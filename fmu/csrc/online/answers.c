@@ -20,13 +20,12 @@ static double noise_ratio(const Online *filter) {
 
 /* Whether what was taken back is a good part of what is known of the offset, along some direction: what is left is not to be
    trusted then. */
-static int only_seems(const Online *filter) {
-    double P[LEVEL][LEVEL], v[3] = {1.0, 0.7, 0.4}, size = 0.0;
-    of_level(filter, P);
+static int only_seems(const Online *filter, const Now *now) {
+    double v[3] = {1.0, 0.7, 0.4}, size = 0.0;
     for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
         double u[3];
         times(filter->seeming, v, u);
-        for (int k = 0; k < 3; k++) v[k] = dot(&P[6 + k][6], u);
+        for (int k = 0; k < 3; k++) v[k] = dot(&now->own[6 + k][6], u) + dot(&now->wider[6 + k][6], u);
         size = sqrt(dot(v, v));
         if (!(size > 0.0)) return 0;
         for (int k = 0; k < 3; k++) v[k] /= size;
@@ -41,7 +40,7 @@ static int is_bent(const Online *filter) {
 }
 
 /* What a path of the covariance P is worth, whether the last frame fits or not. */
-static OnlineStatus worth_of(const Online *filter, double P[6][6]) {
+static OnlineStatus worth_of(const Online *filter, const Now *now, double P[6][6]) {
     double square = mean_square(filter->b, (int)filter->used), L[36];
     for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
@@ -49,41 +48,33 @@ static OnlineStatus worth_of(const Online *filter, double P[6][6]) {
     if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
-    return only_seems(filter) ? STARTING : TRACKING;
+    return only_seems(filter, now) ? STARTING : TRACKING;
 }
 
-static OnlineStatus status_of(const Online *filter, double P[6][6]) {
+static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][6]) {
     if (filter->frames == 0.0) return WAITING;
-    return filter->lost > 0.0 ? LOST : worth_of(filter, P);
+    return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
 }
 
-/* P = F P F'. */
-static void carry(const double F[6][6], double P[6][6]) {
-    double A[6][6];
-    multiplied(F, P, A);
-    for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) P[i][j] = dot(A[i], F[j]) + dot(&A[i][3], &F[j][3]);
-}
-
-/* The state at a time, its covariance, and the transition to there, from what is known now. */
-static void go_ahead(const Online *filter, const Now *now, double time, const double *acceleration, double x[6],
+/* What is known goes on to a time: the state there, its covariance, and the transition to there. */
+static void go_ahead(const Online *filter, Now *now, double time, const double *acceleration, double x[6],
                      double P[6][6], double F[6][6]) {
     double factor = noise_ratio(filter), all[6][6];
     for (int i = 0; i < 6; i++) {
-        x[i] = filter->x[i] + now->x[i];
-        for (int j = 0; j < 6; j++) {
-            F[i][j] = i == j;
-            P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
-        }
+        x[i] = filter->x[i];
+        for (int j = 0; j < 6; j++) F[i][j] = i == j;
     }
     int count = time > filter->time ? steps_between(&filter->options, filter->time, time) : 0;
     for (int s = 0; s < count; s++) {
         double step[6][6], T = (time - filter->time) / count, from = filter->time + s * T;
         transition(&filter->options, from, from + T, acceleration, x, step);
-        carry(step, P);
-        add_noise(filter->density, T, &P[0][0], 6);
+        carry_now(now, T, step);
         multiplied(step, F, all);
         for (int k = 0; k < 36; k++) F[k / 6][k % 6] = all[k / 6][k % 6];
+    }
+    for (int i = 0; i < 6; i++) {
+        x[i] += now->x[i];
+        for (int j = 0; j < 6; j++) P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
     }
 }
 
@@ -99,7 +90,7 @@ int online_predict(const Online *filter, double time, const double *acceleration
     state->density = filter->density;
     state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
     state->lasting = filter->frames_per_error;
-    state->status = status_of(filter, P);
+    state->status = status_of(filter, &now, P);
     for (int i = 0; i < 3; i++) {
         state->r[i] = x[i], state->v[i] = x[3 + i];
         for (int j = 0; j < 3; j++) state->R[i][j] = time == filter->registered ? filter->attitude[i][j] : NAN;
@@ -151,9 +142,9 @@ int online_point(const Online *filter, double time, const double *acceleration, 
         b[i] = filter->b[slot][i] + now.x[6 + i];
         for (int j = 0; j < 3; j++) {
             of_b[i][j] = factor * (filter->P[at + i][at + j] + now.wider[6 + i][6 + j]);
-            X[i][j] = 0.0; /* of r, then, and b */
+            X[i][j] = factor * now.wider[i][6 + j]; /* of r, then, and b */
             for (int k = 0; k < 6; k++)
-                X[i][j] += factor * (all[i][k] * filter->P[PLACE + k][at + j] + F[i][k] * now.wider[k][6 + j]);
+                X[i][j] += factor * all[i][k] * filter->P[PLACE + k][at + j];
         }
     }
     times(tumble.R, b, arm);

@@ -1,13 +1,23 @@
-/* The density of white acceleration: filters of (r, v, offset) with one density each, weighed by their likelihood.
+/* What the path is, besides what is known of it: filters of (r, v, offset) that take it for one thing each, weighed by their
+likelihood.
 
-The large filter goes with the mean of their logarithms, which changes as the evidence grows. One more member, its
-shadow, does the same: by what the mixture differs from the shadow, the large filter's estimate is corrected
-(mixture.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d,
+Some take it for straight, or the orbit that is told, with white acceleration of one density each. The large filter goes with
+the mean of the logarithms of these, which changes as the evidence grows. One more member, its shadow, does the same: by what
+their mixture differs from the shadow, the large filter's estimate is corrected (mixture.c). Others take the path for bent, by
+an acceleration that wanders, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
+(now.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d,
 d being what the map's offset is wrong by. */
+
+/* What a member takes the path for: densities of white acceleration, m2/s3, and of white jerk, m2/s5, and the deviation of
+   an acceleration at first, m/s2. */
+typedef struct {
+    double white, jerk, bend;
+} Law;
 
 #define LOG_LEAST (-36.841361487904734) /* logarithm of the least density */
 #define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
 #define UNLIKELY (-12.0)
+#define SELDOM (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
 
 static void add_noise(double q, double T, double *P, int stride) {
     for (int k = 0; k < 3; k++) {
@@ -21,6 +31,27 @@ static void add_noise(double q, double T, double *P, int stride) {
 /* Of the members without a jump, m2/s3. */
 static const double DENSITY[DENSITIES] = {1e-16, 3.1622776601683794e-15, 1e-13, 3.1622776601683794e-12,
                                           1e-10, 3.1622776601683794e-9,  1e-7,  3.1622776601683794e-6};
+
+/* Deviations of an acceleration, m/s2, and the spans in which it wanders by as much, s. */
+static const double ACCELERATION[BENDS] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
+static const double WANDER[WANDERS] = {1000.0, 30.0};
+
+static Law law_of(int steady) {
+    if (steady < DENSITIES) return (Law){.white = DENSITY[steady]};
+    double bend = ACCELERATION[(steady - DENSITIES) % BENDS];
+    return (Law){.white = DENSITY[0], .jerk = bend * bend / WANDER[(steady - DENSITIES) / BENDS], .bend = bend};
+}
+
+/* White jerk over T s: of (r, v) and the acceleration. */
+static void add_wander(double jerk, double T, double P[MOTION][MOTION]) {
+    const int AT[3] = {0, 3, LEVEL};
+    const double square = T * T, Q[3][3] = {{square * square * T / 20.0, square * square / 8.0, square * T / 6.0},
+                                            {square * square / 8.0, square * T / 3.0, square / 2.0},
+                                            {square * T / 6.0, square / 2.0, T}};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++) P[AT[i] + k][AT[j] + k] += jerk * Q[i][j];
+}
 
 /* What the large filter's errors are with those of (r, v, offset), the offset being what the last node saw: its share
    of each feature's error. */
@@ -58,26 +89,65 @@ static void of_level(const Online *filter, double P[LEVEL][LEVEL]) {
 
 static int is_alive(const Member *member) { return member->weight > -INFINITY; }
 
-/* All members as the large filter is; none has jumped. */
-static void start_bank(Online *filter) {
-    Member first = {{0}, {{0}}, 0.0, 0.0, 0.0, {0}, 0.0};
-    for (int k = 0; k < 6; k++) first.x[k] = filter->x[k];
-    of_level(filter, first.P);
-    for (int m = 0; m <= SHADOW; m++) {
-        first.steady = m;
-        first.weight = m < DENSITIES ? fmax(filter->bank[m].weight, UNLIKELY) : m < SHADOW ? -INFINITY : 0.0;
-        filter->bank[m] = first;
+/* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. */
+static Member going_on(const Member *from, int steady) {
+    Member member = *from;
+    double bend = law_of(steady).bend;
+    member.errors = bend > 0.0 ? MOTION : LEVEL;
+    member.steady = steady;
+    if (member.errors == from->errors) return member;
+    for (int a = LEVEL; a < MOTION; a++) {
+        member.x[a] = 0.0;
+        for (int b = 0; b < MOTION; b++) member.P[a][b] = member.P[b][a] = 0.0;
+        member.P[a][a] = bend * bend;
     }
+    return member;
 }
 
-/* Over T s with the density q: x is step + F x. */
-static void advance_member(Member *member, double q, double T, const double step[6], const double F[6][6]) {
-    double x[6], A[6][LEVEL];
+/* How many members without a jump there are. */
+static int count_of(const Online *filter) { return filter->options.on_orbit != 0.0 ? ON_ORBIT : STEADY; }
+
+/* What a member weighs before the first frame. */
+static double first_weight(const Online *filter, int m) {
+    if (m >= count_of(filter)) return -INFINITY;
+    return m >= DENSITIES && filter->options.on_orbit != 0.0 ? SELDOM : 0.0;
+}
+
+/* A member without an acceleration. */
+static Member straight(const double x[6], double P[LEVEL][LEVEL]) {
+    Member member = {.errors = LEVEL};
+    for (int k = 0; k < 6; k++) member.x[k] = x[k];
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) member.P[a][b] = P[a][b];
+    return member;
+}
+
+/* All members as the large filter is, with the weights that they have; none has jumped. */
+static void start_bank(Online *filter) {
+    double P[LEVEL][LEVEL];
+    of_level(filter, P);
+    const Member first = straight(filter->x, P);
+    for (int m = 0; m < MEMBERS; m++) {
+        double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
+        filter->bank[m] = going_on(&first, m < STEADY ? m : 0);
+        filter->bank[m].weight = weight;
+    }
+    filter->bank[SHADOW] = first;
+}
+
+/* What an acceleration adds to a component of (r, v) in T s. */
+static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
+
+/* Over T s: x is step + F x, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
+static void advance_member(Member *member, Law law, double T, const double step[6], const double F[6][6]) {
+    const int n = (int)member->errors;
+    double x[6], A[6][MOTION] = {{0}};
     for (int a = 0; a < 6; a++) {
-        x[a] = step[a];
+        double by = n < MOTION ? 0.0 : bent_by(a, T);
+        x[a] = step[a] + by * member->x[LEVEL + a % 3];
         for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k];
-        for (int b = 0; b < LEVEL; b++) {
-            double s = 0.0;
+        for (int b = 0; b < n; b++) {
+            double s = by * member->P[LEVEL + a % 3][b];
             for (int k = 0; k < 6; k++) s += F[a][k] * member->P[k][b];
             A[a][b] = s;
         }
@@ -85,34 +155,38 @@ static void advance_member(Member *member, double q, double T, const double step
     for (int a = 0; a < 6; a++) {
         member->x[a] = x[a];
         for (int b = 0; b <= a; b++) {
-            double s = 0.0;
+            double by = n < MOTION ? 0.0 : bent_by(b, T), s = by * A[a][LEVEL + b % 3];
             for (int k = 0; k < 6; k++) s += A[a][k] * F[b][k];
             member->P[a][b] = member->P[b][a] = a == b ? s + ROUNDING * s : s;
         }
-        for (int b = 6; b < LEVEL; b++) member->P[a][b] = member->P[b][a] = A[a][b];
+        for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
     }
-    add_noise(q, T, &member->P[0][0], LEVEL);
+    add_noise(law.white, T, &member->P[0][0], MOTION);
+    if (law.jerk > 0.0) add_wander(law.jerk, T, member->P);
 }
 
 /* All members, the shadow with its own density. */
 static void advance_bank(Member bank[MEMBERS + 1], double density, double T, const double step[6], const double F[6][6]) {
     for (int m = 0; m <= SHADOW; m++) {
-        double q = m == SHADOW ? density : DENSITY[(int)bank[m].steady];
-        if (is_alive(&bank[m])) advance_member(&bank[m], q, T, step, F);
+        if (!is_alive(&bank[m])) continue;
+        Law law = m == SHADOW ? (Law){.white = density} : law_of((int)bank[m].steady);
+        advance_member(&bank[m], law, T, step, F);
     }
 }
 
 /* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and the members' errors by it, B; 0 if
    there is no factor. */
-static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[LEVEL][3]) {
-    const double(*late)[3] = level->lag, (*R)[3] = level->offset;
-    for (int a = 0; a < LEVEL; a++)
+static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[MOTION][3]) {
+    const double(*late)[3] = level->lag, (*R)[3] = level->offset, bend = level->bend;
+    for (int a = 0; a < MOTION; a++)
         for (int k = 0; k < 3; k++)
-            B[a][k] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][6], R[k]);
+            B[a][k] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][6], R[k]) +
+                      bend * member->P[a][LEVEL + k];
     for (int k = 0; k < 3; k++) {
         e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[6]) + dot(late[k], &member->x[3]);
+        e[k] -= bend * member->x[LEVEL + k];
         for (int j = 0; j < 3; j++) {
-            L[3 * k + j] = B[k][j] + level->noise[k][j];
+            L[3 * k + j] = B[k][j] + bend * B[LEVEL + k][j] + level->noise[k][j];
             for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[6 + i][j] - late[k][i] * B[3 + i][j];
         }
     }
@@ -128,17 +202,18 @@ static void whitened(const double L[9], double e[3]) {
 
 /* The update with a node; 0 if rounding has left the covariance indefinite. */
 static int update_member(Member *member, const Level *level) {
-    double e[3], L[9], B[LEVEL][3];
+    const int n = (int)member->errors;
+    double e[3], L[9], B[MOTION][3];
     if (!innovation(member, level, e, L, B)) return 0;
     whitened(L, e);
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    for (int a = 0; a < LEVEL; a++) {
+    for (int a = 0; a < n; a++) {
         whitened(L, B[a]);
         member->x[a] += dot(B[a], e);
     }
-    for (int a = 0; a < LEVEL; a++) {
+    for (int a = 0; a < n; a++) {
         double before = member->P[a][a];
-        for (int b = 0; b < LEVEL; b++) member->P[a][b] -= dot(B[a], B[b]);
+        for (int b = 0; b < n; b++) member->P[a][b] -= dot(B[a], B[b]);
         member->P[a][a] += ROUNDING * before;
     }
     return 1;

@@ -45,7 +45,7 @@ static int is_better_first(const Online *filter, const Frame *frame) {
 
 /* What holds whatever the map is: of the path, and of the noise it is known from. */
 typedef struct {
-    double x[6], P[6][6], weight[DENSITIES], density;
+    double x[6], P[6][6], weight[STEADY], density;
     double squares, freedom, sightings, trend, terms;
 } Path;
 
@@ -59,12 +59,12 @@ static int known_path(const Online *filter, Path *path) {
         path->x[i] = filter->x[i] + now.x[i];
         for (int j = 0; j < 6; j++) path->P[i][j] = now.own[i][j] + now.wider[i][j], P[i][j] = factor * path->P[i][j];
     }
-    for (int m = 0; m < DENSITIES; m++) highest = fmax(highest, filter->bank[m].weight);
-    for (int m = 0; m < DENSITIES; m++) path->weight[m] = filter->bank[m].weight - highest;
+    for (int m = 0; m < STEADY; m++) highest = fmax(highest, filter->bank[m].weight);
+    for (int m = 0; m < STEADY; m++) path->weight[m] = filter->bank[m].weight - highest;
     path->density = filter->density;
     path->squares = filter->squares, path->freedom = filter->freedom, path->sightings = filter->sightings;
     path->trend = filter->trend, path->terms = filter->terms;
-    return worth_of(filter, P) == TRACKING;
+    return worth_of(filter, &now, P) == TRACKING;
 }
 
 /* Nothing is known of the path: the centre of mass is somewhere about the centroid of a frame. */
@@ -76,6 +76,7 @@ static void guess_path(Online *filter, const Frame *frame) {
         filter->P[PLACE + k][PLACE + k] = variance;
         filter->P[SPEED + k][SPEED + k] = options->speed * options->speed;
     }
+    for (int m = 0; m < STEADY; m++) filter->bank[m].weight = first_weight(filter, m);
     filter->density = DENSITY[0];
 }
 
@@ -85,7 +86,7 @@ static void resume_path(Online *filter, const Path *path) {
         filter->x[i] = path->x[i];
         for (int j = 0; j < 6; j++) filter->P[PLACE + i][PLACE + j] = path->P[i][j];
     }
-    for (int m = 0; m < DENSITIES; m++) filter->bank[m].weight = path->weight[m];
+    for (int m = 0; m < STEADY; m++) filter->bank[m].weight = path->weight[m];
     filter->density = path->density;
     filter->squares = path->squares, filter->freedom = path->freedom, filter->sightings = path->sightings;
     filter->trend = path->trend, filter->terms = path->terms;
@@ -96,10 +97,10 @@ static void resume_path(Online *filter, const Path *path) {
 static void doubt_path(Online *filter) {
     double more = TIMES * TIMES - 1.0;
     int best = likeliest(filter->bank);
-    Member *member = &filter->bank[DENSITIES];
+    Member *member = &filter->bank[STEADY];
     const double(*P)[MOST_ERRORS] = (const double(*)[MOST_ERRORS])filter->P;
     *member = filter->bank[best];
-    for (int m = 0; m < DENSITIES; m++) member->before[m] = filter->bank[m].weight;
+    for (int m = 0; m < STEADY; m++) member->before[m] = filter->bank[m].weight;
     member->parent = best, member->pending = 1.0, member->weight -= BELIEVED;
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) {

@@ -93,18 +93,18 @@ static void settle(Online *filter) {
 }
 
 /* What is known goes on by the transition F over T s. */
-static void carry_now(Now *now, double density, double T, const double F[6][6]) {
+static void carry_now(Now *now, double T, const double F[6][6]) {
     static const double no_step[6];
-    Member own = {0}, wider = {0};
-    for (int a = 0; a < LEVEL; a++) {
+    Member own = {.errors = MOTION}, wider = {.errors = MOTION};
+    for (int a = 0; a < MOTION; a++) {
         wider.x[a] = now->x[a];
-        for (int b = 0; b < LEVEL; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
+        for (int b = 0; b < MOTION; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
     }
-    advance_member(&own, density, T, no_step, F);
-    advance_member(&wider, 0.0, T, no_step, F);
-    for (int a = 0; a < LEVEL; a++) {
+    advance_member(&own, (Law){.white = now->white}, T, no_step, F);
+    advance_member(&wider, (Law){.jerk = now->jerk}, T, no_step, F);
+    for (int a = 0; a < MOTION; a++) {
         now->x[a] = wider.x[a];
-        for (int b = 0; b < LEVEL; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
+        for (int b = 0; b < MOTION; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
     }
 }
 
@@ -119,7 +119,7 @@ static void advance(Online *filter, double end, const double a[3]) {
             for (int j = 0; j < 6; j++) before[i][j] = filter->F[i][j];
         multiplied(F, before, filter->F);
         filter->elapsed += T;
-        if (filter->looked != 0.0) carry_now(&filter->now, filter->density, T, F);
+        if (filter->looked != 0.0) carry_now(&filter->now, T, F);
         if (s + 1 < count || steps_between(&filter->options, end - filter->elapsed, end) > 1) settle(filter);
     }
     filter->time = end;

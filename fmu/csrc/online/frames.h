@@ -39,15 +39,17 @@ typedef struct {
 
 /* How the target turns about the mean time of a node: rate and acceleration in C, with the covariance of the rate, and the
    drift of the map's centre of mass from the foreseen one. If `since` is not 0, `before` is the mean rate since the node
-   before, that long ago, and acceleration the rate's change from then. */
+   before, that long ago, and acceleration the rate's change from then. spread: mean square of the frames' times. */
 typedef struct {
+    double spread;
     double rate[3], acceleration[3], drift[3], covariance[3][3];
     double before[3], since;
 } Sweep;
 
 /* What a node says of (r, v, offset): c is r - lag v + offset, with matrices for the latter two; `offset` is from B to C.
-   turn: the covariance of its attitude, from that of the whole map. */
+   turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. */
 typedef struct {
+    double bend;
     double c[3], lag[3][3], offset[3][3], noise[3][3], turn[3][3];
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */
     double change[3][3]; /* of the offset since the node before, as other features are seen, in B */

@@ -9,20 +9,20 @@ once, or nodes later, then by what the mixture says. */
 
 /* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
 static int jumped(Online *filter, const Level *level, double span, double *jump) {
-    double e[3], L[9], B[LEVEL][3];
+    double e[3], L[9], B[MOTION][3];
     int best = likeliest(filter->bank), found = -1;
     const Member *from = &filter->bank[best];
     if (!(span > 0.0) || !innovation(from, level, e, L, B)) return -1;
     double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
     whitened(L, e);
     if (!(dot(e, e) > GATE)) return -1;
-    for (int m = DENSITIES; m < MEMBERS; m++)
+    for (int m = STEADY; m < MEMBERS; m++)
         if (m != best && (found < 0 || filter->bank[m].weight < filter->bank[found].weight)) found = m;
     Member *to = &filter->bank[found];
     *to = *from;
-    for (int m = 0; m < DENSITIES && best < DENSITIES; m++) to->before[m] = filter->bank[m].weight;
+    for (int m = 0; m < STEADY && best < STEADY; m++) to->before[m] = filter->bank[m].weight;
     *jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
-    add_noise(*jump, span, &to->P[0][0], LEVEL);
+    add_noise(*jump, span, &to->P[0][0], MOTION);
     to->weight += JUMP;
     to->parent = best;
     return found;
@@ -33,35 +33,43 @@ static int jumped(Online *filter, const Level *level, double span, double *jump)
 static void adopt(Online *filter) {
     const int best = likeliest(filter->bank);
     const Member from = filter->bank[best];
-    if (best < DENSITIES || from.pending != 0.0) return;
-    for (int m = 0; m < DENSITIES; m++) {
+    if (best < STEADY || from.pending != 0.0) return;
+    for (int m = 0; m < count_of(filter); m++) {
         if (filter->bank[m].weight > from.weight + JUMP) continue;
-        filter->bank[m] = from;
+        filter->bank[m] = going_on(&from, m);
         filter->bank[m].weight = from.weight + fmax(from.before[m] - from.before[(int)from.steady], UNLIKELY);
-        filter->bank[m].steady = m;
         if (m == (int)from.steady) filter->bank[best].weight = -INFINITY;
     }
 }
 
-/* Weights against the best's, and the mean density. A member far less likely than the best without a jump goes on from
-   that, so that no evidence is older than it has to be; one that has jumped ends. */
+/* Of the members from `begin` to `end`, without a jump: one far less likely than the best of them goes on from that, so that no
+   evidence is older than it has to be; nor are all of them against the rest of the bank. */
+static void refresh(Member bank[MEMBERS], int begin, int end, double highest) {
+    int best = begin;
+    for (int m = begin; m < end; m++)
+        if (bank[m].weight > bank[best].weight) best = m;
+    const Member first = bank[best];
+    double lift = fmax(highest + UNLIKELY - first.weight, 0.0);
+    for (int m = begin; m < end; m++) {
+        double weight = fmax(bank[m].weight, first.weight + UNLIKELY);
+        if (weight > bank[m].weight) bank[m] = going_on(&first, m);
+        bank[m].weight = weight + lift;
+    }
+}
+
+/* Weights against the best's, and the mean density of those whose path does not bend. One that has jumped and is far less likely
+   than the best ends. */
 static void weigh_members(Online *filter) {
     double highest = filter->bank[likeliest(filter->bank)].weight, sum = 0.0, mean = 0.0;
-    int best = 0;
-    for (int m = 1; m < DENSITIES; m++)
-        if (filter->bank[m].weight > filter->bank[best].weight) best = m;
-    const Member first = filter->bank[best];
+    refresh(filter->bank, 0, DENSITIES, highest);
+    refresh(filter->bank, DENSITIES, count_of(filter), highest);
     for (int m = 0; m < MEMBERS; m++) {
         Member *member = &filter->bank[m];
-        if (m >= DENSITIES && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
+        if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
         if (!is_alive(member)) continue;
-        if (m < DENSITIES && !(member->weight - first.weight > UNLIKELY)) {
-            *member = first;
-            member->weight += UNLIKELY, member->steady = m;
-        }
         member->weight -= highest;
         double w = exp(member->weight);
-        sum += w, mean += w * member->steady;
+        if (member->errors == LEVEL) sum += w, mean += w * member->steady;
     }
     filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
 }
@@ -78,14 +86,17 @@ static int update_members(Online *filter, const Level *level, double span, doubl
     return fresh;
 }
 
-/* What successive innovations of the most likely member have in common: nothing, where the path is as modelled. */
+/* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
+   What they had before it was known that the path bends is forgotten then. */
 static void note_trend(Online *filter, const Level *level) {
-    double e[3], L[9], B[LEVEL][3];
+    double e[3], L[9], B[MOTION][3];
     Member member = filter->bank[likeliest(filter->bank)];
     add_change(&member, level);
     if (!innovation(&member, level, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
+    if (member.errors > filter->likely) filter->trend = filter->terms = 0.0;
+    filter->likely = member.errors;
     if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;
     filter->trend += dot(e, filter->last);
     for (int k = 0; k < 3; k++) filter->last[k] = e[k];
@@ -106,7 +117,7 @@ static double update_bank(Online *filter, const Level *level, int *late) {
     if (!*late) adopt(filter);
     Member *shadow = &filter->bank[SHADOW];
     add_change(shadow, level);
-    add_noise(jump, filter->span, &shadow->P[0][0], LEVEL);
+    add_noise(jump, filter->span, &shadow->P[0][0], MOTION);
     sound = update_member(shadow, level) && sound;
     shadow->weight = 0.0;
     if (!sound) start_bank(filter), *late = 0;

@@ -89,7 +89,7 @@ static void put_right(Online *filter, double factor) {
     for (int m = 0; m <= SHADOW; m++) {
         Member *member = &filter->bank[m];
         if (!is_alive(member)) continue;
-        scale_block(member->P[0], LEVEL * LEVEL, factor);
+        scale_block(member->P[0], MOTION * MOTION, factor);
         member->weight /= factor;
     }
     for (int k = 0; k < (int)filter->stages; k++) {

@@ -147,7 +147,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
         for (int k = 0; k < 6; k++) V[j][k] = k == j;
         solved(6, pose->factor, V[j]);
     }
-    *level = (Level){0};
+    *level = (Level){.bend = 0.5 * (lag * lag + sweep->spread)};
     turn_of_map(filter, turn);
     for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]);
     for (int i = 0; i < frame->count; i++) {

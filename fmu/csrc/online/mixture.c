@@ -1,25 +1,26 @@
 /* What the bank says together, and how the large filter follows it. */
 
-/* The mixture of the bank, against the shadow: its mean, and its covariance. */
-static void mixed(const Member bank[MEMBERS + 1], double x[LEVEL], double P[LEVEL][LEVEL]) {
+/* The mixture of the bank, against the shadow: its mean, and its covariance; of members with so many errors only, if that is
+   not 0. Returns the sum of their weights. */
+static double mixed(const Member bank[MEMBERS + 1], int errors, double x[MOTION], double P[MOTION][MOTION]) {
     const Member *shadow = &bank[SHADOW];
     double weights[MEMBERS], sum = 0.0;
-    for (int m = 0; m < MEMBERS; m++) sum += weights[m] = exp(bank[m].weight);
-    for (int a = 0; a < LEVEL; a++) {
+    for (int m = 0; m < MEMBERS; m++)
+        sum += weights[m] = is_alive(&bank[m]) && (errors == 0 || bank[m].errors == errors) ? exp(bank[m].weight) : 0.0;
+    for (int a = 0; a < MOTION; a++) {
         x[a] = 0.0;
-        for (int m = 0; m < MEMBERS; m++) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
+        for (int m = 0; m < MEMBERS; m++)
+            if (weights[m] > 0.0) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
+        for (int b = 0; b < MOTION; b++) P[a][b] = 0.0;
     }
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) P[a][b] = 0.0;
     for (int m = 0; m < MEMBERS; m++) {
-        const Member *member = &bank[m];
+        double off[MOTION], part = weights[m] / sum;
         if (!(weights[m] > 0.0)) continue;
-        for (int a = 0; a < LEVEL; a++)
-            for (int b = 0; b < LEVEL; b++) {
-                double u = member->x[a] - shadow->x[a] - x[a], v = member->x[b] - shadow->x[b] - x[b];
-                P[a][b] += weights[m] / sum * (member->P[a][b] + u * v);
-            }
+        for (int a = 0; a < MOTION; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
+        for (int a = 0; a < MOTION; a++)
+            for (int b = 0; b < MOTION; b++) P[a][b] += part * (bank[m].P[a][b] + off[a] * off[b]);
     }
+    return sum;
 }
 
 /* L A L' of a lower triangle L and a symmetric A. */
@@ -79,17 +80,17 @@ static void eigen(double A[LEVEL][LEVEL], double U[LEVEL][LEVEL]) {
     }
 }
 
-/* What is to be added to the large filter's (r, v, offset) and to its covariance `own`. With M M' the filter's, S S' the
-   shadow's and S^-1 P S'^-1 = U D U' of the mixture's P: where D is less than 1 the filter's is to the mixture's as the
-   shadow's is, M U D U' M'; where it is more, as much is added as the mixture has more than the shadow: `more`,
-   S U (D - 1) U' S'. */
-static void mixture(const Member bank[MEMBERS + 1], double own[LEVEL][LEVEL], double x[LEVEL], double P[LEVEL][LEVEL],
-                    double more[LEVEL][LEVEL]) {
+/* By what members with so many errors, or all if 0, correct the large filter: x is to be added to its (r, v, offset), P is the
+   covariance of these then. With M M' the filter's, S S' the shadow's and S^-1 P S'^-1 = U D U' of the mixture's P: where D
+   is less than 1 the filter's is to the mixture's as the shadow's is, M U D U' M'; where it is more, as much is added as the
+   mixture has more than the shadow: `more`, S U (D - 1) U' S'. Returns the sum of the weights. */
+static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *large, double x[MOTION],
+                      double P[MOTION][MOTION], double more[LEVEL][LEVEL]) {
     double M[LEVEL * LEVEL], S[LEVEL * LEVEL], back[LEVEL * LEVEL];
-    mixed(bank, x, P);
+    double sum = mixed(bank, errors, x, P);
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) {
-            M[LEVEL * a + b] = own[a][b];
+            M[LEVEL * a + b] = large->P[a][b];
             S[LEVEL * a + b] = bank[SHADOW].P[a][b];
             more[a][b] = 0.0;
         }
@@ -116,8 +117,7 @@ static void mixture(const Member bank[MEMBERS + 1], double own[LEVEL][LEVEL], do
         for (int a = 0; a < LEVEL; a++)
             for (int b = 0; b < LEVEL; b++) P[a][b] = less[a][b] + more[a][b];
     } /* else the mixture alone */
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) P[a][b] -= own[a][b];
+    return sum;
 }
 
 #define UNTRUE 0.1     /* part of a late correction that may be wrong: the filter's gains are not quite the shadow's */
@@ -125,8 +125,8 @@ static void mixture(const Member bank[MEMBERS + 1], double own[LEVEL][LEVEL], do
 
 /* Whether the mixture is where the shadow does not expect it. */
 static int is_elsewhere(const Online *filter) {
-    double x[LEVEL], y[LEVEL], P[LEVEL][LEVEL], S[LEVEL * LEVEL], square = 0.0;
-    mixed(filter->bank, x, P);
+    double x[MOTION], y[LEVEL], P[MOTION][MOTION], S[LEVEL * LEVEL], square = 0.0;
+    mixed(filter->bank, 0, x, P);
     for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = filter->bank[SHADOW].P[k / LEVEL][k % LEVEL];
     if (!factored(LEVEL, S)) return 0;
     for (int k = 0; k < LEVEL; k++) y[k] = x[k];
@@ -139,10 +139,11 @@ static int is_elsewhere(const Online *filter) {
    this is added. */
 static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
-    double own[LEVEL][LEVEL], x[LEVEL], D[LEVEL][LEVEL], more[LEVEL][LEVEL];
+    double own[LEVEL][LEVEL], x[MOTION], D[MOTION][MOTION], more[LEVEL][LEVEL];
     Member *shadow = &filter->bank[SHADOW];
     of_level(filter, own);
-    mixture(filter->bank, own, x, D, more);
+    const Member large = straight(filter->x, own);
+    mixture(filter->bank, 0, &large, x, D, more);
     for (int a = 0; a < LEVEL; a++) {
         shadow->x[a] += x[a];
         for (int b = 0; b < LEVEL; b++) more[a][b] += UNTRUE * UNTRUE * x[a] * x[b];
@@ -152,7 +153,9 @@ static void take_mixture(Online *filter, double dx[]) {
         dx[i] += x[a];
         for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : 6 + (j - BODY) % 3];
     }
-    of_level(filter, shadow->P);
-    for (int m = DENSITIES; m < MEMBERS; m++) filter->bank[m].pending = 0.0;
+    of_level(filter, own);
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) shadow->P[a][b] = own[a][b];
+    for (int m = STEADY; m < MEMBERS; m++) filter->bank[m].pending = 0.0;
     adopt(filter);
 }

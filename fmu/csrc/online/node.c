@@ -153,7 +153,7 @@ static void find_sweep(const Online *filter, const OnlineTumble *tumble, double 
                        Sweep *sweep) {
     const Node *node = &filter->node;
     double spread = node->squares - mean * node->times, since = node->begin + mean - filter->turned, turn[3];
-    *sweep = (Sweep){0};
+    *sweep = (Sweep){.spread = fmax(spread, 0.0) / node->count};
     if (!(spread > 0.0)) return;
     double angle = angle_between(R, filter->R, turn);
     if (tumble->known != 0.0) {

@@ -9,7 +9,7 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     Level level;
     OnlineTumble tumble;
     Foreseen foreseen = {.variance = INFINITY};
-    double share[MOST_FEATURES][3][3], common[3][3], M[3][3], e[3], L[9], B[LEVEL][3], beyond;
+    double share[MOST_FEATURES][3][3], common[3][3], M[3][3], e[3], L[9], B[MOTION][3], beyond;
     if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);
@@ -32,29 +32,62 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     return 1;
 }
 
+/* The members that there are; others only are none. */
+static void copy_bank(const Member from[MEMBERS + 1], Member to[MEMBERS + 1]) {
+    for (int m = 0; m <= SHADOW; m++)
+        if (is_alive(&from[m])) to[m] = from[m];
+        else to[m].weight = -INFINITY;
+}
+
+/* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
+   those whose path does stand for themselves. */
+static void together(const Member *large, const Member bank[MEMBERS + 1], Now *now) {
+    double x[2][MOTION], P[2][MOTION][MOTION], more[LEVEL][LEVEL], share[2], white = 0.0;
+    *now = (Now){0};
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) now->own[a][b] = large->P[a][b];
+    share[0] = mixture(bank, LEVEL, large, x[0], P[0], more);
+    share[1] = mixed(bank, MOTION, x[1], P[1]);
+    for (int a = 0; a < LEVEL; a++) x[1][a] += bank[SHADOW].x[a] - large->x[a];
+    double sum = share[0] + share[1];
+    for (int a = 0; a < MOTION; a++) now->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
+    for (int a = 0; a < MOTION; a++)
+        for (int b = 0; b < MOTION; b++) {
+            now->wider[a][b] = -now->own[a][b];
+            for (int k = 0; k < 2; k++)
+                now->wider[a][b] += share[k] / sum * (P[k][a][b] + (x[k][a] - now->x[a]) * (x[k][b] - now->x[b]));
+        }
+    for (int m = 0; m < MEMBERS; m++) {
+        if (!is_alive(&bank[m])) continue;
+        Law law = law_of((int)bank[m].steady);
+        double part = exp(bank[m].weight) / sum;
+        white += part * log(law.white), now->jerk += part * law.jerk;
+    }
+    now->white = exp(white);
+}
+
 /* At the filter's time. */
 static void look(const Online *filter, Now *now) {
-    Member large = {0}, bank[MEMBERS + 1], further[MEMBERS + 1];
-    double step[6], more[LEVEL][LEVEL];
+    Member bank[MEMBERS + 1], further[MEMBERS + 1];
+    double step[6], own[LEVEL][LEVEL];
     if (filter->looked != 0.0) {
         *now = filter->now;
         return;
     }
     step_since(filter, step);
-    of_level(filter, large.P);
-    for (int m = 0; m <= SHADOW; m++) bank[m] = filter->bank[m];
+    of_level(filter, own);
+    Member large = straight(filter->from, own);
+    copy_bank(filter->bank, bank);
     if (filter->elapsed > 0.0) {
-        advance_member(&large, filter->density, filter->elapsed, step, filter->F);
+        advance_member(&large, (Law){.white = filter->density}, filter->elapsed, step, filter->F);
         advance_bank(bank, filter->density, filter->elapsed, step, filter->F);
     }
     int taken = 0;
     if (filter->node.count > 0.0) {
-        for (int m = 0; m <= SHADOW; m++) further[m] = bank[m];
+        copy_bank(bank, further);
         taken = take_open_node(filter, further);
     }
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) now->own[a][b] = large.P[a][b];
-    mixture(taken ? further : bank, now->own, now->x, now->wider, more);
+    together(&large, taken ? further : bank, now);
 }
 
 /* Look now, and go on from what is seen: far ahead of the open node there is no straight way back to it. */

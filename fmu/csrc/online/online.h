@@ -33,12 +33,17 @@ enum {
     BODY = 15,
     MOST_ERRORS = BODY + 3 * MOST_FEATURES,
     DENSITIES = 8,
+    BENDS = 8,   /* deviations of an acceleration by which a path bends */
+    WANDERS = 2, /* how soon it is another */
+    STEADY = DENSITIES + BENDS * WANDERS,
+    ON_ORBIT = DENSITIES + 4, /* of them where an orbit is given, from which a path departs little */
     JUMPS = 4, /* members at most that have jumped */
-    MEMBERS = DENSITIES + JUMPS,
+    MEMBERS = STEADY + JUMPS,
     SHADOW = MEMBERS,
     STAGES = 32, /* nodes that are kept */
     SCALES = 14, /* blocks of 1, 2, 4 ... sightings */
     LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the features seen is wrong by */
+    MOTION = LEVEL + 3, /* of one whose path bends: its acceleration, too */
     N_ELEMENTS = 7,
     TORQUES = 5
 };
@@ -96,28 +101,30 @@ typedef struct {
 } Node;
 
 typedef struct {
-    double x[LEVEL];
-    double P[LEVEL][LEVEL];
+    double errors; /* LEVEL or MOTION; others are 0 */
+    double x[MOTION];
+    double P[MOTION][MOTION];
     double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
-    double steady; /* the member without a jump that has its density */
+    double steady; /* the member without a jump that has its law */
     /* Of one that has jumped: */
     double parent;            /* the member that it was */
-    double before[DENSITIES]; /* the weights of those without a jump then */
+    double before[STEADY];    /* the weights of those without a jump then */
     double pending;           /* 1: the large filter has not jumped */
 } Member;
 
 /* A node as the bank was given it, and the way to it: x is step + F x after span s. */
 typedef struct {
     double F[6][6], step[6], span;
-    double c[3], lag[3][3], offset[3][3], change[3][3]; /* see Level */
+    double c[3], lag[3][3], offset[3][3], change[3][3], bend; /* see Level */
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
     double moved[3];                            /* by which the offset was corrected after it, in B */
 } Stage;
 
 /* What is known from all frames: what the large filter's (r, v, offset) is wrong by, as the bank says, its covariance, and
-   by how much the true one is wider. */
+   by how much the true one is wider; with the acceleration of a path that bends, and how that wanders. */
 typedef struct {
-    double x[LEVEL], own[LEVEL][LEVEL], wider[LEVEL][LEVEL];
+    double x[MOTION], own[MOTION][MOTION], wider[MOTION][MOTION];
+    double white, jerk; /* densities of white acceleration and jerk, m2/s3, m2/s5 */
 } Now;
 
 /* A free tumble with white torque of one density. */
@@ -168,6 +175,7 @@ typedef struct {
     Stage leg;         /* the way since the last node */
     Member first;      /* of the bank at the first frame */
     double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
+    double likely; /* errors of the member that it is of */
     Stage stage[STAGES];
     Tumble tumble;
     double looked; /* 1: `now` is what is known at `time`, as of the last frame */

@@ -22,7 +22,7 @@ static void damped(double P[3][3], double M[3][3], double widest, double found[3
         for (int j = 0; j < 3; j++) inverse[i][j] += P[i][j];
     if (!inverted(inverse, found)) copy(NOTHING, found);
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) found[i][j] *= part;
+        for (int j = 0; j <= i; j++) found[i][j] = found[j][i] = 0.5 * part * (found[i][j] + found[j][i]);
 }
 
 static void take_back(Online *filter, double M[3][3]) {
@@ -38,18 +38,25 @@ static void take_back(Online *filter, double M[3][3]) {
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < n; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+        for (int j = 0; j <= i; j++) {
+            filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+            filter->P[j][i] = filter->P[i][j];
+        }
 }
 
 static void take_back_of_member(Member *member, double M[3][3], double widest) {
-    double P[3][3], less[3][3], G[3][LEVEL], MG[3][LEVEL];
+    const int n = (int)member->errors;
+    double P[3][3], less[3][3], G[3][MOTION], MG[3][MOTION];
     for (int a = 0; a < 3; a++) {
-        for (int j = 0; j < LEVEL; j++) G[a][j] = member->P[6 + a][j];
+        for (int j = 0; j < n; j++) G[a][j] = member->P[6 + a][j];
         for (int b = 0; b < 3; b++) P[a][b] = member->P[6 + a][6 + b];
     }
     damped(P, M, widest, less);
     for (int a = 0; a < 3; a++)
-        for (int j = 0; j < LEVEL; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
-    for (int i = 0; i < LEVEL; i++)
-        for (int j = 0; j < LEVEL; j++) member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+        for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+            member->P[j][i] = member->P[i][j];
+        }
 }

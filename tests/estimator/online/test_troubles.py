@@ -110,19 +110,6 @@ def test_a_first_frame_that_hardly_shows_the_attitude_is_soon_another():
     assert (states[0].position == states[1].position).all()
 
 
-def test_without_an_orbit_a_path_that_bends_steadily_is_doubted_and_a_straight_one_is_not():
-    """3e-4 m/s² for two turns. With a fifth of it the claims hold, and it is not doubted."""
-    time = np.arange(240.0)
-    bend = 0.5 * time[:, None] ** 2 * np.array([2e-4, -2e-4, 1e-4])
-    for draw in range(6):
-        straight_one, bent = (
-            run(OnlineEstimator(SIGMA), time, tracks(np.random.default_rng([27, draw]), time, path))[-1].status
-            for path in (straight(time), straight(time) + bend)
-        )
-        assert straight_one is OnlineStatus.TRACKING
-        assert bent is OnlineStatus.DOUBTFUL
-
-
 def test_an_attitude_of_features_near_a_line_tells_no_offset():
     """A spin: a node whose attitude was off by 0.7 rad told it along the axis to 9 mm, where it was 0.8 m off.
 

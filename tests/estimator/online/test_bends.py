@@ -1,0 +1,65 @@
+"""The online estimator where the path bends, and nobody tells how: it estimates the acceleration, too."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import oracles
+from baryscope.estimator.online import OnlineEstimator, OnlineStatus
+from baryscope.models.orbit import Orbit
+from tops import SIGMA, errors, run, straight, tracks
+
+ALPHA = 1e-4  # of the chi-square bands
+DRAWS = 8
+TIME = np.arange(0.0, 400.0, 2.0)  # s, of more than three turns
+AHEAD = 460.0
+ORBIT = Orbit(7.2e6, 0.01, 1.7, 2.0, 1.5, 0.4)
+
+
+def orbital(times):
+    """The path (n, 3) from the chaser by two Kepler orbits: it bends by 1.8 m."""
+    target, chaser = oracles.inertial_states(ORBIT, [2.0, -20.0, 1.0], [0.005, 0.002, -0.003])
+    mu = ORBIT.gravitational_parameter
+    both = [[oracles.propagate_kepler(*start, mu, t)[0] for start in (target, chaser)] for t in times]
+    return np.array([here - there for here, there in both], dtype=float)
+
+
+def steady(times):
+    """3e-4 m/s² in a constant direction."""
+    return straight(times) + 0.5 * times[:, None] ** 2 * np.array([2e-4, -2e-4, 1e-4])
+
+
+def pushed(times):
+    """1e-5 m/s² besides the orbit: 0.8 m in the end."""
+    return orbital(times) + 0.5 * times[:, None] ** 2 * np.array([6e-6, -7e-6, 4e-6])
+
+
+def flights(path, orbit, seed):
+    """Of each draw: the filter after all frames, and its last state."""
+    for draw in range(DRAWS):
+        filter = OnlineEstimator(SIGMA, orbit)
+        yield filter, run(filter, TIME, tracks(np.random.default_rng([seed, draw]), TIME, path))[-1]
+
+
+def assert_followed_and_predicted(path_of, orbit, seed):
+    """As well as it is claimed, to 2 cm in the end, and a minute ahead."""
+    path = path_of(np.append(TIME, AHEAD))
+    nees, ahead, distances = [], [], []
+    for filter, state in flights(path[:-1], orbit, seed):
+        assert state.status is OnlineStatus.TRACKING
+        distance, of_last = errors([state], path[-2:-1])
+        distances.append(distance[0])
+        nees.append(of_last[0])
+        ahead.append(errors([filter.predict(AHEAD)], path[-1:])[1][0])
+    assert np.sqrt(np.mean(np.square(distances))) < 0.02
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 3 * DRAWS)
+    assert sum(ahead) < chi2.ppf(1 - ALPHA, 3 * DRAWS)
+
+
+@pytest.mark.parametrize("path_of", [orbital, steady])
+def test_without_an_orbit_the_path_is_followed_and_predicted(path_of):
+    assert_followed_and_predicted(path_of, None, 51)
+
+
+def test_an_acceleration_besides_the_orbit_is_followed_and_predicted():
+    assert_followed_and_predicted(pushed, ORBIT, 52)
