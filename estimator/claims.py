@@ -20,8 +20,9 @@ FloatArray = NDArray[np.float64]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
 FEATURES = 3  # that a frame shows at least, to tell an attitude
-FEWEST_FRAMES, LEAST_SHARE = 10, 0.01  # successive frames without a used observation, and their share of all
+LEAST_SHARE = 0.01  # of all frames, successive ones without a used observation
 SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
+BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
 
 
 def claimed(result: Estimate) -> Estimate:
@@ -41,16 +42,23 @@ def _departure(result: Estimate) -> tuple[Departure, ...]:
 
 
 def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
-    """The longest run of frames of which all observations are rejected, if it is no chance."""
+    """The longest run of frames of which all observations are rejected, if it is no chance.
+
+    Frames that are left out one by one, as often as those outside the run, make one as long somewhere in n frames with a
+    probability of n times the share to its power, at most.
+    """
     known = result.used & np.isfinite(result.residuals[..., 0])
     shown = np.flatnonzero(known.sum(axis=1) >= FEATURES)
     out = np.asarray((result.rejected | ~known)[shown].all(axis=1))
     first, stop = max(runs_of(out).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
-    if stop - first < max(FEWEST_FRAMES, LEAST_SHARE * len(shown)):
+    run = stop - first
+    others = (out.sum() - run + 1) / (len(out) - run + 1)  # share of the other frames left out, as if of one more
+    if run < LEAST_SHARE * len(out) or run < 2 or len(out) * others**run > BY_CHANCE:
         return ()
-    run = shown[first:stop]
-    shift = np.linalg.norm(np.nanmean(result.residuals[run], axis=1), axis=1)
-    return (FramesLeftOut(float(result.time[run[0]]), float(result.time[run[-1]]), len(run), float(np.median(shift))),)
+    frames = shown[first:stop]
+    shift = np.linalg.norm(np.nanmean(result.residuals[frames], axis=1), axis=1)
+    begin, end = result.time[frames[[0, -1]]]
+    return (FramesLeftOut(float(begin), float(end), int(run), float(np.median(shift))),)
 
 
 def _widening(result: Estimate) -> Widening:

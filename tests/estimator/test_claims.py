@@ -84,3 +84,22 @@ def test_a_run_of_frames_that_nothing_fits_is_named():
     # Attitudes give way to what does not fit: single frames are off by 0.6 m, the median of 20 by 0.17.
     assert left_out.magnitude == pytest.approx(30.0, abs=4 * 0.17)
     assert found.status is Status.MODEL_DOES_NOT_FIT
+
+
+@pytest.mark.parametrize(
+    ("left_out", "named"),
+    [
+        (range(25, 30), (25, 29, 5)),  # by chance in 30 / 26^5
+        ([*range(25, 30), 3], (25, 29, 5)),
+        (range(0, 30, 6), None),
+        ([*range(26, 30), 3, 9, 15], None),  # in 30 (4 / 27)^4, 1.4 %
+        ([], None),
+    ],
+)
+def test_frames_are_left_out_together_or_by_chance(left_out, named):
+    """Of 30 frames; half a metre off."""
+    rejected = np.zeros((30, 4), dtype=bool)
+    rejected[list(left_out)] = True
+    residuals = np.where(rejected[..., None], [0.3, 0.0, 0.4], 0.01)
+    found = claimed(an_estimate(frames=30, rejected=rejected, residuals=residuals))
+    assert found.findings == (() if named is None else (FramesLeftOut(*named, pytest.approx(0.5)),))
