@@ -3,7 +3,7 @@
 #define UNLIKE 1.2 /* mean square of the residuals over that of the told noise */
 #define FEWEST 6.0 /* nodes, of three values each, for the nine unknowns of path and offset */
 #define TREND 3.0 /* standard deviations */
-#define SEEMING 0.25 /* what was taken back, over what is known of the offset, along some direction */
+#define SEEMING 0.5 /* what was taken back, over what is known of the offset, along some direction */
 
 static int are_finite(const double *values, int count) {
     for (int k = 0; k < count; k++)
