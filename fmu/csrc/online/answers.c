@@ -33,8 +33,8 @@ static int only_seems(const Online *filter, const Now *now) {
     return size > SEEMING;
 }
 
-/* Whether successive innovations surely agree: the path bends, and white acceleration does not tell how. So they do where
-   the errors of features last. */
+/* Whether successive innovations surely agree: the path bends otherwise than any member of the bank takes it for. So they do
+   where the errors of features last. */
 static int is_bent(const Online *filter) {
     return filter->frames_per_error <= 1.0 && filter->trend > TREND * sqrt(filter->terms);
 }

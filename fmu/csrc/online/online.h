@@ -6,8 +6,8 @@ against the map of the features and its error eliminated with theirs, so nothing
 Where that is a free one, further filters find rate and inertia ratios, and say where a feature will be.
 Frames between which the target turns less than their noise are taken together first, as a node: attitudes that differ
 by noise alone would seem to show the offset of the centre of mass.
-r moves on the orbit that is given, else in a straight line, with white acceleration of a density that a bank of small
-filters weighs by the likelihood of its innovations. Everything is in one struct without pointers: copying it saves the
+r moves on the orbit that is given, else in a straight line, and besides with white acceleration, or one that wanders: a bank
+of small filters weighs what it may be by the likelihood of its innovations. Everything is in one struct without pointers: copying it saves the
 filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is needed. */
 #ifndef ONLINE_H
 #define ONLINE_H
