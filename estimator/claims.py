@@ -44,8 +44,8 @@ def _departure(result: Estimate) -> tuple[Departure, ...]:
 def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     """The longest run of frames of which all observations are rejected, if it is no chance.
 
-    Frames that are left out one by one, as often as those outside the run, make one as long somewhere in n frames with a
-    probability of n times the share to its power, at most.
+    Frames that are left out one by one, as often as those outside the run, make one as long somewhere among n frames
+    with a probability of n times the share to its power, at most.
     """
     known = result.used & np.isfinite(result.residuals[..., 0])
     shown = np.flatnonzero(known.sum(axis=1) >= FEATURES)
