@@ -17,7 +17,7 @@ typedef struct {
 #define LOG_LEAST (-36.841361487904734) /* logarithm of the least density */
 #define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
 #define UNLIKELY (-12.0)
-#define SELDOM (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
+#define BENT_ODDS (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
 
 static void add_noise(double q, double T, double *P, int stride) {
     for (int k = 0; k < 3; k++) {
@@ -110,7 +110,7 @@ static int count_of(const Online *filter) { return filter->options.on_orbit != 0
 /* What a member weighs before the first frame. */
 static double first_weight(const Online *filter, int m) {
     if (m >= count_of(filter)) return -INFINITY;
-    return m >= DENSITIES && filter->options.on_orbit != 0.0 ? SELDOM : 0.0;
+    return m >= DENSITIES && filter->options.on_orbit != 0.0 ? BENT_ODDS : 0.0;
 }
 
 /* A member without an acceleration. */
