@@ -70,7 +70,7 @@ static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]
 }
 
 /* The covariance of (r, v, offset) from what they are with all errors. */
-static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[LEVEL][LEVEL]) {
+static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[MOTION][MOTION]) {
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b <= a; b++) {
             double sum = b < 6 ? G[a][PLACE + b] : 0.0;
@@ -81,7 +81,7 @@ static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], doub
 }
 
 /* The large filter's covariance of (r, v, offset). */
-static void of_level(const Online *filter, double P[LEVEL][LEVEL]) {
+static void of_level(const Online *filter, double P[MOTION][MOTION]) {
     double G[LEVEL][MOST_ERRORS];
     with_level(filter, BODY + 3 * (int)filter->used, G);
     among_level(filter, G, P);
@@ -113,20 +113,17 @@ static double first_weight(const Online *filter, int m) {
     return m >= DENSITIES && filter->options.on_orbit != 0.0 ? BENT_ODDS : 0.0;
 }
 
-/* A member without an acceleration. */
-static Member straight(const double x[6], double P[LEVEL][LEVEL]) {
-    Member member = {.errors = LEVEL};
-    for (int k = 0; k < 6; k++) member.x[k] = x[k];
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) member.P[a][b] = P[a][b];
-    return member;
+/* The large filter as a member, at x. */
+static Member large_at(const Online *filter, const double x[6]) {
+    Member large = {.errors = LEVEL};
+    for (int k = 0; k < 6; k++) large.x[k] = x[k];
+    of_level(filter, large.P);
+    return large;
 }
 
 /* All members as the large filter is, with the weights that they have; none has jumped. */
 static void start_bank(Online *filter) {
-    double P[LEVEL][LEVEL];
-    of_level(filter, P);
-    const Member first = straight(filter->x, P);
+    const Member first = large_at(filter, filter->x);
     for (int m = 0; m < MEMBERS; m++) {
         double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
         filter->bank[m] = going_on(&first, m < STEADY ? m : 0);

@@ -139,10 +139,9 @@ static int is_elsewhere(const Online *filter) {
    this is added. */
 static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
-    double own[LEVEL][LEVEL], x[MOTION], D[MOTION][MOTION], more[LEVEL][LEVEL];
+    double x[MOTION], D[MOTION][MOTION], more[LEVEL][LEVEL];
     Member *shadow = &filter->bank[SHADOW];
-    of_level(filter, own);
-    const Member large = straight(filter->x, own);
+    const Member large = large_at(filter, filter->x);
     mixture(filter->bank, 0, &large, x, D, more);
     for (int a = 0; a < LEVEL; a++) {
         shadow->x[a] += x[a];
@@ -153,9 +152,7 @@ static void take_mixture(Online *filter, double dx[]) {
         dx[i] += x[a];
         for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : 6 + (j - BODY) % 3];
     }
-    of_level(filter, own);
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) shadow->P[a][b] = own[a][b];
+    of_level(filter, shadow->P);
     for (int m = STEADY; m < MEMBERS; m++) filter->bank[m].pending = 0.0;
     adopt(filter);
 }

@@ -69,14 +69,13 @@ static void together(const Member *large, const Member bank[MEMBERS + 1], Now *n
 /* At the filter's time. */
 static void look(const Online *filter, Now *now) {
     Member bank[MEMBERS + 1], further[MEMBERS + 1];
-    double step[6], own[LEVEL][LEVEL];
+    double step[6];
     if (filter->looked != 0.0) {
         *now = filter->now;
         return;
     }
     step_since(filter, step);
-    of_level(filter, own);
-    Member large = straight(filter->from, own);
+    Member large = large_at(filter, filter->from);
     copy_bank(filter->bank, bank);
     if (filter->elapsed > 0.0) {
         advance_member(&large, (Law){.white = filter->density}, filter->elapsed, step, filter->F);

@@ -63,3 +63,16 @@ def test_without_an_orbit_the_path_is_followed_and_predicted(path_of):
 
 def test_an_acceleration_besides_the_orbit_is_followed_and_predicted():
     assert_followed_and_predicted(pushed, ORBIT, 52)
+
+
+def test_a_path_that_sways_is_doubted_and_a_straight_one_is_not():
+    """By 5 cm in 40 s, which no acceleration that wanders slowly is."""
+    time = np.arange(240.0)
+    sway = 0.05 * np.sin(2 * np.pi * time / 40.0)[:, None] * np.array([0.6, 0.6, 0.5])
+    for draw in range(6):
+        steady_one, swaying = (
+            run(OnlineEstimator(SIGMA), time, tracks(np.random.default_rng([27, draw]), time, path))[-1].status
+            for path in (straight(time), straight(time) + sway)
+        )
+        assert steady_one is OnlineStatus.TRACKING
+        assert swaying is OnlineStatus.DOUBTFUL
