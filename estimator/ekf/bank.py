@@ -108,41 +108,49 @@ class Bank:
 
         What is likely along either density is evaluated first, wherever it lies.
         """
-        paths, path_weight = self._weights(self._surveyed(self.path, best), self.path)
-        turns, turn_weight = self._weights(self._surveyed(self.turn, best), self.turn)
+        self._survey(best)
+        paths, path_weight = self._weights(self.path, best)
+        turns, turn_weight = self._weights(self.turn, best)
         weight = np.outer(path_weight, turn_weight).ravel()
         members = [Member(path, turn) for path, turn in product(paths, turns)]
         kept = weight >= min(NEGLIGIBLE, float(weight.max()))
         return [member for member, keep in zip(members, kept, strict=True) if keep], weight[kept] / weight[kept].sum()
 
-    def _surveyed(self, axis: Axis, best: Member) -> dict[float, float]:
-        """The scores along a density from the best member: at the coarse levels, and beside all that is probable."""
+    def _survey(self, best: Member) -> None:
+        """Evaluate, along either density from the best member, the coarse levels, and beside all that is probable."""
+        free = [axis for axis in (self.path, self.turn) if axis.free]
+        new = [best, *(self._with(axis, best, density) for axis in free for density in axis.coarse)]
+        while new:
+            self._best(new)
+            new = [self._with(axis, best, density) for axis in free for density in self._beside(axis, best)]
 
-        def at(density: float) -> Member:
-            return replace(best, path=density) if axis is self.path else replace(best, turn=density)
+    def _beside(self, axis: Axis, best: Member) -> list[float]:
+        """The densities beside probable ones that are not known yet."""
+        probable = {density: score + axis.log_prior(density) for density, score in self._along(axis, best).items()}
+        known, least = [density for density in probable if density > 0], max(probable.values()) + log(NEGLIGIBLE)
+        return [
+            near
+            for density in known
+            for near in (density / FINE, density * FINE)
+            if probable[density] > least
+            and known[0] < near < known[-1]
+            and min(abs(log10(near / other)) for other in known) > CLOSE
+        ]
 
-        def scores() -> dict[float, float]:
-            every = {member.path if axis is self.path else member.turn for member in self.scores}
-            return {density: self.scores[at(density)] for density in sorted(every) if at(density) in self.scores}
+    def _with(self, axis: Axis, best: Member, density: float) -> Member:
+        """The best member with another density of the path or the rotation."""
+        return replace(best, path=density) if axis is self.path else replace(best, turn=density)
 
-        densities = axis.coarse
-        while axis.free and densities:
-            self._best([at(density) for density in densities])
-            probable = {density: score + axis.log_prior(density) for density, score in scores().items()}
-            known, least = [density for density in probable if density > 0], max(probable.values()) + log(NEGLIGIBLE)
-            densities = [
-                near
-                for density in known
-                for near in (density / FINE, density * FINE)
-                if probable[density] > least
-                and known[0] < near < known[-1]
-                and min(abs(log10(near / other)) for other in known) > CLOSE
-            ]
-        return scores()
+    def _along(self, axis: Axis, best: Member) -> dict[float, float]:
+        """The scores evaluated so far along a density, ascending, from the best member."""
+        every = sorted({member.path if axis is self.path else member.turn for member in self.scores})
+        members = {density: self._with(axis, best, density) for density in every}
+        return {density: self.scores[member] for density, member in members.items() if member in self.scores}
 
-    def _weights(self, scores: dict[float, float], axis: Axis) -> tuple[list[float], FloatArray]:
+    def _weights(self, axis: Axis, best: Member) -> tuple[list[float], FloatArray]:
         """Densities, ascending, and their probabilities."""
-        densities = sorted(scores)
+        scores = self._along(axis, best)
+        densities = list(scores)
         width = np.ones(len(densities))
         positive = [k for k, density in enumerate(densities) if density > 0]
         if len(positive) > 1:

@@ -13,7 +13,7 @@ from baryscope.estimator.ekf.linearised import Linearised
 from baryscope.estimator.tracks import BoolArray, FloatArray
 
 SYMMETRISED = 8  # nodes between two symmetrisations of the covariance
-BLOCK = 256  # nodes whose contributions to the cost are added at once
+BLOCK = 256  # nodes whose contributions to the cost are added, and whose smoothed states are found, at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,39 +34,57 @@ class ProcessNoise:
 
 
 @dataclass(frozen=True, eq=False)
+class Kept:
+    """What the smoother needs from the filter for k members, at each of n nodes.
+
+    predicted (n, k, d, c + d): the affine state and its covariance P before the update; innovations (n, k, 6, c + d),
+    e and −M G P with M = (Λ⁻¹ + S)⁻¹; precision (n, k, 6, 6), M. Zero where nothing is seen.
+    """
+
+    predicted: FloatArray
+    innovations: FloatArray
+    precision: FloatArray
+
+    @classmethod
+    def room(cls, system: Linearised, members: int) -> "Kept":
+        """Room for that many members."""
+        n, d, c = len(system.observed), *system.first.shape
+        sizes = ((n, members, d, c + d), (n, members, 6, c + d), (n, members, 6, 6))
+        return cls(*(np.zeros(size) for size in sizes))
+
+    def of(self, members: slice) -> "Kept":
+        """The room of some members."""
+        return Kept(self.predicted[:, members], self.innovations[:, members], self.precision[:, members])
+
+
+@dataclass(frozen=True, eq=False)
 class Forward:
     """The result of the filter for k members.
 
     cost (k, c, c): the quadratic form in (1, θ) of the weighted innovations; rounding (k, c, c): how far it was from
     symmetric, a sample of its rounding errors; log_determinant (k,) of their covariances over those of the
-    observations. For the smoother, at each of n nodes, empty if not kept: predicted (n, k, d, c + d), the affine state
-    and its covariance P before the update; innovations (n, k, 6, c + d), e and −M G P with M = (Λ⁻¹ + S)⁻¹; precision
-    (n, k, 6, 6), M.
+    observations.
     """
 
     cost: FloatArray
     rounding: FloatArray
     log_determinant: FloatArray
-    predicted: FloatArray
-    innovations: FloatArray
-    precision: FloatArray
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a system that has lost the motion
-def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
-    """Run the filter; keep: what the smoother needs."""
+def filtered(system: Linearised, noise: ProcessNoise, kept: Kept | None = None) -> Forward:
+    """Run the filter; kept: where what the smoother needs is written, if it is to run."""
     n, d, c, k = len(system.observed), *system.first.shape, len(noise.density)
-    kept = n if keep else 0
     units = noise.units.reshape(n - 1, 2, d * d)
-    predicted, innovations = np.empty((kept, k, d, c + d)), np.zeros((kept, k, 6, c + d))
-    precision = np.zeros((kept, k, 6, 6))
     cost, log_determinant = np.tile(system.static, (k, 1, 1)), np.zeros(k)
-    shift = noise.shift[:, None, None] * np.diag([1.0] * 3 + [0.0] * 3)
+    shift = noise.shift[:, None, None] * np.diag([1.0] * 3 + [0.0] * 3) if noise.shift.any() else None
     both = np.zeros((k, d, c + d))  # the affine state and the covariance
     both[:, :, :c] = system.first
     for begin in range(0, n, BLOCK):
-        size = min(BLOCK, n - begin)
-        expected, corrected, whitened = np.zeros((3, k, size, 6, c))
+        part = slice(begin, min(begin + BLOCK, n))
+        size = part.stop - begin
+        rhs = np.concatenate([system.rhs[part], np.zeros((size, 6, d))], axis=2)
+        expected, whitened, S = np.zeros((k, size, 6, c)), np.zeros((k, size, 6, c)), np.zeros((size, k, 6, 6))
         ratio = np.tile(np.eye(6), (size, k, 1, 1))
         for at in range(size):
             j = begin + at
@@ -78,72 +96,75 @@ def filtered(system: Linearised, noise: ProcessNoise, keep: bool) -> Forward:
                 if at % SYMMETRISED == 0:
                     P = 0.5 * (P + P.transpose(0, 2, 1))
                 both[:, :, c:] = P + (noise.density @ units[j - 1]).reshape(k, d, d)
-            if keep:
-                predicted[j] = both
+            if kept:
+                kept.predicted[j] = both
             if not system.seen[j]:
                 continue
             G, information = system.observed[j], system.information[j]
             seen = G @ both
             GP = seen[:, :, c:]
-            S = GP @ G.T + shift
-            ratio[at] += information @ S
-            residual = -information @ seen
-            residual[:, :, :c] += system.rhs[j]
-            innovation = _solved(ratio[at], residual)
+            S[at] = GP @ G.T
+            if shift is not None:
+                S[at] += shift
+            ratio[at] += information @ S[at]
+            innovation = _inverse(ratio[at]) @ (rhs[at] - information @ seen)
             both += GP.transpose(0, 2, 1) @ innovation
-            e = innovation[:, :, :c]
-            expected[:, at], whitened[:, at] = seen[:, :, :c], e
-            corrected[:, at] = S @ e
-            if keep:
-                innovations[j] = innovation
-        corrected += expected
-        own = system.rhs[begin : begin + size].reshape(-1, c)
+            expected[:, at], whitened[:, at] = seen[:, :, :c], innovation[:, :, :c]
+            if kept:
+                kept.innovations[j] = innovation
+        corrected = S.transpose(1, 0, 2, 3) @ whitened + expected
+        own = system.rhs[part].reshape(-1, c)
         for member in range(k):
             half = own.T @ corrected[member].reshape(-1, c)
             half += expected[member].reshape(-1, c).T @ whitened[member].reshape(-1, c)
             cost[member] -= half
         log_determinant += np.linalg.slogdet(ratio)[1].sum(axis=0)
-        if keep:
-            part = slice(begin, begin + size)
-            precision[part] = _solved(ratio, np.broadcast_to(system.information[part, None], ratio.shape))
+        if kept:
+            kept.precision[part] = _inverse(ratio) @ system.information[part, None]
     asymmetry = 0.5 * np.abs(cost - cost.transpose(0, 2, 1))
-    return Forward(
-        0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant, predicted, innovations, precision
-    )
+    return Forward(0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant)
 
 
-def _solved(matrix: FloatArray, rhs: FloatArray) -> FloatArray:
-    """The solutions (..., 6, c) of linear systems (..., 6, 6); NaN for members that have lost the motion."""
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """The inverses of matrices (..., 6, 6); NaN for members that have lost the motion."""
     try:
-        return np.asarray(np.linalg.solve(matrix, rhs))
+        return np.asarray(np.linalg.inv(matrix))
     except np.linalg.LinAlgError:
         regular: BoolArray = np.asarray(np.isfinite(matrix).all(axis=(-2, -1)))
         regular[regular] = np.linalg.cond(matrix[regular]) < 1 / np.finfo(float).eps
-        found = np.full(rhs.shape, np.nan)
-        found[regular] = np.linalg.solve(matrix[regular], rhs[regular])
+        found = np.full(matrix.shape, np.nan)
+        found[regular] = np.linalg.inv(matrix[regular])
         return found
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def smoothed(system: Linearised, forward: Forward) -> tuple[FloatArray, FloatArray]:
-    """The state (n, k, d, c), affine in θ, and its covariance (n, k, d, d) for known θ, from all observations."""
-    n, k, d, width = forward.predicted.shape
+def smoothed(system: Linearised, kept: Kept) -> tuple[FloatArray, FloatArray]:
+    """The state (n, k, d, c), affine in θ, and its covariance (n, k, d, d) for known θ, from all observations.
+
+    They take the place of the predicted ones: fresh memory for both costs more than finding them.
+    """
+    n, k, d, width = kept.predicted.shape
     c = width - d
-    adjoint = np.empty((n, k, d, width))
-    information = forward.precision @ system.observed[:, None]
+    state, covariance = kept.predicted[..., :c], kept.predicted[..., c:]
     both = np.zeros((k, d, width))  # the adjoint of the state, and its covariance
-    for j in range(n - 1, -1, -1):
-        if j < n - 1:
-            F = system.transition[j]
-            both = F.T @ both
-            both[:, :, c:] = both[:, :, c:] @ F
-        if system.seen[j]:
-            G, innovation = system.observed[j], forward.innovations[j]
-            both[:, :, c:] += both[:, :, c:] @ innovation[:, :, c:].transpose(0, 2, 1) @ G
-            inner = innovation[:, :, c:] @ both
-            inner[:, :, :c] += innovation[:, :, :c]
-            inner[:, :, c:] += information[j]
-            both = both + G.T @ inner
-        adjoint[j] = both
-    P = forward.predicted[..., c:]
-    return forward.predicted[..., :c] + P @ adjoint[..., :c], P - P @ adjoint[..., c:] @ P
+    for begin in reversed(range(0, n, BLOCK)):
+        part = slice(begin, min(begin + BLOCK, n))
+        adjoint = np.empty((part.stop - begin, k, d, width))
+        information = kept.precision[part] @ system.observed[part, None]
+        for j in reversed(range(begin, part.stop)):
+            if j < n - 1:
+                F = system.transition[j]
+                both = F.T @ both
+                both[:, :, c:] = both[:, :, c:] @ F
+            if system.seen[j]:
+                G, innovation = system.observed[j], kept.innovations[j]
+                both[:, :, c:] += both[:, :, c:] @ innovation[:, :, c:].transpose(0, 2, 1) @ G
+                inner = innovation[:, :, c:] @ both
+                inner[:, :, :c] += innovation[:, :, :c]
+                inner[:, :, c:] += information[j - begin]
+                both += G.T @ inner
+            adjoint[j - begin] = both
+        moved = covariance[part] @ adjoint
+        state[part] += moved[..., :c]
+        covariance[part] -= moved[..., c:] @ covariance[part]
+    return state, covariance

@@ -27,7 +27,7 @@ def product_gradient(system: Linearised, noise: ProcessNoise, solution: Solution
     shift = product_shifts(turns, offset, solution.of_state[:, :3, :3], system.seen)
     if not shift.shape[2]:
         return np.zeros((c - 1, 0))
-    return np.asarray(filtered(_moved(system, shift), noise, keep=False).cost[0, 1:c, c:])
+    return np.asarray(filtered(_moved(system, shift), noise).cost[0, 1:c, c:])
 
 
 def _moved(system: Linearised, shift: FloatArray) -> Linearised:

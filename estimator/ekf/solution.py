@@ -1,10 +1,11 @@
 """The solution of the linearised problem for one or several process noises: parameters, states, likelihood."""
 
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 
-from baryscope.estimator.ekf.filter import Forward, ProcessNoise, filtered, smoothed
+from baryscope.estimator.ekf.filter import Forward, Kept, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import TURN, Linearised
 from baryscope.estimator.geometry.symmetric import eigen
 from baryscope.estimator.tracks import FloatArray
@@ -85,7 +86,7 @@ def log_likelihoods(
     dof: values less parameters without a prior, of which a proper one counts as an observation. −∞ where the cost has
     overflown.
     """
-    forward = filtered(system, noise, keep=False)
+    forward = filtered(system, noise)
     likelihood = np.full(len(noise.density), -np.inf)
     for member in range(len(likelihood)):
         try:
@@ -127,12 +128,14 @@ def solve(
 ) -> list[tuple[Solution, Parameters]]:
     """The solutions of all members; added (q, q): to the covariance of the parameters, in the units of the weights."""
     n, (d, c), k = len(system.observed), system.first.shape, len(noise.density)
-    at_once = max(1, int(MEMORY / (8.0 * n * 4 * d * (c + d))))
-    found = []
+    parts = max(1, ceil(8.0 * k * n * (d + 6) * (c + d) / MEMORY))
+    at_once = ceil(k / parts)
+    room, found = Kept.room(system, at_once), []
     for begin in range(0, k, at_once):
         part = noise.of(slice(begin, begin + at_once))
-        forward = filtered(system, part, keep=True)
-        state, covariance = smoothed(system, forward)
+        kept = room.of(slice(len(part.density)))
+        forward = filtered(system, part, kept)
+        state, covariance = smoothed(system, kept)
         for member in range(len(part.density)):
             parameters = parameters_of(forward, member, prior)
             theta, of_theta = parameters.theta, parameters.covariance + added

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.ekf.filter import ProcessNoise, filtered, smoothed
+from baryscope.estimator.ekf.filter import Kept, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised, points_in
 from baryscope.estimator.ekf.solution import Prior, log_likelihoods, mixed, solve
 
@@ -74,15 +74,16 @@ def dense(case, noise, member):
 @pytest.mark.parametrize("member", [0, 1, 2])
 def test_filter_and_smoother_against_conditioning_at_once(case, member):
     noise = noise_of(case, [[0.3, 0.1], [0.0, 0.0], [0.2, 0.0]], [0.0, 0.0, 0.5])
-    forward = filtered(case, noise, keep=True)
-    states, covariance = smoothed(case, forward)
+    kept = Kept.room(case, 3)
+    forward = filtered(case, noise, kept)
+    states, covariance = smoothed(case, kept)
     expected, blocks, cost, ratio = dense(case, noise, member)
     scale = np.abs(cost).max()
     np.testing.assert_allclose(forward.cost[member], cost, atol=1e-9 * scale)
     assert forward.log_determinant[member] == pytest.approx(ratio, abs=1e-8)
     np.testing.assert_allclose(states[:, member], expected, atol=1e-8 * np.abs(expected).max())
     np.testing.assert_allclose(covariance[:, member], blocks, atol=1e-8 * max(np.abs(blocks).max(), 1.0))
-    np.testing.assert_allclose(filtered(case, noise, keep=False).cost, forward.cost)
+    np.testing.assert_allclose(filtered(case, noise).cost, forward.cost)
 
 
 def test_parameters_and_states_have_their_joint_covariance(case):

@@ -71,7 +71,7 @@ def test_the_gradient_is_that_of_frames_that_the_products_move(case):
 
     def gradient(position):
         own = linearised(reference, nodes, replace(observations, position=position))
-        return filtered(own, noise, keep=False).cost[0, 1:, 0]
+        return filtered(own, noise).cost[0, 1:, 0]
 
     rest, shifts = gradient(observations.position), np.empty((len(found), FRAMES, 3))
     for k in range(FRAMES):

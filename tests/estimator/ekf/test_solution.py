@@ -14,8 +14,7 @@ PRIOR, MEAN = 1e-8, 0.5  # information of the prior of x, and its mean
 def of_a_sum(rounding):
     """The quadratic form in (1, x, y) of observations of x + y only."""
     cost = SUM * np.array([[VALUE * VALUE, -VALUE, -VALUE], [-VALUE, 1.0, 1.0], [-VALUE, 1.0, 1.0]])
-    empty = np.empty(0)
-    return Forward(cost[None], np.full((1, 3, 3), rounding), np.zeros(1), empty, empty, empty)
+    return Forward(cost[None], np.full((1, 3, 3), rounding), np.zeros(1))
 
 
 def test_what_is_lost_in_rounding_is_as_the_prior_says():
