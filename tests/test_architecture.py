@@ -147,6 +147,24 @@ def test_no_two_modules_import_each_other():
     assert len(list(TopologicalSorter(IMPORTS).static_order())) == len(MODULES)
 
 
+MEASURING = ("baryscope.study.", "baryscope.scripts.benchmarks.")
+
+
+def measuring_programs():
+    """The modules that measure and can be run, but for the one that only writes a file for the tests."""
+    for name, path in MODULES.items():
+        can_be_run = 'if __name__ == "__main__":' in path.read_text(encoding="utf-8")
+        if can_be_run and name.startswith(MEASURING) and not name.endswith("under_forces"):
+            yield name
+
+
+@pytest.mark.parametrize("name", list(measuring_programs()))
+def test_what_measures_prefers_one_thread_before_numpy_is_loaded(name):
+    _, first, second, *_ = ast.parse(MODULES[name].read_text(encoding="utf-8")).body
+    assert ast.unparse(first) == "from baryscope.threads import prefer_one_thread"
+    assert ast.unparse(second) == "prefer_one_thread()"
+
+
 @pytest.mark.parametrize("package", [name for name, _ in packages()])
 def test_a_room_says_what_lives_there_and_is_not_crowded(package):
     text = MODULES[package].read_text(encoding="utf-8")

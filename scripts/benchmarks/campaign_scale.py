@@ -7,22 +7,26 @@ other as a campaign writes them, until there are so many; then a process of its 
 time as they do, whatever their number: `time` in the table of FOLDER.
 """
 
-import json
-import sys
-import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from multiprocessing.queues import SimpleQueue
-from pathlib import Path
-from time import perf_counter
+from baryscope.threads import prefer_one_thread
 
-from baryscope.models.errors import InputError
-from baryscope.scripts.cli.console import Show
-from baryscope.study.campaign import begin, campaign_paths, mended, read_plan, report
-from baryscope.study.campaign.folder import RUNS, RunFile
-from baryscope.study.campaign.runner import PAGE, TABLE
-from baryscope.table import Table
+prefer_one_thread()
+
+import json  # noqa: E402
+import sys  # noqa: E402
+import tempfile  # noqa: E402
+from collections.abc import Sequence  # noqa: E402
+from dataclasses import dataclass, replace  # noqa: E402
+from multiprocessing import get_context  # noqa: E402
+from multiprocessing.queues import SimpleQueue  # noqa: E402
+from pathlib import Path  # noqa: E402
+from time import perf_counter  # noqa: E402
+
+from baryscope.models.errors import InputError  # noqa: E402
+from baryscope.scripts.cli.console import Show  # noqa: E402
+from baryscope.study.campaign import begin, campaign_paths, mended, read_plan, report  # noqa: E402
+from baryscope.study.campaign.folder import RUNS, RunFile  # noqa: E402
+from baryscope.study.campaign.runner import PAGE, TABLE  # noqa: E402
+from baryscope.table import Table  # noqa: E402
 
 LINES = (10_000, 100_000)
 

@@ -7,20 +7,24 @@ the noise of the RMSE of the path, at every frame. "-" means that the method sai
 one draw of a small grid: to see that it works.
 """
 
-import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from baryscope.threads import prefer_one_thread
 
-import numpy as np
+prefer_one_thread()
 
-from baryscope import __version__
-from baryscope.estimator import METHODS, FeatureTracks, ScrewOptions, estimate
-from baryscope.models.errors import ComputationError
-from baryscope.models.scenario import Scenario, load_scenario
-from baryscope.progress import Progress, stage
-from baryscope.scripts.cli.console import Show
-from baryscope.study import Flight, fly
-from baryscope.table import Table
+import sys  # noqa: E402
+from collections.abc import Iterable, Sequence  # noqa: E402
+from dataclasses import dataclass  # noqa: E402
+
+import numpy as np  # noqa: E402
+
+from baryscope import __version__  # noqa: E402
+from baryscope.estimator import METHODS, FeatureTracks, ScrewOptions, estimate  # noqa: E402
+from baryscope.models.errors import ComputationError  # noqa: E402
+from baryscope.models.scenario import Scenario, load_scenario  # noqa: E402
+from baryscope.progress import Progress, stage  # noqa: E402
+from baryscope.scripts.cli.console import Show  # noqa: E402
+from baryscope.study import Flight, fly  # noqa: E402
+from baryscope.table import Table  # noqa: E402
 
 DURATION = 600.0  # s
 METHODS_OF_SCREWS = tuple(name for name, method in METHODS.items() if method.options is ScrewOptions)
