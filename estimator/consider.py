@@ -33,8 +33,23 @@ def considered(result: Estimate, tracks: FeatureTracks) -> Estimate:
     factor = _by_noise(result, tracks, errors)
     added = errors.consider_covariance(result.position)
     clusters = tuple(_cluster(cluster, factor, errors) for cluster in result.clusters)
-    by = Widening(factor, float(np.trace(added, axis1=1, axis2=2).mean() / 3))
-    return with_wider(result, factor * result.covariance + added, clusters, _motion(result, factor, errors), by)
+    of_velocity = _velocity_covariance(result, errors)
+    by = Widening(factor, _of_a_coordinate(added), _of_a_coordinate(of_velocity))
+    motion = _motion(result, factor, of_velocity, errors)
+    return with_wider(result, factor * result.covariance + added, clusters, motion, by)
+
+
+def _of_a_coordinate(covariance: FloatArray) -> float:
+    """The mean variance of a coordinate in covariances (n, 3, 3)."""
+    return float(np.trace(covariance, axis1=1, axis2=2).mean() / 3)
+
+
+def _velocity_covariance(result: Estimate, errors: SharedErrors) -> FloatArray:
+    """What the rate at which the errors' shifts change adds to the velocity's covariance, (n, 3, 3), (m/s)²."""
+    if len(result.time) < 2:
+        return np.zeros((len(result.time), 3, 3))
+    rates = np.gradient(errors.shifts(result.position) * errors.deviations, result.time, axis=0)
+    return np.asarray(rates @ np.swapaxes(rates, 1, 2))
 
 
 def _by_noise(result: Estimate, tracks: FeatureTracks, errors: SharedErrors) -> float:
@@ -57,13 +72,12 @@ def _cluster(cluster: Cluster, factor: float, errors: SharedErrors) -> Cluster:
     return replace(cluster, covariance=factor * cluster.covariance + np.outer(offset, offset))
 
 
-def _motion(result: Estimate, factor: float, errors: SharedErrors) -> Motion:
-    """Wider velocity, by the rate at which the errors' shifts change, and attitude, by the boresight."""
-    motion, n = result.motion, len(result.time)
+def _motion(result: Estimate, factor: float, of_velocity: FloatArray, errors: SharedErrors) -> Motion:
+    """Wider velocity, by of_velocity (n, 3, 3), and attitude, by the boresight."""
+    motion = result.motion
     velocity, attitude = motion.velocity_covariance, motion.attitude_covariance
-    if velocity is not None and n > 1:
-        rates = np.gradient(errors.shifts(result.position) * errors.deviations, result.time, axis=0)
-        velocity = factor * velocity + rates @ np.swapaxes(rates, 1, 2)
+    if velocity is not None:
+        velocity = factor * velocity + of_velocity
     if attitude is not None and motion.attitude is not None:
         R, turns = motion.attitude, errors.turns() * errors.deviations
         attitude = factor * attitude + np.swapaxes(R, 1, 2) @ turns @ np.swapaxes(turns, 1, 2) @ R

@@ -109,6 +109,16 @@ def test_a_lever_arm_that_is_forgotten_is_an_error_of_its_size():
     np.testing.assert_allclose(at_rest(TIME) - forgotten.position, np.tile(ARM, (len(TIME), 1)), atol=1e-3)
 
 
+def test_a_prediction_of_the_filter_has_the_velocity_errors_of_its_camera():
+    """A lever arm that turns with the camera moves the path; a velocity is one, however it is asked for."""
+    seen = turning_camera(TIME, PATH, Rig(lever_arm=tuple(ARM), lever_arm_deviation=0.01), noise=0.005)
+    found = through(seen, "ekf", process_noise="none")
+    told, predicted = found.motion.velocity_covariance, found.predict(TIME).covariance[:, 3:, 3:]
+    traces = [np.trace(covariance, axis1=1, axis2=2).mean() for covariance in (told, predicted)]
+    assert traces[0] > 9e-10  # of the filter alone it would be 4e-12
+    assert traces[1] == pytest.approx(traces[0], rel=0.2)
+
+
 @pytest.mark.parametrize("method", ["pivot", "ml"])
 def test_an_attitude_that_is_forgotten_is_announced(method):
     seen = turning_camera(TIME, PATH, Rig(lever_arm=tuple(ARM)), noise=0.02)
