@@ -30,6 +30,7 @@ Point = str | Sequence[float] | FloatArray | None
 CHUNK = 4000  # times at once: a few hundred megabytes
 BEYOND = 8  # modes of process noise that count, over those that are estimated
 FARTHEST = 1e4  # m from the centroid of the features
+MANY = 500  # times, between which the variance of what is untold of a velocity is interpolated
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +146,14 @@ class PredictedPath:
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
         return grown
+
+    def untold_velocity(self, time: FloatArray) -> FloatArray:
+        """The part (n, 3, 3) of `added` in the velocity, (m/s)², at ascending times (n,)."""
+        if not self.density > 0:
+            return np.zeros((len(time), 3, 3))
+        few = time if len(time) <= MANY else np.linspace(time[0], time[-1], MANY)
+        variance = np.trace(self.added(few)[:, 3:, 3:], axis1=1, axis2=2) / 3
+        return np.asarray(np.interp(time, few, variance)[:, None, None] * np.eye(3))
 
 
 def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: FloatArray) -> tuple[FloatArray, ...]:

@@ -44,7 +44,7 @@ from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
-from baryscope.estimator.prediction import PredictedBody
+from baryscope.estimator.prediction import PredictedBody, PredictedPath
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.prose import sentence
 from baryscope.estimator.result import Estimate, Motion, Noise
@@ -119,12 +119,13 @@ def _tumbling(
     residuals = tracks.position - (best.found.points @ np.swapaxes(attitude, 1, 2) + seen[:, None])
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
+    of_path = predicted_path(best.path, best.x, of_x, span, prior, own)
     result = Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=origin,
         covariance=covariance,
-        motion=_motion(best, turn, y, tracks.time),
+        motion=_motion(best, turn, y, of_path, tracks.time),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
         noise=Noise(
@@ -145,7 +146,7 @@ def _tumbling(
         forces=factors_of(best.path, best.x, of_x),
         process_noise=process_noise_of(best.path, itself, best.x, prior, own),
         predictor=PredictedBody(
-            predicted_path(best.path, best.x, of_x, span, prior, own),
+            of_path,
             best.rotation,
             y,
             tracks.labels,
@@ -194,7 +195,7 @@ def _excess_residuals(
     return (ExcessResiduals(FREE_TUMBLE, float(np.sqrt(cost / (dof + more) / (free_cost / dof)))),)
 
 
-def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) -> Motion:
+def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, of_path: PredictedPath, time: FloatArray) -> Motion:
     """Velocity, attitude and angular rate with their covariances, from the covariance (q, q) of y.
 
     turn: the Jacobian of the attitude, as a rotation vector in C, by the rotation's unknowns.
@@ -205,7 +206,7 @@ def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, time: FloatArray) 
     R_B_C = np.swapaxes(R, 1, 2)
     return Motion(
         velocity=rate.position(best.x),
-        velocity_covariance=rate.covariance(y[size:, size:]),
+        velocity_covariance=rate.covariance(y[size:, size:]) + of_path.untold_velocity(time),
         attitude=R,
         attitude_covariance=R_B_C @ turn.covariances(of_rotation) @ R,
         angular_rate=best.motion.rate,

@@ -51,6 +51,7 @@ from baryscope.estimator.pivot.start import Initial, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import following_rotation, with_corrected_orbit, wrong_orbit
+from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
 from baryscope.estimator.registration.rods import find_rods
@@ -102,6 +103,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     )
     observability = observability_of(clusters, covariance)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
+    predictor = predicted_path(found.path, x, of_x, span, found.path.prior, found.posterior)
     weight = found.observations.weight
     weight = np.where(tracks.seen & ~found.inliers, np.maximum(weight, NEGLIGIBLE), weight)
     result = Estimate(
@@ -109,7 +111,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
         labels=tracks.labels,
         position=path.position(x),
         covariance=covariance,
-        motion=_motion(found, of_x, tracks.time, errors),
+        motion=_motion(found, predictor, tracks.time, errors),
         observability=observability,
         clusters=clusters,
         noise=Noise(
@@ -129,7 +131,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
         wall_time=clock.perf_counter() - begin,
         forces=factors_of(found.path, x, of_x),
         process_noise=process_noise_of(found.path, found.sampled, x, found.path.prior, found.posterior),
-        predictor=predicted_path(found.path, x, of_x, span, found.path.prior, found.posterior),
+        predictor=predictor,
     )
     return with_extrapolation(result, found.path)
 
@@ -147,7 +149,7 @@ def _tied(points: TiePoints, labels: tuple[str, ...]) -> TiedClusters:
     return TiedClusters(points.bodies, tuple(labels[index] for index in points.features))
 
 
-def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErrors | None) -> Motion:
+def _motion(found: Pivot, of_path: PredictedPath, time: FloatArray, errors: SharedErrors | None) -> Motion:
     """Velocity of the centre of mass, and the attitude of the body with an attitude in the most frames."""
     rate = interpolated(found.path.rate_at, found.path.frequency, time)
     body = max(found.bodies, key=lambda one: len(one.frames))
@@ -157,11 +159,11 @@ def _motion(found: Pivot, of_x: FloatArray, time: FloatArray, errors: SharedErro
     attitude_covariance[body.frames] = attitude_covariances(information, found.frame_variance)
     if errors is not None:
         attitude, index = attitude_series(body, len(time)), errors_in(found.path)
-        turned = errors.attitude_covariance(of_x[index, index])
+        turned = errors.attitude_covariance(of_path.covariance[index, index])
         attitude_covariance += np.swapaxes(attitude, 1, 2) @ turned @ attitude
     return Motion(
         velocity=rate.position(found.solution.x),
-        velocity_covariance=rate.covariance(of_x),
+        velocity_covariance=rate.covariance(of_path.covariance) + of_path.untold_velocity(time),
         attitude=attitude_series(body, len(time)),
         attitude_covariance=attitude_covariance,
     )

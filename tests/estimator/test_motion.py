@@ -9,7 +9,7 @@ from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estima
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.rotation import Rotation
-from free_paths import FEATURES, NOISE, ORBIT, RATE, found_by, in_orbit, turning
+from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, turning
 from synthetic import ENVISAT, make_case
 
 FRAMES, DRAWS = 120, 12
@@ -53,6 +53,32 @@ def test_velocity_error_agrees_with_its_covariance(method, cases):
     for case in cases[:: 4 if method == "ekf" else 1]:
         found = found_by(method, case.tracks, "relative-orbit")
         squares.append(squared(found.velocity[k] - true[k], found.motion.velocity_covariance[k]))
+    assert in_band(squares)
+
+
+def wandering(time, density, rng):
+    """Position and velocity (n, 3) under white acceleration of a density in m²/s³, from rest."""
+    step = float(time[1] - time[0])
+    noise = np.linalg.cholesky(density * np.array([[step**3 / 3, step**2 / 2], [step**2 / 2, step]]))
+    state = np.zeros((len(time), 2, 3))
+    for k in range(1, len(time)):
+        state[k] = np.array([[1.0, step], [0.0, 1.0]]) @ state[k - 1] + noise @ rng.standard_normal((2, 3))
+    return state[:, 0] + at_rest(time), state[:, 1]
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml"])
+def test_velocity_error_under_process_noise_agrees_with_its_covariance(method):
+    """Modes that are too many to be estimated hardly move the path, but the velocity."""
+    (time, R), density, k = turning(FRAMES), 1e-5, FRAMES // 2
+    squares = []
+    for draw in range(DRAWS):
+        path, velocity = wandering(time, density, np.random.default_rng([71, draw]))
+        tracks = make_case(time, R, path, FEATURES, noise=NOISE, seed=draw).tracks
+        options = PathOptions(trajectory="polynomial:1", process_noise=density, sigma=NOISE)
+        found = estimate(tracks, method=method, options=options)
+        squares.append(squared(found.velocity[k] - velocity[k], found.motion.velocity_covariance[k]))
+        predicted = found.predict(time).covariance[:, 3:, 3:]
+        np.testing.assert_allclose(found.motion.velocity_covariance, predicted, rtol=1e-6, atol=1e-12)
     assert in_band(squares)
 
 
