@@ -2,7 +2,8 @@
 
 static int size_of(const Online *filter) { return BODY + 3 * (int)filter->used; }
 
-/* (r, v) and its transition from one time to another; the chaser's acceleration in C, m/s2. */
+/* (r, v) and its transition from one time to another; the chaser's acceleration in C, m/s2, which acts in a straight line, and
+   on what it displaces the gravity gradient G: F has G T2 / 2 and G T for that, of which a twelfth and a sixth of T2 are due. */
 static void transition(const OnlineOptions *options, double begin, double end, const double a[3], double x[6],
                        double F[6][6]) {
     double T = end - begin;
@@ -13,7 +14,10 @@ static void transition(const OnlineOptions *options, double begin, double end, c
             for (int j = 0; j < 6; j++) F[i][j] = i == j;
         for (int k = 0; k < 3; k++) F[k][3 + k] = T, x[k] += T * x[3 + k];
     }
-    for (int k = 0; k < 3; k++) x[k] -= 0.5 * T * T * a[k], x[3 + k] -= T * a[k];
+    for (int k = 0; k < 3; k++) {
+        x[k] -= T * T * (0.5 * a[k] + (dot(F[k], a) - a[k]) / 12.0);
+        x[3 + k] -= T * a[k] + T * T / 6.0 * dot(F[3 + k], a);
+    }
 }
 
 /* Count the transition from here. */
