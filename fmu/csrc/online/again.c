@@ -5,15 +5,19 @@
 #define AGAIN 0.25         /* of that when they were taken again: when once more */
 #define SEEMS 0.1          /* of what is known of the offset, what the noise of the attitudes may seem to show */
 
-/* Keep a node: what it says, without noise of second order, and by what it moved the offset; the next begins. */
-static void keep(Online *filter, const Level *level, const double moved[3]) {
+/* Keep a node: what it says, without noise of second order, and by what it moved offset and scale; the next begins. */
+static void keep(Online *filter, const Level *level, const double moved[OF_MAP]) {
     if (filter->stages >= STAGES) filter->stages = -1.0;
     if (filter->stages >= 0.0) {
         Stage *stage = &filter->stage[(int)filter->stages++];
         *stage = filter->leg;
-        copy(level->lag, stage->lag), copy(level->offset, stage->offset), copy(level->change, stage->change);
+        copy(level->lag, stage->lag), copy(level->offset, stage->offset);
         copy(level->noise, stage->noise), copy(level->turn, stage->turn), copy(level->both, stage->both);
-        for (int k = 0; k < 3; k++) stage->c[k] = level->c[k], stage->moved[k] = moved[k];
+        for (int k = 0; k < 3; k++) stage->c[k] = level->c[k], stage->scale[k] = level->scale[k];
+        for (int a = 0; a < OF_MAP; a++) {
+            stage->moved[a] = moved[a];
+            for (int b = 0; b < OF_MAP; b++) stage->change[a][b] = level->change[a][b];
+        }
         stage->bend = level->bend;
     }
     start_leg(filter);
@@ -24,8 +28,9 @@ static void keep(Online *filter, const Level *level, const double moved[3]) {
 static void level_again(const Stage *stage, const double wrong[3], double P[3][3], Level *level) {
     double off[3], K[3][3], spread[3][3], more[3][3], T[3][3];
     *level = (Level){0};
-    copy(stage->lag, level->lag), copy(stage->offset, level->offset), copy(stage->change, level->change);
-    copy(stage->turn, level->turn);
+    copy(stage->lag, level->lag), copy(stage->offset, level->offset), copy(stage->turn, level->turn);
+    for (int a = 0; a < OF_MAP; a++)
+        for (int b = 0; b < OF_MAP; b++) level->change[a][b] = stage->change[a][b];
     level->bend = stage->bend;
     times(stage->offset, wrong, off);
     moved_by_turn(off, K);
@@ -35,7 +40,7 @@ static void level_again(const Stage *stage, const double wrong[3], double P[3][3
         for (int b = 0; b < 3; b++) spread[a][b] += off[a] * off[b], T[a][b] = dot(stage->both[a], K[b]);
     of_cross(level->turn, spread, more);
     for (int a = 0; a < 3; a++) {
-        level->c[a] = stage->c[a];
+        level->c[a] = stage->c[a], level->scale[a] = stage->scale[a];
         for (int b = 0; b < 3; b++) level->noise[a][b] = stage->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
     }
 }
@@ -55,7 +60,7 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
     seeming(level->offset, level->turn, level->noise, M);
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
-        for (int a = 0; a < 3; a++) filter->bank[m].x[6 + a] -= stage->moved[a];
+        for (int a = 0; a < OF_MAP; a++) filter->bank[m].x[OFFSET + a] -= stage->moved[a];
         take_back_of_member(&filter->bank[m], M, filter->widest);
     }
     for (int a = 0; a < 3; a++)

@@ -5,8 +5,9 @@ Some take it for straight, or the orbit that is told, with white acceleration of
 the mean of the logarithms of these, which changes as the evidence grows. One more member, its shadow, does the same: by what
 their mixture differs from the shadow, the large filter's estimate is corrected (mixture.c). Others take the path for bent, by
 an acceleration that wanders, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
-(now.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d,
-d being what the map's offset is wrong by. */
+(now.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
+d being what the map's offset is wrong by, and s its size: where depths are far less precise than directions, as a stereo rig's
+are, a map that is too large is seen too far away, in all frames alike. Of the size a member knows what the large filter does. */
 
 /* What a member takes the path for: densities of white acceleration, m2/s3, and of white jerk, m2/s5, and the deviation of
    an acceleration at first, m/s2. */
@@ -53,38 +54,53 @@ static void add_wander(double jerk, double T, double P[MOTION][MOTION]) {
             for (int k = 0; k < 3; k++) P[AT[i] + k][AT[j] + k] += jerk * Q[i][j];
 }
 
-/* What the large filter's errors are with those of (r, v, offset), the offset being what the last node saw: its share
+/* What the large filter's errors are with those of (r, v, offset, scale), the offset being what the last node saw: its share
    of each feature's error. */
 static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]) {
     for (int j = 0; j < n; j++) {
         for (int a = 0; a < 6; a++) G[a][j] = filter->P[PLACE + a][j];
-        for (int a = 6; a < LEVEL; a++) G[a][j] = 0.0;
+        for (int a = OFFSET; a < LEVEL; a++) G[a][j] = 0.0;
     }
     for (int f = 0; f < (int)filter->used; f++)
-        for (int a = 0; a < 3; a++)
+        for (int a = 0; a < OF_MAP; a++)
             for (int k = 0; k < 3; k++) {
-                double part = filter->share[f][a][k], *to = G[6 + a];
+                double part = filter->share[f][a][k], *to = G[OFFSET + a];
                 const double *row = filter->P[BODY + 3 * f + k];
                 for (int j = 0; j < n; j++) to[j] += part * row[j];
             }
 }
 
-/* The covariance of (r, v, offset) from what they are with all errors. */
+/* The covariance of (r, v, offset, scale) from what they are with all errors. */
 static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[MOTION][MOTION]) {
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b <= a; b++) {
-            double sum = b < 6 ? G[a][PLACE + b] : 0.0;
-            for (int f = 0; f < (int)filter->used && b >= 6; f++)
-                sum += dot(filter->share[f][b - 6], &G[a][BODY + 3 * f]);
+            double sum = b < OFFSET ? G[a][PLACE + b] : 0.0;
+            for (int f = 0; f < (int)filter->used && b >= OFFSET; f++)
+                sum += dot(filter->share[f][b - OFFSET], &G[a][BODY + 3 * f]);
             P[a][b] = P[b][a] = sum;
         }
 }
 
-/* The large filter's covariance of (r, v, offset). */
+/* The large filter's covariance of (r, v, offset, scale). */
 static void of_level(const Online *filter, double P[MOTION][MOTION]) {
     double G[LEVEL][MOST_ERRORS];
     with_level(filter, BODY + 3 * (int)filter->used, G);
     among_level(filter, G, P);
+}
+
+static const double NO_SHARE[OF_MAP][3];
+
+static void copy_shares(const double from[OF_MAP][3], double to[OF_MAP][3]) {
+    for (int a = 0; a < OF_MAP; a++)
+        for (int k = 0; k < 3; k++) to[a][k] = from[a][k];
+}
+
+static void centroid_of_map(const Online *filter, double mean[3]) {
+    int used = (int)filter->used;
+    for (int k = 0; k < 3; k++) {
+        mean[k] = 0.0;
+        for (int f = 0; f < used; f++) mean[k] += filter->b[f][k] / used;
+    }
 }
 
 static int is_alive(const Member *member) { return member->weight > -INFINITY; }
@@ -174,17 +190,17 @@ static void advance_bank(Member bank[MEMBERS + 1], double density, double T, con
 /* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and the members' errors by it, B; 0 if
    there is no factor. */
 static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[MOTION][3]) {
-    const double(*late)[3] = level->lag, (*R)[3] = level->offset, bend = level->bend;
+    const double(*late)[3] = level->lag, (*R)[3] = level->offset, *g = level->scale, bend = level->bend;
     for (int a = 0; a < MOTION; a++)
         for (int k = 0; k < 3; k++)
-            B[a][k] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][6], R[k]) +
-                      bend * member->P[a][LEVEL + k];
+            B[a][k] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
+                      g[k] * member->P[a][SCALE] + bend * member->P[a][LEVEL + k];
     for (int k = 0; k < 3; k++) {
-        e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[6]) + dot(late[k], &member->x[3]);
-        e[k] -= bend * member->x[LEVEL + k];
+        e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
+        e[k] -= g[k] * member->x[SCALE] + bend * member->x[LEVEL + k];
         for (int j = 0; j < 3; j++) {
-            L[3 * k + j] = B[k][j] + bend * B[LEVEL + k][j] + level->noise[k][j];
-            for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[6 + i][j] - late[k][i] * B[3 + i][j];
+            L[3 * k + j] = B[k][j] + g[k] * B[SCALE][j] + bend * B[LEVEL + k][j] + level->noise[k][j];
+            for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[OFFSET + i][j] - late[k][i] * B[3 + i][j];
         }
     }
     return factored(3, L);
@@ -216,10 +232,31 @@ static int update_member(Member *member, const Level *level) {
     return 1;
 }
 
-/* The offset that a node sees is of other features than the one before: uncertain by as much more. */
+/* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. */
 static void add_change(Member *member, const Level *level) {
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) member->P[6 + a][6 + b] += level->change[a][b];
+    for (int a = 0; a < OF_MAP; a++)
+        for (int b = 0; b < OF_MAP; b++) member->P[OFFSET + a][OFFSET + b] += level->change[a][b];
+}
+
+/* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
+static void know_scale(Member *member, double variance) {
+    const int n = (int)member->errors;
+    double own = member->P[SCALE][SCALE], gain[MOTION];
+    if (!(own > variance)) return;
+    for (int a = 0; a < n; a++) gain[a] = member->P[a][SCALE] / own;
+    for (int a = n - 1; a >= 0; a--) {
+        member->x[a] -= gain[a] * member->x[SCALE] * (a != SCALE);
+        for (int b = 0; b < n; b++) member->P[a][b] += gain[a] * gain[b] * (variance - own);
+    }
+    member->x[SCALE] = 0.0;
+}
+
+/* All members know of the map's size what the large filter does. */
+static void know_scale_of_map(Online *filter) {
+    double P[MOTION][MOTION];
+    of_level(filter, P);
+    for (int m = 0; m <= SHADOW; m++)
+        if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], P[SCALE][SCALE]);
 }
 
 static int likeliest(const Member bank[MEMBERS]) {

@@ -102,10 +102,10 @@ static void doubt_path(Online *filter) {
     *member = filter->bank[best];
     for (int m = 0; m < STEADY; m++) member->before[m] = filter->bank[m].weight;
     member->parent = best, member->pending = 1.0, member->weight -= BELIEVED;
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) {
-            double sign = (a < 6) == (b < 6) ? 1.0 : -1.0; /* the offset's error is opposite */
-            member->P[a][b] += more * sign * P[PLACE + a % 6][PLACE + b % 6];
+    for (int a = 0; a < SCALE; a++)
+        for (int b = 0; b < SCALE; b++) {
+            double sign = (a < OFFSET) == (b < OFFSET) ? 1.0 : -1.0; /* the offset's error is opposite */
+            member->P[a][b] += more * sign * P[PLACE + a % OFFSET][PLACE + b % OFFSET];
         }
 }
 
@@ -132,6 +132,8 @@ static void begin(Online *filter, Frame *frame, const Path *path) {
         for (int k = 0; k < 3; k++) frame->passage[i].y[k] = frame->y[i][k] - filter->x[k];
         add(filter, frame, i, 0.0, exact);
     }
+    for (int i = 0; i < frame->count; i++) frame->slot[i] = slot_of(filter, frame->name[i]), frame->fits[i] = 1;
+    scale_of_map(filter, frame, filter->share);
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) filter->share[f][k][k] = 1.0 / filter->used;
     filter->frames = 1.0;

@@ -46,7 +46,7 @@ static void forget(Online *filter, int slot) {
     for (int k = 0; k < 3 && slot != last; k++) {
         int from = BODY + 3 * last + k, to = BODY + 3 * slot + k;
         filter->b[slot][k] = filter->b[last][k];
-        for (int j = 0; j < 3; j++) filter->share[slot][k][j] = filter->share[last][k][j];
+        for (int a = 0; a < OF_MAP; a++) filter->share[slot][a][k] = filter->share[last][a][k];
         for (int j = 0; j < n; j++) filter->P[to][j] = filter->P[from][j];
         for (int j = 0; j < n; j++) filter->P[j][to] = filter->P[j][from];
     }
@@ -75,7 +75,7 @@ static int free_slot(Online *filter, const Frame *frame) {
         forget(filter, oldest);
     }
     filter->used += 1.0;
-    copy(NOTHING, filter->share[(int)filter->used - 1]);
+    copy_shares(NO_SHARE, filter->share[(int)filter->used - 1]);
     return (int)filter->used - 1;
 }
 

@@ -46,13 +46,14 @@ typedef struct {
     double before[3], since;
 } Sweep;
 
-/* What a node says of (r, v, offset): c is r - lag v + offset, with matrices for the latter two; `offset` is from B to C.
+/* What a node says of a member's errors: c is r - lag v + offset + scale, with matrices for v and offset, which is in B, and
+   a vector for the scale.
    turn: the covariance of its attitude, from that of the whole map. bend: what of an acceleration is in c, s2. */
 typedef struct {
     double bend;
-    double c[3], lag[3][3], offset[3][3], noise[3][3], turn[3][3];
+    double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */
-    double change[3][3]; /* of the offset since the node before, as other features are seen, in B */
+    double change[OF_MAP][OF_MAP]; /* of offset and scale since the node before, as other features are seen, in B */
 } Level;
 
 #endif

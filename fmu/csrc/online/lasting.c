@@ -94,7 +94,7 @@ static void put_right(Online *filter, double factor) {
     }
     for (int k = 0; k < (int)filter->stages; k++) {
         Stage *stage = &filter->stage[k];
-        scale_block(stage->change[0], 9, factor);
+        scale_block(stage->change[0], OF_MAP * OF_MAP, factor);
         scale_block(stage->noise[0], 9, factor);
         scale_block(stage->turn[0], 9, factor);
         scale_block(stage->both[0], 9, factor);

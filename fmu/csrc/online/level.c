@@ -87,9 +87,8 @@ static void in_body(const double R[3][3], const double A[3][3], double found[3][
 /* By how much of each feature's error the whole map is turned, in B: least squares of a rotation about the centroid. */
 static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3]) {
     int used = (int)filter->used;
-    double mean[3] = {0}, J[3][3] = {{0}}, inverse[3][3];
-    for (int f = 0; f < used; f++)
-        for (int k = 0; k < 3; k++) mean[k] += filter->b[f][k] / used;
+    double mean[3], J[3][3] = {{0}}, inverse[3][3];
+    centroid_of_map(filter, mean);
     for (int f = 0; f < used; f++) {
         double arm[3], K[3][3];
         for (int k = 0; k < 3; k++) arm[k] = filter->b[f][k] - mean[k];
@@ -108,26 +107,67 @@ static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3])
 
 /* What the errors of the features do: to the offset that is seen, as other features are seen than in the node before, and to
    the attitude against that of the whole map; adds the covariances, in B. */
-static void of_map(const Online *filter, double share[MOST_FEATURES][3][3], double turn[MOST_FEATURES][3][3],
-                   double change[3][3], double turned_by[3][3]) {
+static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3],
+                   double change[OF_MAP][OF_MAP], double turned_by[3][3]) {
     int n = 3 * (int)filter->used;
-    double D[2][3][3 * MOST_FEATURES], DP[3 * MOST_FEATURES];
-    for (int j = 0; j < n; j++)
-        for (int a = 0; a < 3; a++) {
-            D[0][a][j] = share[j / 3][a][j % 3] - filter->share[j / 3][a][j % 3];
-            D[1][a][j] = turn[j / 3][a][j % 3];
+    double D[OF_MAP + 3][3 * MOST_FEATURES], DP[3 * MOST_FEATURES];
+    for (int j = 0; j < n; j++) {
+        for (int a = 0; a < OF_MAP; a++) D[a][j] = share[j / 3][a][j % 3] - filter->share[j / 3][a][j % 3];
+        for (int a = 0; a < 3; a++) D[OF_MAP + a][j] = turn[j / 3][a][j % 3];
+    }
+    for (int a = 0; a < OF_MAP + 3; a++) {
+        int first = a < OF_MAP ? 0 : OF_MAP, end = a < OF_MAP ? OF_MAP : OF_MAP + 3;
+        for (int j = 0; j < n; j++) DP[j] = 0.0;
+        for (int i = 0; i < n; i++)
+            for (int j = 0; j < n; j++) DP[j] += D[a][i] * filter->P[BODY + i][BODY + j];
+        for (int b = first; b < end; b++) {
+            double sum = 0.0;
+            for (int j = 0; j < n; j++) sum += DP[j] * D[b][j];
+            if (first) turned_by[a - first][b - first] += sum;
+            else change[a][b] += sum;
         }
-    for (int part = 0; part < 2; part++)
-        for (int a = 0; a < 3; a++) {
-            for (int j = 0; j < n; j++) DP[j] = 0.0;
-            for (int i = 0; i < n; i++)
-                for (int j = 0; j < n; j++) DP[j] += D[part][a][i] * filter->P[BODY + i][BODY + j];
-            for (int b = 0; b < 3; b++) {
-                double sum = 0.0;
-                for (int j = 0; j < n; j++) sum += DP[j] * D[part][b][j];
-                (part == 0 ? change : turned_by)[a][b] += sum;
-            }
-        }
+    }
+}
+
+/* The share of each feature's error in the scale: least squares of the size of what a frame sees of the map about its middle. */
+static void scale_of_map(const Online *filter, const Frame *frame, double share[MOST_FEATURES][OF_MAP][3]) {
+    double square = 0.0, count = 0.0, middle[3] = {0};
+    for (int i = 0; i < frame->count; i++) {
+        if (!frame->fits[i]) continue;
+        count += 1.0;
+        for (int k = 0; k < 3; k++) middle[k] += (filter->b[frame->slot[i]][k] - middle[k]) / count;
+    }
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) share[f][OF_MAP - 1][k] = 0.0;
+    for (int i = 0; i < frame->count; i++) {
+        if (!frame->fits[i]) continue;
+        double *arm = share[frame->slot[i]][OF_MAP - 1];
+        for (int k = 0; k < 3; k++) arm[k] = filter->b[frame->slot[i]][k] - middle[k];
+        square += dot(arm, arm);
+    }
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) share[f][OF_MAP - 1][k] /= square;
+}
+
+/* Shares of each feature's error in a node's place of the centre of mass, in C, become those in the offset, in B, and in the
+   scale: what a wrong size of the map does to the place is not the offset's, but `scale`. */
+static void apart(const Online *filter, const Frame *frame, double share[MOST_FEATURES][OF_MAP][3], Level *level) {
+    int used = (int)filter->used;
+    double inverse[3][3], square = 0.0, in_B[3], *scale = level->scale;
+    scale_of_map(filter, frame, share);
+    for (int f = 0; f < used; f++) square += dot(share[f][OF_MAP - 1], share[f][OF_MAP - 1]);
+    for (int k = 0; k < 3; k++) {
+        scale[k] = 0.0; /* the inverse square of the shares in the scale is the square of the arms */
+        for (int f = 0; f < used; f++) scale[k] += dot(share[f][k], share[f][OF_MAP - 1]) / square;
+    }
+    if (!inverse_of(level->offset, inverse)) copy(NOTHING, inverse);
+    times(inverse, scale, in_B);
+    for (int f = 0; f < used; f++) {
+        double T[3][3];
+        product(inverse, (const double(*)[3])share[f], T);
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < 3; k++) share[f][a][k] = T[a][k] - in_B[a] * share[f][OF_MAP - 1][k];
+    }
 }
 
 /* A S A' is added. */
@@ -138,18 +178,17 @@ static void add_congruent(double (*A)[3], const double S[3][3], double found[3][
         for (int b = 0; b < 3; b++) found[a][b] += dot(T[a], A[b]);
 }
 
-/* What a node says of its centre of mass; share (3, 3): of each feature's error in the offset, in B; features without one are
-   not seen. */
+/* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */
 static void level_of(const Online *filter, const Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
-                     double share[MOST_FEATURES][3][3], Level *level) {
-    double V[6][6], swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3], inverse[3][3];
+                     double share[MOST_FEATURES][OF_MAP][3], Level *level) {
+    double V[6][6], swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3];
     for (int j = 0; j < 6; j++) {
         for (int k = 0; k < 6; k++) V[j][k] = k == j;
         solved(6, pose->factor, V[j]);
     }
     *level = (Level){.bend = 0.5 * (lag * lag + sweep->spread)};
     turn_of_map(filter, turn);
-    for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]);
+    for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]); /* of the offset */
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
         const Passage *passage = &frame->passage[i];
@@ -182,11 +221,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
                 turn[f][a][b] -= T[a][b];
             }
     }
-    if (!inverse_of(level->offset, inverse)) copy(NOTHING, inverse);
-    for (int f = 0; f < (int)filter->used; f++) {
-        copy(share[f], T);
-        product(inverse, T, share[f]);
-    }
+    apart(filter, frame, share, level);
     copy(NOTHING, T);
     of_map(filter, share, turn, level->change, T);
     turned(pose->R, T);

@@ -23,6 +23,8 @@ static double mixed(const Member bank[MEMBERS + 1], int errors, double x[MOTION]
     return sum;
 }
 
+#define DEFINITE 1e-12 /* least eigenvalue of a covariance, in units of the shadow's */
+
 /* L A L' of a lower triangle L and a symmetric A. */
 static void congruent(const double L[LEVEL * LEVEL], double A[LEVEL][LEVEL]) {
     double T[LEVEL][LEVEL];
@@ -80,48 +82,97 @@ static void eigen(double A[LEVEL][LEVEL], double U[LEVEL][LEVEL]) {
     }
 }
 
-/* By what members with so many errors, or all if 0, correct the large filter: x is to be added to its (r, v, offset), P is the
-   covariance of these then. With M M' the filter's, S S' the shadow's and S^-1 P S'^-1 = U D U' of the mixture's P: where D
-   is less than 1 the filter's is to the mixture's as the shadow's is, M U D U' M'; where it is more, as much is added as the
-   mixture has more than the shadow: `more`, S U (D - 1) U' S'. Returns the sum of the weights. */
+/* A = U diag(d) U' */
+static void with_values(double U[LEVEL][LEVEL], const double d[LEVEL], double A[LEVEL][LEVEL]) {
+    for (int i = 0; i < LEVEL; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = 0.0;
+            for (int k = 0; k < LEVEL; k++) sum += U[i][k] * d[k] * U[j][k];
+            A[i][j] = A[j][i] = sum;
+        }
+}
+
+static void by_triangle(const double L[LEVEL * LEVEL], const double x[LEVEL], double y[LEVEL]) {
+    for (int i = 0; i < LEVEL; i++) {
+        y[i] = 0.0;
+        for (int k = 0; k <= i; k++) y[i] += L[LEVEL * i + k] * x[k];
+    }
+}
+
+/* The scale comes first, as nothing but the large filter knows it: what members know of the others they know for a scale. */
+static int ordered(int a) { return (a + SCALE) % LEVEL; }
+
+/* By what members with so many errors, or all if 0, correct the large filter: x is to be added to its (r, v, offset, scale), P is
+   the covariance of these then. Returns the sum of the weights.
+
+   The large filter knows what its shadow does, and more, as that sees of each node but the centre of mass. This rest is true of
+   the mixture, too: the shadow's information is taken from the large filter's, and the mixture's is put in its place. All is in
+   units of the shadow's deviations S, where its covariance is 1, the mixture's D and the large filter's V: the answer's is
+   (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, there is no rest, and deviations are as many times
+   wider. Where the mixture knows less than the shadow, as after a jump, the large filter's covariance grows by as much, `more`,
+   and it follows by as much as the mixture's covariance is this growth. */
 static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *large, double x[MOTION],
                       double P[MOTION][MOTION], double more[LEVEL][LEVEL]) {
-    double M[LEVEL * LEVEL], S[LEVEL * LEVEL], back[LEVEL * LEVEL];
-    double sum = mixed(bank, errors, x, P);
-    for (int a = 0; a < LEVEL; a++)
+    double S[LEVEL * LEVEL], back[LEVEL * LEVEL], N[LEVEL * LEVEL], D[LEVEL][LEVEL], U[LEVEL][LEVEL], V[LEVEL][LEVEL], W[LEVEL][LEVEL];
+    double A[LEVEL][LEVEL], B[LEVEL][LEVEL], C[LEVEL][LEVEL], off[2][LEVEL], y[2][LEVEL], of_mixture[LEVEL];
+    double values[5][LEVEL], sum = mixed(bank, errors, x, P);
+    const Member *shadow = &bank[SHADOW];
+    for (int a = 0; a < LEVEL; a++) {
+        int i = ordered(a);
+        off[0][a] = x[i], off[1][a] = shadow->x[i] - large->x[i];
         for (int b = 0; b < LEVEL; b++) {
-            M[LEVEL * a + b] = large->P[a][b];
-            S[LEVEL * a + b] = bank[SHADOW].P[a][b];
+            int j = ordered(b);
+            S[LEVEL * a + b] = shadow->P[i][j], D[a][b] = P[i][j], V[a][b] = large->P[i][j];
             more[a][b] = 0.0;
         }
-    if (factored(LEVEL, M) && factored(LEVEL, S)) {
-        double U[LEVEL][LEVEL], D[LEVEL][LEVEL], less[LEVEL][LEVEL];
-        for (int k = 0; k < LEVEL * LEVEL; k++) back[k] = S[k];
-        for (int a = 0; a < LEVEL; a++)
-            for (int b = 0; b < a; b++) M[LEVEL * b + a] = S[LEVEL * b + a] = back[LEVEL * b + a] = 0.0;
-        for (int k = 0; k < LEVEL * LEVEL; k++) D[k / LEVEL][k % LEVEL] = P[k / LEVEL][k % LEVEL];
-        invert_triangle(back);
-        congruent(back, D);
-        eigen(D, U);
-        for (int a = 0; a < LEVEL; a++)
-            for (int b = 0; b < LEVEL; b++) {
-                less[a][b] = more[a][b] = 0.0;
-                for (int k = 0; k < LEVEL; k++) {
-                    double d = fmax(D[k][k], 0.0);
-                    less[a][b] += U[a][k] * fmin(d, 1.0) * U[b][k];
-                    more[a][b] += U[a][k] * fmax(d - 1.0, 0.0) * U[b][k];
-                }
-            }
-        congruent(M, less);
-        congruent(S, more);
-        for (int a = 0; a < LEVEL; a++)
-            for (int b = 0; b < LEVEL; b++) P[a][b] = less[a][b] + more[a][b];
-    } /* else the mixture alone */
+    }
+    if (!factored(LEVEL, S)) return sum; /* the mixture alone */
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = a + 1; b < LEVEL; b++) S[LEVEL * a + b] = 0.0;
+    for (int k = 0; k < LEVEL * LEVEL; k++) back[k] = S[k];
+    invert_triangle(back);
+    congruent(back, D), eigen(D, U);
+    congruent(back, V), eigen(V, W);
+    for (int k = 0; k < LEVEL; k++) {
+        double d = fmax(D[k][k], DEFINITE), v = fmax(V[k][k], DEFINITE);
+        values[0][k] = 1.0 / fmin(d, 1.0), values[1][k] = fmax(1.0 / v - 1.0, 0.0);
+        values[2][k] = fmax(sqrt(v), 1.0), values[3][k] = fmax(d - 1.0, 0.0), values[4][k] = 1.0 / d;
+    }
+    with_values(U, values[0], A), with_values(W, values[1], B);
+    for (int k = 0; k < LEVEL * LEVEL; k++) N[k] = A[k / LEVEL][k % LEVEL] + B[k / LEVEL][k % LEVEL];
+    if (!factored(LEVEL, N)) return sum;
+    for (int p = 0; p < 2; p++) by_triangle(back, off[p], y[p]);
+    with_values(U, values[4], C), with_values(U, values[3], D);
+    for (int a = 0; a < LEVEL; a++) {
+        of_mixture[a] = 0.0;
+        for (int b = 0; b < LEVEL; b++) of_mixture[a] += C[a][b] * y[0][b];
+        off[0][a] = of_mixture[a] - y[1][a];
+        for (int b = 0; b < LEVEL; b++) off[0][a] += A[a][b] * y[1][b];
+    }
+    solved(LEVEL, N, off[0]);
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) off[0][a] += D[a][b] * of_mixture[b];
+    by_triangle(S, off[0], y[0]);
+    for (int a = 0; a < LEVEL; a++) x[ordered(a)] = y[0][a];
+    with_values(W, values[2], V);
+    for (int a = 0; a < LEVEL; a++) solved(LEVEL, N, V[a]); /* V N^-1, row by row, as both are symmetric */
+    with_values(W, values[2], A);
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) {
+            B[a][b] = 0.0;
+            for (int k = 0; k < LEVEL; k++) B[a][b] += V[a][k] * A[k][b];
+        }
+    congruent(S, B), congruent(S, D);
+    for (int a = 0; a < LEVEL; a++)
+        for (int b = 0; b < LEVEL; b++) {
+            more[ordered(a)][ordered(b)] = D[a][b];
+            P[ordered(a)][ordered(b)] = B[a][b] + D[a][b];
+        }
     return sum;
 }
 
 #define UNTRUE 0.1     /* part of a late correction that may be wrong: the filter's gains are not quite the shadow's */
-#define ELSEWHERE 50.0 /* chi-square of 9 degrees of freedom, beyond any chance */
+#define ELSEWHERE 50.0 /* chi-square of 10 degrees of freedom, beyond any chance */
 
 /* Whether the mixture is where the shadow does not expect it. */
 static int is_elsewhere(const Online *filter) {
@@ -136,21 +187,25 @@ static int is_elsewhere(const Online *filter) {
 }
 
 /* The large filter, and its shadow with it, go to where the mixture is, all features by the offset; dx: errors, to which
-   this is added. */
+   this is added. Of the scale the mixture knows nothing more. */
 static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
     double x[MOTION], D[MOTION][MOTION], more[LEVEL][LEVEL];
     Member *shadow = &filter->bank[SHADOW];
-    const Member large = large_at(filter, filter->x);
+    Member large = large_at(filter, filter->x);
+    for (int a = 0; a < OFFSET; a++) large.x[a] += dx[PLACE + a];
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int a = 0; a < OF_MAP; a++) large.x[OFFSET + a] += dot(filter->share[f][a], &dx[BODY + 3 * f]);
     mixture(filter->bank, 0, &large, x, D, more);
-    for (int a = 0; a < LEVEL; a++) {
-        shadow->x[a] += x[a];
-        for (int b = 0; b < LEVEL; b++) more[a][b] += UNTRUE * UNTRUE * x[a] * x[b];
+    shadow->x[SCALE] = large.x[SCALE];
+    for (int a = 0; a < SCALE; a++) {
+        shadow->x[a] = large.x[a] + x[a];
+        for (int b = 0; b < SCALE; b++) more[a][b] += UNTRUE * UNTRUE * x[a] * x[b];
     }
     for (int i = PLACE; i < n; i++) {
-        int a = i < BODY ? i - PLACE : 6 + (i - BODY) % 3;
+        int a = i < BODY ? i - PLACE : OFFSET + (i - BODY) % 3;
         dx[i] += x[a];
-        for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : 6 + (j - BODY) % 3];
+        for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : OFFSET + (j - BODY) % 3];
     }
     of_level(filter, shadow->P);
     for (int m = STEADY; m < MEMBERS; m++) filter->bank[m].pending = 0.0;

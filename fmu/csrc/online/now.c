@@ -9,7 +9,7 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     Level level;
     OnlineTumble tumble;
     Foreseen foreseen = {.variance = INFINITY};
-    double share[MOST_FEATURES][3][3], common[3][3], M[3][3], e[3], L[9], B[MOTION][3], beyond;
+    double share[MOST_FEATURES][OF_MAP][3], common[3][3], M[3][3], e[3], L[9], B[MOTION][3], beyond;
     if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);

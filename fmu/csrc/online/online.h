@@ -42,7 +42,10 @@ enum {
     SHADOW = MEMBERS,
     STAGES = 32, /* nodes that are kept */
     SCALES = 14, /* blocks of 1, 2, 4 ... sightings */
-    LEVEL = 9, /* errors of a member of the bank: r, v, and what the offset of the features seen is wrong by */
+    OFFSET = 6, /* first of the errors of a member of the bank after r and v: what the offset of the features seen is wrong by */
+    SCALE = OFFSET + 3, /* what the size of the map is wrong by, as a part of it */
+    LEVEL = SCALE + 1,
+    OF_MAP = LEVEL - OFFSET, /* of these, what is of the map: offset and scale */
     MOTION = LEVEL + 3, /* of one whose path bends: its acceleration, too */
     N_ELEMENTS = 7,
     TORQUES = 5
@@ -115,9 +118,9 @@ typedef struct {
 /* A node as the bank was given it, and the way to it: x is step + F x after span s. */
 typedef struct {
     double F[6][6], step[6], span;
-    double c[3], lag[3][3], offset[3][3], change[3][3], bend; /* see Level */
+    double c[3], lag[3][3], offset[3][3], scale[3], change[OF_MAP][OF_MAP], bend; /* see Level */
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
-    double moved[3];                            /* by which the offset was corrected after it, in B */
+    double moved[OF_MAP];                       /* by which offset, in B, and scale were corrected after it */
 } Stage;
 
 /* What is known from all frames: what the large filter's (r, v, offset) is wrong by, as the bank says, its covariance, and
@@ -168,7 +171,7 @@ typedef struct {
     Feature feature[MOST_FEATURES];
     Series series[MOST_FEATURES];
     double b[MOST_FEATURES][3];
-    double share[MOST_FEATURES][3][3]; /* of a feature's error in the offset that the last node saw, in B */
+    double share[MOST_FEATURES][OF_MAP][3]; /* of a feature's error, in B, in the offset that the last node saw, and in the scale */
     Member bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
     double stages;     /* how many nodes since the first frame are kept, -1 if there were more */
     double again;      /* variance of the offset below which they are taken again, m2 */

@@ -3,9 +3,9 @@
 /* By how much the variance of an attitude exceeds that of its registration before the update: nearly nothing is known. */
 #define FREE 1e4
 
-/* The errors dx are taken from the state, from the bank's offset and from the points of the node; moved: by how much
-   the offset is corrected. */
-static void correct(Online *filter, Frame *frame, double lag, const double dx[], double moved[3]) {
+/* The errors dx are taken from the state, from the bank's offset and scale and from the points of the node; moved: by how
+   much these two are corrected. */
+static void correct(Online *filter, Frame *frame, double lag, const double dx[], double moved[OF_MAP]) {
     for (int k = 0; k < 6; k++) filter->x[k] += dx[PLACE + k];
     for (int i = 0; i < frame->count; i++) {
         Passage *passage = &frame->passage[i];
@@ -17,14 +17,13 @@ static void correct(Online *filter, Frame *frame, double lag, const double dx[],
         }
     }
     start_interval(filter);
-    for (int k = 0; k < 3; k++) moved[k] = 0.0;
-    for (int f = 0; f < (int)filter->used; f++)
-        for (int k = 0; k < 3; k++) {
-            filter->b[f][k] += dx[BODY + 3 * f + k];
-            moved[k] += dot(filter->share[f][k], &dx[BODY + 3 * f]);
-        }
+    for (int k = 0; k < OF_MAP; k++) moved[k] = 0.0;
+    for (int f = 0; f < (int)filter->used; f++) {
+        for (int k = 0; k < 3; k++) filter->b[f][k] += dx[BODY + 3 * f + k];
+        for (int k = 0; k < OF_MAP; k++) moved[k] += dot(filter->share[f][k], &dx[BODY + 3 * f]);
+    }
     for (int m = 0; m <= SHADOW; m++)
-        for (int k = 0; k < 3; k++) filter->bank[m].x[6 + k] -= moved[k];
+        for (int k = 0; k < OF_MAP; k++) filter->bank[m].x[OFFSET + k] -= moved[k];
 }
 
 /* A node whose mean time is `lag` s ago; afterwards its points are where they would have been seen from the centre of mass as
@@ -32,7 +31,7 @@ static void correct(Online *filter, Frame *frame, double lag, const double dx[],
 static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
                          double turn[3][3]) {
     double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}}, M[3][3];
-    double moved[3], share[MOST_FEATURES][3][3], rate[3][3];
+    double moved[OF_MAP], share[MOST_FEATURES][OF_MAP][3], rate[3][3];
     int first = SHIFT, late;
     Level level, bare;
     add_second_order(filter, frame, pose, sweep);
@@ -57,7 +56,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
         for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
     for (int i = 0; i < frame->count; i++)
         if (frame->fits[i] && !update_point(filter, frame, i, lag, first, dx)) return 0;
-    for (int f = 0; f < (int)filter->used; f++) copy(share[f], filter->share[f]);
+    for (int f = 0; f < (int)filter->used; f++) copy_shares(share[f], filter->share[f]);
     if (late) take_mixture(filter, dx);
     correct(filter, frame, lag, dx, moved);
     turn_left(&dx[TURN], filter->R);
@@ -71,7 +70,8 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     if (take_again(filter) && is_elsewhere(filter)) {
         take_mixture(filter, dy);
         correct(filter, frame, lag, dy, moved);
-        for (int k = 0; k < 3; k++) filter->stage[(int)filter->stages - 1].moved[k] += moved[k];
+        for (int k = 0; k < OF_MAP; k++) filter->stage[(int)filter->stages - 1].moved[k] += moved[k];
     }
+    know_scale_of_map(filter);
     return 1;
 }
