@@ -292,6 +292,10 @@ TRACKS = {
         HEADER + "2026-05-01T12:00:00Z,a,1,2,3\n1,a,1,2,3\n",
         ["line 3", "column time", "found '1'", "expected a UTC time as"],
     ),
+    "no such hour in the first row": (
+        HEADER + "2026-03-01T24:00:00Z,a,1,2,3\n",
+        ["line 2, column time: found '2026-03-01T24:00:00Z'", "expected a UTC time as"],
+    ),
     "times of day": (HEADER + "12:00:01.5,a,1,2,3\n", ["line 2", "column time", "not a date or a time of day"]),
     "one cell": (HEADER + "0\n", ["line 2: 1 cell, expected 5"]),
     "not a number": (HEADER + "0,a,1,2,3\n0,b,1,far,3\n", ["line 3", "column y", "'far'", "number"]),

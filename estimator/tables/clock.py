@@ -19,10 +19,16 @@ class Clock:
         self._known: dict[str, int] = {"": EMPTY}
 
     @classmethod
-    def of(cls, cells: Sequence[str]) -> "Clock | None":
-        """The clock of a column whose first cell that is not empty is a UTC time; None for any other."""
-        first = next((cell for cell in cells if cell.strip()), "")
-        return cls(utc_of(first, "time")) if FORM.fullmatch(first) else None
+    def of(cls, cells: Sequence[str], lines: Sequence[int], column: str, source: str) -> "Clock | None":
+        """The clock of a column whose first cell that is not empty has the form of a UTC time; None for any other.
+
+        Raises:
+            InputError: that cell is no UTC time; names its line and column.
+        """
+        first = next((index for index, cell in enumerate(cells) if cell.strip()), 0)
+        if not FORM.fullmatch(cells[first]):
+            return None
+        return cls(utc_of(cells[first], f"{source}, line {lines[first]}, {column}"))
 
     def nanoseconds(self, cells: Sequence[str], lines: Sequence[int], column: str, source: str) -> NDArray[np.int64]:
         """Nanoseconds (rows,) from the first cell, EMPTY for empty cells.

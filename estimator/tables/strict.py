@@ -42,10 +42,10 @@ def read_strict(text: str, source: str, form: Form) -> Columns:
         for text_cell in texts:
             if text_cell and text_cell not in labels:
                 labels[text_cell] = len(labels)
-        codes.append(np.array([labels.get(cell, -1) for cell in texts], dtype=np.intp))
         lines = [line for line, _ in chunk]
-        if form.clock and clock is None:
-            clock = Clock.of(columns[form.clock])
+        if form.clock and not codes:  # of the first chunk, for all
+            clock = Clock.of(columns[form.clock], lines, f"column {form.clock}", source)
+        codes.append(np.array([labels.get(cell, -1) for cell in texts], dtype=np.intp))
         for name, parts in chunks.items():
             if name == form.clock and clock is not None:
                 parts.append(clock.nanoseconds(columns[name], lines, f"column {name}", source))
