@@ -56,13 +56,14 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     options is not used.
 
     Raises:
-        InputError: a trajectory other than `fixed`.
+        InputError: a trajectory other than `fixed`, or a singular covariance.
         ComputationError: the tracks determine no attitude.
     """
     begin = clock.perf_counter()
     refuse_forces(options, "score")
     if options.trajectory not in (None, "fixed"):
         raise InputError(f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest")
+    tracks.refuse_singular()
     in_orbit = orbit is not None and options.trajectory is None
     R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
     position = tracks.position @ R_C_W

@@ -1,7 +1,7 @@
 """Tracks of features on the target's surface, the input of the estimators, in memory and as a CSV file."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.geometry.symmetric import is_covariance
-from baryscope.estimator.limits import COARSEST, FARTHEST, LATEST, SHORTEST_STEP
+from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST, SHORTEST_STEP, STRETCHED
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
 from baryscope.models.ephemeris.utc import utc_of, utc_text
@@ -87,6 +87,32 @@ class FeatureTracks:
         except InputError as error:
             refuse_covariances(table)  # names the line if a covariance is the cause
             raise InputError(f"{path}: {error}") from error
+
+    def refuse_singular(self, place: Callable[[int, int], str] | None = None) -> None:
+        """Check that the covariances are positive definite, with standard deviations within the ranges of `limits`.
+
+        place: where an observation stands, from its frame and feature; begins the error.
+
+        Raises:
+            InputError: one is not.
+        """
+        if self.covariance is None:
+            return
+        seen = self.seen
+        values = np.linalg.eigvalsh(self.covariance[seen])
+        least, greatest = values[:, 0], values[:, 2]
+        wrong = (least < FINEST**2) | (greatest > COARSEST**2) | (greatest > STRETCHED**2 * least)
+        if wrong.any():
+            first = int(np.argmax(wrong))
+            frame, feature = np.argwhere(seen)[first].tolist()
+            smallest, largest = np.sqrt(np.maximum([least[first], greatest[first]], 0.0))
+            where = f"{self.labels[feature]!r} at {self.time[frame]} s"
+            begin = "" if place is None else f"{place(frame, feature)}: "
+            raise InputError(
+                f"{begin}covariance of feature {where} has standard deviations "
+                f"of {smallest:.2g} to {largest:.2g} m, expected {FINEST:g} to {COARSEST:g} m and a ratio of at most "
+                f"{STRETCHED:g}"
+            )
 
     def write_csv(self, path: AnyPath) -> None:
         """Write the tracks so that `read_csv` restores them exactly, with times of empty frames and order of labels.

@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.limits import COARSEST, FINEST, STRETCHED
 from baryscope.estimator.options import Noise
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -39,25 +37,9 @@ def observations_of(tracks: FeatureTracks, used: BoolArray) -> Observations:
     position = np.where(used[..., None], tracks.position, 0.0)
     if tracks.covariance is None:
         return Observations(position, used.astype(np.float64))
-    _refuse_singular(tracks, tracks.covariance[used], used)
+    tracks.refuse_singular()
     covariance = np.where(used[..., None, None], tracks.covariance, np.eye(3))
     return Observations(position, used.astype(np.float64), np.linalg.inv(covariance))
-
-
-def _refuse_singular(tracks: FeatureTracks, covariance: FloatArray, used: BoolArray) -> None:
-    """Check the covariances (k, 3, 3) of the observations used (n, m)."""
-    values = np.linalg.eigvalsh(covariance)
-    least, greatest = values[:, 0], values[:, 2]
-    wrong = (least < FINEST**2) | (greatest > COARSEST**2) | (greatest > STRETCHED**2 * least)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        frame, feature = np.argwhere(used)[first]
-        smallest, largest = np.sqrt(np.maximum([least[first], greatest[first]], 0.0))
-        raise InputError(
-            f"covariance of feature {tracks.labels[feature]!r} at {tracks.time[frame]} s has standard deviations of "
-            f"{smallest:.2g} to {largest:.2g} m, expected {FINEST:g} to {COARSEST:g} m and a ratio of at most "
-            f"{STRETCHED:g}"
-        )
 
 
 def varies_with_range(measured: Observations, estimated: FloatArray, noise: Noise) -> bool:

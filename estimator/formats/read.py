@@ -2,11 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from baryscope.estimator.formats.c3d import read_c3d
 from baryscope.estimator.formats.dataset import read_netcdf, read_zarr
 from baryscope.estimator.formats.frame import tracks_of
 from baryscope.estimator.formats.trc import read_trc
 from baryscope.estimator.formats.units import Unit, in_metres
+from baryscope.estimator.tables import FORM, read_table
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
@@ -25,7 +28,8 @@ def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
         units: of its lengths; None: as the file says, and metres where it can't.
 
     Raises:
-        InputError: one line that names the file, what was found and what was expected.
+        InputError: one line that names the file, what was found and what was expected; also for a covariance without a
+            sound inverse.
     """
     source, ending = str(path), Path(path).suffix.lower()
     match ending:
@@ -43,7 +47,18 @@ def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
             tracks, said = read_zarr(path)
         case _:
             raise InputError(f"{source}: ends in {ending!r}, expected one of {', '.join(ENDINGS)}")
-    return in_metres(tracks, units or said or "m", source)
+    tracks = in_metres(tracks, units or said or "m", source)
+    tracks.refuse_singular(lambda frame, feature: _place(tracks, frame, feature, source))
+    return tracks
+
+
+def _place(tracks: FeatureTracks, frame: int, feature: int, source: str) -> str:
+    """The file of an observation, and its line if it is a CSV file."""
+    if not source.lower().endswith(".csv"):
+        return source
+    table = read_table(read_bytes(source, FORM.what), source, FORM)
+    there = (table.columns.numbers["time"] == tracks.time[frame]) & (table.columns.codes == feature)
+    return table.place(int(np.argmax(there)))
 
 
 def _parquet(path: AnyPath) -> FeatureTracks:

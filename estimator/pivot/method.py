@@ -228,6 +228,7 @@ class _Given:
             InputError: a singular covariance.
             ComputationError: there are no bodies, or too large ones.
         """
+        measured = observations_of(tracks, tracks.seen)
         inliers = screen(tracks.position, tracks.seen, tracks.covariance)
         registered = _registered(tracks, inliers)
         most = max(len(body.features) for body in registered.bodies)
@@ -237,7 +238,6 @@ class _Given:
                 f"use at most {MAX_BODY_FEATURES} of them at a time, or the method score",
                 Reason.TOO_LARGE,
             )
-        measured = observations_of(tracks, tracks.seen)
         right = measured.weighted(np.where(inliers, 1.0, 0.0))
         if not registered.in_line:
             registered, right = with_covariances(registered, right)

@@ -1,8 +1,11 @@
 """Noise of a stereo rig at the estimated point, against the rig's covariance there and the mean score of many draws."""
 
+import warnings
+
 import numpy as np
 import pytest
 
+from baryscope.estimator import estimate
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of, stereo_noise, varies_with_range
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.directions import axes_along
@@ -133,6 +136,18 @@ def test_a_singular_covariance_is_refused():
     position = random_points(np.random.default_rng(5))
     with pytest.raises(InputError, match=r"covariance of feature 'F0' at 0\.0 s has standard deviations of 0 to 1 m"):
         observations(position, np.broadcast_to(np.diag([1.0, 1.0, 0.0]), (1, COUNT, 3, 3)))
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf", "score"])
+def test_covariances_of_zero_are_refused_before_anything_is_computed_from_them(method):
+    position = np.repeat(random_points(np.random.default_rng(5)), 20, axis=0)
+    tracks = FeatureTracks(np.arange(20.0), position, tuple("abcdefgh"), np.zeros((20, COUNT, 3, 3)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(
+            InputError, match=r"^covariance of feature 'a' at 0\.0 s has standard deviations of 0 to 0 m"
+        ):
+            estimate(tracks, method=method)
 
 
 def a_walk(frames=50):

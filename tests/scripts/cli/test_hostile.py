@@ -112,10 +112,15 @@ REFUSED = {
 UNUSABLE = {
     "ill-conditioned": (
         spoilt(covariance=lambda c: c @ np.diag([1.0, 1.0, 1e-13])),
-        r"feature 'F0' at 0.0 s has standard deviations of 3.2e-09 to 0.01 m, expected 1e-09 to .* a ratio of at most",
+        r"line 2: covariance of feature 'F0' at 0.0 s has standard deviations of 3.2e-09 to 0.01 m, "
+        r"expected 1e-09 to .* a ratio of at most",
     ),
     "denormal": (spoilt(covariance=lambda c: 1e-316 * c), "'F0' at 0.0 s has standard deviations of .* expected 1e-09"),
-    "one is zero": (spoilt(covariance=lambda c: put(c, 9, 3, value=0.0)), "'F3' at 9.0 s has standard deviations of 0"),
+    "one is zero": (
+        spoilt(covariance=lambda c: put(c, 9, 3, value=0.0)),
+        r"tracks\.csv, line 50: covariance of feature 'F3' at 9.0 s has standard deviations of 0",
+    ),
+    "all are zero": (spoilt(covariance=lambda c: 0 * c), r"tracks\.csv, line 2: .* standard deviations of 0 to 0 m"),
 }
 
 
@@ -128,7 +133,7 @@ def test_numbers_beyond_all_ranges_are_refused_by_line_and_column(case, guarded,
 
 
 @pytest.mark.parametrize("case", UNUSABLE)
-@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf", "score"])
 def test_covariances_that_have_no_sound_inverse_are_refused(case, method, guarded, folder):
     text, expected = UNUSABLE[case]
     code, (line,) = run(guarded, folder, text, "--method", method)
