@@ -103,26 +103,29 @@ def pack(path: Path, members: Mapping[str, bytes], programs: Mapping[str, bytes]
             archive.writestr(member, content)
 
 
-def unpack(path: Path, folder: Path, expected: str) -> None:
+def unpack(path: Path, folder: Path, expected: str, name: str = "") -> None:
     """Unpack an archive. Errors say that `expected` was expected; members must stay inside `folder`.
+
+    name: of the archive in errors; its path if empty.
 
     Raises:
         InputError: it cannot be read, is damaged, or holds an unsafe path.
         DiskError: there is no room in the folder.
     """
+    source = name or str(path)
     try:
         with zipfile.ZipFile(path) as archive:
-            for name in archive.namelist():
-                parts = PurePosixPath(name).parts
-                if name.startswith("/") or "\\" in name or ":" in name or ".." in parts:
-                    raise InputError(f"{path}: holds the unsafe path {name!r}, expected {expected}")
+            for member in archive.namelist():
+                parts = PurePosixPath(member).parts
+                if member.startswith("/") or "\\" in member or ":" in member or ".." in parts:
+                    raise InputError(f"{source}: holds the unsafe path {member!r}, expected {expected}")
             archive.extractall(folder)
     except zipfile.BadZipFile as error:
-        raise InputError(f"{path}: is not a whole zip file ({error}), expected {expected}") from error
+        raise InputError(f"{source}: is not a whole zip file ({error}), expected {expected}") from error
     except OSError as error:
         if error.errno in DISK_TROUBLE:  # it can be read, but what is in it cannot be written
             raise unwritable(folder, error) from error
-        raise InputError(f"{path}: {error.strerror or error}, expected {expected}") from error
+        raise InputError(f"{source}: {error.strerror or error}, expected {expected}") from error
 
 
 def _describe(path: Path, folder: Path, tables: Tables) -> UnitFile:

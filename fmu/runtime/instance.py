@@ -15,6 +15,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from baryscope.fmu.layout.archive import UnitFile
 from baryscope.fmu.layout.platforms import FmiVersion, host_platform, library_of_this_machine
+from baryscope.fmu.layout.whole import refuse_cut
 from baryscope.fmu.runtime.arguments import number_of
 from baryscope.fmu.runtime.loading import loaded
 from baryscope.models.errors import ComputationError, InputError
@@ -159,6 +160,7 @@ class Instance:
         expected = "expected a unit for this machine"
         if library is None:
             raise InputError(f"{unit.path}: has no library for {host_platform().name}, {expected}")
+        refuse_cut(library, f"{unit.path}: {library.relative_to(unit.folder).as_posix()}")
         try:
             return loaded(
                 self._version.loader,

@@ -16,6 +16,8 @@ from fmpy.ssp.ssd import Component, read_ssd
 from numpy.typing import NDArray
 
 from baryscope.fmu.layout.archive import unpack
+from baryscope.fmu.layout.platforms import library_of_this_machine
+from baryscope.fmu.layout.whole import refuse_cut
 from baryscope.fmu.runtime.instance import UnitError
 from baryscope.fmu.runtime.loading import loaded
 from baryscope.fmu.system.structure import NAMESPACES, STRUCTURE
@@ -225,10 +227,17 @@ def _opened(path: Path, folder: Path, component: Component) -> Unit:
         raise InputError(f"{path}: {component.name} is of {component.source}, expected a file in the archive")
     place = folder / f"unpacked-{component.name}"
     place.mkdir()
-    unpack(where, place, EXPECTED)
-    description = fmpy.read_model_description(str(place), validate=False)
+    source = f"{path}: {component.source}"
+    unpack(where, place, EXPECTED, source)
+    try:
+        description = fmpy.read_model_description(str(place), validate=False)
+    except Exception as error:  # fmpy raises bare Exceptions
+        raise InputError(f"{source}: {' '.join(str(error).split())}, expected {EXPECTED}") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise InputError(f"{path}: {component.name} is of FMI {description.fmiVersion}, expected {EXPECTED}")
+    library = library_of_this_machine(place, description.coSimulation.modelIdentifier, 2)
+    if library is not None:
+        refuse_cut(library, f"{source}: {library.relative_to(place).as_posix()}")
     fmu, messages = _instantiated(component.name, description, place)
     experiment = description.defaultExperiment
     return Unit(

@@ -1,5 +1,7 @@
 """Files that are not units of ours are refused before their library is loaded."""
 
+import re
+import sys
 import zipfile
 from pathlib import Path
 
@@ -87,3 +89,16 @@ def test_a_library_that_cannot_be_loaded_leaves_the_working_directory(envisat_fm
     path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: b"no library" if n.startswith("binaries") else c)
     assert "cannot be loaded" in _refusal(path)
     assert Path.cwd() == tmp_path
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the loaders of other systems refuse such a library themselves")
+@pytest.mark.parametrize("kept", [4, 30, 100, 5000, 0.3, 0.9, -1])
+def test_a_library_that_is_cut_off_is_refused_before_it_ends_the_process(kept, envisat_fmu, tmp_path):
+    def cut(name, content):
+        size = kept if isinstance(kept, int) else int(kept * len(content))
+        return content[:size] if name.startswith("binaries") else content
+
+    path = _repacked(envisat_fmu, tmp_path / "x.fmu", cut)
+    refusal = _refusal(path)
+    assert refusal.startswith(f"{path}: binaries/")
+    assert re.search(r"\.so: is cut off, found \d+ bytes, expected \d+ as in its header$", refusal)

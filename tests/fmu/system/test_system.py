@@ -2,6 +2,7 @@
 
 import csv
 import importlib
+import io
 import shutil
 import subprocess
 import zipfile
@@ -195,3 +196,41 @@ def test_other_files_and_steps_are_refused(system, envisat_fmu, envisat_fmu3, tm
     shutil.make_archive(str(tmp_path / "three"), "zip", tmp_path / "new")
     with pytest.raises(InputError, match=r"plant is of FMI 3\.0"), open_system(tmp_path / "three.zip"):
         pass
+
+
+CUT = {
+    "the unit's archive": (
+        lambda member, content: content[:-1000],
+        r"bad\.ssp: resources/rig\.fmu: is not a whole zip",
+    ),
+    "its description": (
+        lambda member, content: content[:-100] if member == "modelDescription.xml" else content,
+        r"bad\.ssp: resources/rig\.fmu: .*, expected a system of FMI 2\.0 units",
+    ),
+    "its library": (
+        lambda member, content: content[: len(content) // 3] if member.startswith("binaries") else content,
+        r"bad\.ssp: resources/rig\.fmu: binaries/\S+: is cut off, found \d+ bytes",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CUT)
+def test_a_unit_that_is_cut_off_is_refused_by_its_name_in_the_archive(case, system, tmp_path):
+    change, message = CUT[case]
+    with zipfile.ZipFile(system) as archive, zipfile.ZipFile(tmp_path / "bad.ssp", "w") as copy:
+        for name in archive.namelist():
+            content = archive.read(name)
+            if name.endswith("rig.fmu"):
+                content = change("", content) if case == "the unit's archive" else _changed(content, change)
+            copy.writestr(name, content)
+    with pytest.raises(InputError, match=message), open_system(tmp_path / "bad.ssp"):
+        pass
+
+
+def _changed(content, change):
+    """The bytes of an archive with its members changed."""
+    changed = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as archive, zipfile.ZipFile(changed, "w") as copy:
+        for member in archive.namelist():
+            copy.writestr(member, change(member, archive.read(member)))
+    return changed.getvalue()
