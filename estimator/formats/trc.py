@@ -1,5 +1,6 @@
 """Marker tracks in .trc, the text form of Motion Analysis and OpenSim: two lines of facts, labels, coordinates."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, decoded, read_bytes
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -39,11 +41,35 @@ def read_trc(path: AnyPath) -> tuple[FeatureTracks, str]:
     numbers = np.array([_row(line, 2 + 3 * len(at), f"{source}, line {number}") for number, line in rows])
     if not len(numbers):
         raise InputError(f"{source}: no frames after line {FIRST}")
+    _refuse_contradictions(facts, len(numbers), len(at), f"{source}, line {VALUES + 1}")
     position = numbers[:, 2:].reshape(len(numbers), len(at), 3)
     try:
         return FeatureTracks(numbers[:, 1], position, [head[column] for column in at]), unit
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
+
+
+def _refuse_contradictions(facts: Mapping[str, str], frames: int, markers: int, place: str) -> None:
+    """Check the facts of the second and third line, as far as they are there, against what follows.
+
+    Raises:
+        InputError: others are true, as in a file that is cut short.
+    """
+    for name in ("NumFrames", "NumMarkers", "DataRate"):
+        said = facts.get(name, "").strip()
+        if said and not _positive(said):
+            raise InputError(f"{place}: {name} is {said[:40]!r}, expected a number above 0")
+    for name, found, what in (("NumFrames", frames, "frame"), ("NumMarkers", markers, "marker")):
+        said = facts.get(name, "").strip()
+        if said and float(said) != found:
+            raise InputError(f"{place}: {name} is {said[:40]}, expected {found}, as {counted(found, what)} follow")
+
+
+def _positive(text: str) -> bool:
+    try:
+        return 0 < float(text) < np.inf
+    except ValueError:
+        return False
 
 
 def _row(line: str, columns: int, place: str) -> FloatArray:

@@ -173,6 +173,12 @@ def test_trc_has_its_own_unit(tracks, tmp_path, unit):
     )
 
 
+def test_trc_with_facts_left_out(tracks, tmp_path):
+    text = trc(tracks).replace("\n2.0\t2.0\t40\t4\tmm", "\n\t\t40.0\t\tmm")
+    (tmp_path / "t.trc").write_text(text, encoding="utf-8")
+    same(read_tracks(tmp_path / "t.trc"), tracks)
+
+
 def c3d(tracks, path, unit="mm", labels=True):
     """As ezc3d writes it, in single precision."""
     file = ezc3d.c3d()
@@ -223,6 +229,13 @@ def test_a_c3d_file_that_is_cut_short_is_refused(tracks, tmp_path, kept):
         (lambda text: text.replace("\n3\t1.0\t", "\n3\t0.5\t"), "time goes from 0.5 to 0.5"),
         (lambda text: text.replace("right", "left"), "label 'left' stands twice"),
         (lambda text: "\n".join(text.splitlines()[:6]), "no frames after line 5"),
+        (lambda text: "\n".join(text.splitlines()[:26]), "line 3: NumFrames is 40, expected 20, as 20 frames follow"),
+        (lambda text: text.replace("\t40\t4\t", "\t39\t4\t"), "line 3: NumFrames is 39, expected 40, as 40 frames"),
+        (lambda text: text.replace("\t40\t4\t", "\t40\t5\t"), "line 3: NumMarkers is 5, expected 4, as 4 markers"),
+        (lambda text: text.replace("\n2.0\t", "\n0\t"), "line 3: DataRate is '0', expected a number above 0"),
+        (lambda text: text.replace("\n2.0\t", "\nfast\t"), "line 3: DataRate is 'fast', expected a number above 0"),
+        (lambda text: text.replace("\n2.0\t", "\nnan\t"), "line 3: DataRate is 'nan', expected a number above 0"),
+        (lambda text: text.replace("\t40\t4\t", "\tmany\t4\t"), "line 3: NumFrames is 'many', expected a number"),
     ],
 )
 def test_what_is_no_trc_is_refused_in_a_line(tracks, tmp_path, change, expected):
