@@ -13,6 +13,7 @@ FORM = re.compile(
     r"\s*(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))(?:[T ](\d{2}):(\d{2})(?::(\d{2})(\.\d+)?)?)?\s*(?:Z|z|UTC|[+]00:?00)?\s*"
 )
 EXPECTED = "a UTC time as 2026-03-01T12:00:00.5Z"
+LEAP = ("23", "59", "60")  # hour, minute and second of a leap second
 FIRST, LAST = 1950, 2200  # years; np.datetime64 counts nanoseconds in 64 bits
 
 Moment = np.datetime64  # in ns
@@ -28,6 +29,8 @@ def utc_of(text: object, place: str) -> Moment:
     if found is None:
         raise InputError(f"{place}: found {str(text)[:40]!r}, expected {EXPECTED}")
     year, month, day, day_of_year, hour, minute, second, fraction = found.groups()
+    if (hour, minute, second) == LEAP:
+        raise InputError(f"{place}: found {str(text)[:40]!r}, leap seconds are not supported, expected {EXPECTED}")
     try:
         date = np.datetime64(f"{year}-{month or '01'}-{day or '01'}", "ns")
         date += np.timedelta64(int(day_of_year or 1) - 1, "D")

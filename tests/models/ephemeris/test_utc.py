@@ -32,6 +32,12 @@ def test_nanoseconds_are_kept():
     assert seconds_between(start, utc_of("2026-03-01 12:00:01", "here")) == pytest.approx(0.999999999, rel=1e-15)
 
 
+@pytest.mark.parametrize("text", ["2016-12-31T23:59:60Z", "2015-181 23:59:60.5"])
+def test_a_leap_second_is_refused_as_one(text):
+    with pytest.raises(InputError, match=r"^epoch: found .*, leap seconds are not supported, expected a UTC time as"):
+        utc_of(text, "epoch")
+
+
 @pytest.mark.parametrize(
     "text",
     ["", "noon", "2026-02-30", "2026-000", "2026-366", "2026-01-01T24:00", "2026-01-01T12:60", "2026-01-01T12:00:60Z",
