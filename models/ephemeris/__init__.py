@@ -6,6 +6,6 @@ are interpolated. The forms are those of CCSDS 502.0-B. `dormand_prince` integra
 """
 
 from baryscope.models.ephemeris.elements import elements_of
-from baryscope.models.ephemeris.messages import MAX_BYTES, orbit_of_message
+from baryscope.models.ephemeris.messages import MAX_BYTES, OLDEST, orbit_of_message
 
-__all__ = ["MAX_BYTES", "elements_of", "orbit_of_message"]
+__all__ = ["MAX_BYTES", "OLDEST", "elements_of", "orbit_of_message"]

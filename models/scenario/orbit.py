@@ -10,7 +10,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import field_validator
 
-from baryscope.models.ephemeris import MAX_BYTES, elements_of, orbit_of_message
+from baryscope.models.ephemeris import MAX_BYTES, OLDEST, elements_of, orbit_of_message
 from baryscope.models.ephemeris.trajectory import target_states
 from baryscope.models.ephemeris.utc import Moment, seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
@@ -111,16 +111,25 @@ def load_orbit(path: AnyPath, epoch: str | None = None) -> Orbit:
     if {"target", "features", "chaser"} & set(data):
         raise InputError(f"{path}: holds a scenario, expected an orbit: its table [orbit], alone in a file")
     orbit = OrbitFile.parse(data, str(path)).orbit
-    return orbit if moment is None else _at_epoch(orbit, moment)
+    return orbit if moment is None else _at_epoch(orbit, moment, str(path))
 
 
-def _at_epoch(orbit: Orbit, moment: Moment) -> Orbit:
-    """The same orbit with time 0 at a moment."""
+def _at_epoch(orbit: Orbit, moment: Moment, source: str) -> Orbit:
+    """The same orbit with time 0 at a moment.
+
+    Raises:
+        InputError: its elements are too old.
+    """
     if orbit.epoch is None:
         return replace(orbit, epoch=utc_text(moment))
     elapsed = seconds_between(utc_of(orbit.epoch, "orbit.epoch"), moment)
     if elapsed == 0:
         return orbit
+    if abs(elapsed) > OLDEST * 86400:
+        raise InputError(
+            f"{source}: elements of {orbit.epoch}, {abs(elapsed) / 86400:.0f} days from time 0 of the tracks, "
+            f"expected elements of within {OLDEST} days"
+        )
     state = target_states(orbit, np.array([elapsed]))[0]
     changes: dict[str, Any] = {**elements_of(state, orbit.gravitational_parameter), "epoch": utc_text(moment)}
     return replace(orbit, **changes)

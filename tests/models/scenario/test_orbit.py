@@ -62,6 +62,16 @@ def test_elements_are_carried_from_their_epoch_to_time_0(tmp_path, written):
     assert load_orbit(path) == later
 
 
+def test_elements_of_long_ago_are_refused(tmp_path):
+    path = tmp_path / "orbit.toml"
+    path.write_text(FILE + "epoch = 2026-03-01T12:00:00Z\n", encoding="utf-8")
+    assert load_orbit(path, "2026-03-31T12:00:00Z").epoch == "2026-03-31T12:00:00Z"
+    expected = r"orbit\.toml: elements of 2026-03-01T12:00:00Z, 365 days from time 0 of the tracks, expected elements"
+    for other in ("2027-03-01T12:00:00Z", "2025-03-01T12:00:00Z"):
+        with pytest.raises(InputError, match=expected):
+            load_orbit(path, other)
+
+
 def test_elements_without_an_epoch_are_those_of_time_0(tmp_path):
     path = tmp_path / "orbit.toml"
     path.write_text(FILE, encoding="utf-8")
