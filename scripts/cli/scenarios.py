@@ -1,4 +1,4 @@
-"""`baryscope scenarios`: the presets, a line each."""
+"""`baryscope scenarios`: the presets, and what each is."""
 
 from rich.table import Table
 
@@ -7,7 +7,7 @@ from baryscope.scripts.cli.console import Show
 
 
 def scenarios(*, show: Show | None = None) -> None:
-    """List the presets, a line each."""
+    """List the presets, and what each is."""
     presets = [(name, load_scenario(name)) for name in preset_names()]
     table = Table(box=None, pad_edge=False)
     table.add_column("preset", no_wrap=True)
