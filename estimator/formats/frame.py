@@ -12,7 +12,8 @@ from baryscope.estimator.tables.form import Columns
 from baryscope.estimator.tables.table import Table
 from baryscope.estimator.tables.tracks import FORM, arrays_of
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.ephemeris.utc import utc_text
+from baryscope.models.ephemeris.utc import FORM as UTC
+from baryscope.models.ephemeris.utc import utc_of, utc_text
 from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -45,7 +46,7 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     Rows are those of `FeatureTracks.read_csv`, in any order; NaN and missing values are empty cells.
 
     Args:
-        frame: of polars or pandas, or a mapping from names to columns; time in s, or datetimes in UTC.
+        frame: of polars or pandas, or a mapping from names to columns; time in s, or in UTC as datetimes or texts.
         units: of x, y, z; covariances are in its square.
         source: names the frame in errors.
 
@@ -73,7 +74,10 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
 
 
 def _times(column: NDArray[Any], source: str) -> tuple[FloatArray, np.datetime64 | None]:
-    """Seconds, and the moment from which they count if the column holds datetimes: the earliest."""
+    """Seconds, and the moment from which they count if the column holds datetimes or UTC texts: the earliest."""
+    first = next((cell for cell in column.tolist() if cell is not None), None) if column.dtype.kind in "OUT" else None
+    if isinstance(first, str) and UTC.fullmatch(first):
+        column = _moments(column.tolist(), source)
     if not np.issubdtype(column.dtype, np.datetime64):
         return _numbers(column, "time", source), None
     if np.isnat(column).any():
@@ -82,15 +86,35 @@ def _times(column: NDArray[Any], source: str) -> tuple[FloatArray, np.datetime64
     return (column.astype("datetime64[ns]") - epoch) / np.timedelta64(1, "s"), epoch
 
 
+def _moments(cells: list[Any], source: str) -> NDArray[np.datetime64]:
+    """The moments that UTC texts name; a text that stands in many rows is read once."""
+    known: dict[str, np.datetime64] = {}
+    for row, cell in enumerate(cells):
+        if str(cell) not in known:
+            known[str(cell)] = utc_of(cell, f"{source}, row {row}, column time")
+    return np.array([known[str(cell)] for cell in cells], dtype="datetime64[ns]")
+
+
 def _numbers(column: Any, name: str, source: str) -> FloatArray:
+    expected = "expected finite numbers, one for each row"
     try:
-        values = np.asarray(column, dtype=np.float64)
+        values, logical = np.asarray(column, dtype=np.float64), _is_logical(np.asarray(column))
     except (TypeError, ValueError) as error:
         raise InputError(f"{source}, column {name}: not numbers ({error})") from error
-    if values.ndim != 1 or np.isinf(values).any():
-        found = f"the shape {values.shape}" if values.ndim != 1 else "an infinite number"
-        raise InputError(f"{source}, column {name}: {found}, expected finite numbers, one for each row")
+    if values.ndim != 1 or logical:
+        found = "true and false" if logical else f"the shape {values.shape}"
+        raise InputError(f"{source}, column {name}: {found}, {expected}")
+    infinite = np.isinf(values)
+    if infinite.any():
+        raise InputError(f"{source}, row {int(np.argmax(infinite))}, column {name}: an infinite number, {expected}")
     return values
+
+
+def _is_logical(column: NDArray[Any]) -> bool:
+    """Whether a column holds true and false, which count as 1 and 0 elsewhere."""
+    if column.dtype == object:  # with missing values
+        return any(isinstance(cell, bool) for cell in column.tolist())
+    return column.dtype == np.bool_
 
 
 def _labels(column: NDArray[Any], source: str) -> tuple[tuple[str, ...], IntArray]:

@@ -90,6 +90,28 @@ def test_datetimes_count_from_the_earliest(tracks):
     assert found.epoch.startswith("2026-03-01T12:00:00")
 
 
+def texts(time):
+    """UTC texts of times in s."""
+    begin = np.datetime64("2026-03-01T12:00:00", "ns")
+    return [f"{begin + np.timedelta64(round(1e9 * second), 'ns')}Z" for second in time]
+
+
+@pytest.mark.parametrize("kind", [dict, polars.DataFrame, pandas.DataFrame])
+def test_utc_texts_are_read_as_in_the_csv_file(tracks, kind, tmp_path):
+    rows = columns(tracks)
+    rows["time"] = texts(rows["time"])
+    found = tracks_of(kind(rows))
+    same(found, tracks)
+    assert found.epoch == "2026-03-01T12:00:00Z"
+    polars.DataFrame(rows).write_parquet(tmp_path / "t.parquet")
+    same(read_tracks(tmp_path / "t.parquet"), tracks)
+
+
+def test_numbers_as_texts_are_numbers(tracks):
+    rows = columns(tracks)
+    same(tracks_of(rows | {"time": [str(second) for second in rows["time"]]}), tracks)
+
+
 def test_parquet(precise, tmp_path):
     polars.DataFrame(columns(precise)).write_parquet(tmp_path / "t.parquet")
     same(read_tracks(tmp_path / "t.parquet"), precise)
@@ -253,6 +275,19 @@ def test_what_is_no_trc_is_refused_in_a_line(tracks, tmp_path, change, expected)
         (lambda rows: rows.update(cxx=rows["x"]), "has cxx only, expected all of cxx, cxy"),
         (lambda rows: rows.update(x=["far"] * len(rows["x"])), "column x: not numbers"),
         (lambda rows: rows["x"].__setitem__(3, np.inf), "column x: an infinite number"),
+        (lambda rows: rows["x"].__setitem__(3, np.inf), "frame, row 3, column x: an infinite number, expected finite"),
+        (lambda rows: rows["time"].__setitem__(2, -np.inf), "frame, row 2, column time: an infinite number"),
+        (lambda rows: rows.update(x=rows["x"] > 0), "frame, column x: true and false, expected finite numbers"),
+        (lambda rows: rows.update(y=[None, *[True] * (len(rows["x"]) - 1)]), "column y: true and false, expected"),
+        (lambda rows: rows.update(time=np.arange(len(rows["x"])) > 0), "column time: true and false, expected"),
+        (
+            lambda rows: rows.update(time=[*texts(rows["time"])[:-1], "noon"]),
+            "frame, row 152, column time: found 'noon', expected a UTC time as",
+        ),
+        (
+            lambda rows: rows.update(time=[*texts(rows["time"])[:-1], None]),
+            "frame, row 152, column time: found 'None', expected a UTC time as",
+        ),
         (lambda rows: rows["x"].__setitem__(3, np.nan), "frame, row 3, column x: empty, expected a number"),
         (lambda rows: rows["time"].__setitem__(1, 0.5), "frame, row .*, column feature: 'right' stands twice at 0.5 s"),
         (lambda rows: rows.update(feature=[None] * len(rows["x"])), "column feature: no label in"),
