@@ -17,6 +17,7 @@ from pathlib import Path
 from platform import libc_ver
 
 from baryscope.fmu.generate.cache import load_cached, store_cached
+from baryscope.fmu.generate.processes import Compilers
 from baryscope.fmu.layout.platforms import Platform
 from baryscope.models.errors import ComputationError
 from baryscope.models.files import temporary_folder
@@ -186,8 +187,9 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
             progress(tuple(job.platform.name for job in left), 1 - len(left) / count)
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        works = {pool.submit(_compile, job): job for job in left}
+        compilers = Compilers()
         try:
+            works = {pool.submit(_compile, job, compilers): job for job in left}
             tell()
             for work in as_completed(works):
                 job, (library, messages) = works[work], work.result()
@@ -201,31 +203,32 @@ def compile_all(jobs: Iterable[Job], progress: Progress | None = None) -> dict[P
                 tell()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            compilers.end()
             raise
     return libraries
 
 
-def _compile(job: Job) -> tuple[bytes, str]:
+def _compile(job: Job, compilers: Compilers) -> tuple[bytes, str]:
     """The library and the compiler's warnings; there should be none."""
     messages = ""
     with temporary_folder() as folder:
         for member, content in job.files.items():
             (folder / member).write_bytes(content)
         for arguments in job.steps:
-            messages += _run(job, arguments, folder)
+            messages += _run(job, arguments, folder, compilers)
         return (folder / job.output).read_bytes(), messages
 
 
-def _run(job: Job, arguments: list[str], folder: Path) -> str:
+def _run(job: Job, arguments: list[str], folder: Path, compilers: Compilers) -> str:
     """Run the compiler in a folder, where its output must be then; its messages."""
     command = [*job.compiler, *arguments]
     try:
-        result = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        code, messages = compilers.run(command, folder)
     except OSError as error:
         raise ComputationError(f"the C compiler ({command[0]}) cannot be run: {error.strerror}") from error
     made = folder / arguments[arguments.index("-o") + 1]
-    if result.returncode != 0 or not made.is_file():
-        lines = result.stderr.splitlines()
+    if code != 0 or not made.is_file():
+        lines = messages.splitlines()
         first = next((line for line in lines if "error" in line), lines[-1] if lines else "no message")
         raise ComputationError(f"the C compiler ({shlex.join(job.compiler)} …) failed for {job.platform.name}: {first}")
-    return result.stderr
+    return messages

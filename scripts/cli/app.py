@@ -10,6 +10,7 @@ from cyclopts import App, CycloptsError
 
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
+from baryscope.scripts.cli.ending import TERMINATED, ending_by_signal
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
@@ -34,7 +35,7 @@ app = App(
     name="baryscope",
     help="Find the centre of mass of a tumbling object from the tracks of features on its surface.\n\n"
     "Exit codes: 0 done, 1 cannot be computed, 2 wrong input, 3 files are written but the estimate is not to be "
-    "trusted, 130 interrupted. Errors are one line on standard error.",
+    "trusted, 130 interrupted, 143 terminated. Errors are one line on standard error.",
     version=__version__,
     exit_on_error=False,
     print_error=False,
@@ -51,10 +52,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         0 when done, 1 for what could not be computed, 2 for bad input, 3 where files were written but the result must
-        not be trusted, 130 when interrupted.
+        not be trusted, 130 when interrupted, 143 when terminated.
     """
     warnings.showwarning = _show_warning
-    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    with ending_by_signal() as ending:
+        code = _run(sys.argv[1:] if arguments is None else list(arguments))
+    return TERMINATED if code == INTERRUPTED and ending.asked else code
+
+
+def _run(arguments: list[str]) -> int:
+    """Run a command; its exit code."""
     try:
         if arguments[:1] in ([], ["-h"], ["--help"]):
             app.resolved_commands()  # with what each does, for their list

@@ -274,7 +274,7 @@ def test_a_build_in_another_folder_is_equal(envisat, everywhere, tmp_path, monke
 
 
 def test_a_second_build_compiles_nothing(envisat, everywhere, tmp_path, monkeypatch):
-    def compiled(job):
+    def compiled(job, _):
         raise AssertionError(f"compiled for {job.platform.name}")
 
     monkeypatch.setattr(compiler, "_compile", compiled)
@@ -286,7 +286,7 @@ def test_a_second_build_compiles_nothing(envisat, everywhere, tmp_path, monkeypa
 
 def test_the_command_line_says_what_it_waits_for(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "empty"))
-    monkeypatch.setattr(compiler, "_compile", lambda job: (job.platform.name.encode(), ""))
+    monkeypatch.setattr(compiler, "_compile", lambda job, _: (job.platform.name.encode(), ""))
     waits = []
     for _ in range(2):
         build(scenario="envisat", platforms="all", output=tmp_path / "unit.fmu")
@@ -301,7 +301,7 @@ def test_the_command_line_says_what_it_waits_for(tmp_path, monkeypatch, capsys):
 
 def test_progress_names_what_is_left(envisat, tmp_path, monkeypatch):
     monkeypatch.setenv("BARYSCOPE_CACHE", str(tmp_path / "empty"))
-    monkeypatch.setattr(compiler, "_compile", lambda job: (job.platform.name.encode(), ""))
+    monkeypatch.setattr(compiler, "_compile", lambda job, _: (job.platform.name.encode(), ""))
     told = []
     build_fmu(envisat, tmp_path / "unit.fmu", platforms="all", progress=lambda *news: told.append(news))
     assert told[0] == (tuple(platform.name for platform in PLATFORMS), 0.0)

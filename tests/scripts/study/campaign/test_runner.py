@@ -179,22 +179,27 @@ def interruptible(command):
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-def test_the_same_interrupt_as_a_terminals_keeps_what_is_there(scenario_file, tmp_path):
-    """SIGINT to the whole group: exit code 130, one line that says how to go on, whole lines, no workers left."""
+@pytest.mark.parametrize("send, number, code", [
+    (os.killpg, signal.SIGINT, 130),  # as a terminal's
+    (os.kill, signal.SIGTERM, 143),
+    (os.killpg, signal.SIGTERM, 143),
+])  # fmt: skip
+def test_an_interrupt_keeps_what_is_there(scenario_file, tmp_path, send, number, code):
+    """The exit code of the signal, one line that says how to go on, whole lines, no workers left."""
     folder = tmp_path / "cut"
     arguments = options(scenario_file, folder, workers=2, draws=10_000)
     runs = folder / RUNS
     with interruptible([*COMMAND, *arguments]) as process:
         while process.poll() is None and (not runs.exists() or runs.read_bytes().count(b"\n") < 3):
             time.sleep(0.05)
-        os.killpg(process.pid, signal.SIGINT)
+        send(process.pid, number)
         _, error = process.communicate(timeout=60)
         for _ in range(200):  # the standard library's tracker of resources ends a little later
             if not alive(process.pid):
                 break
             time.sleep(0.05)
         assert not alive(process.pid)
-    assert process.returncode == 130, error
+    assert process.returncode == code, error
     assert f"kept in {folder}; the same command goes on" in error.splitlines()[-1]
     assert "Traceback" not in error
     plan = read_plan(folder)

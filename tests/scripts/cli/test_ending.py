@@ -1,0 +1,97 @@
+"""SIGTERM ends a command as an interrupt does: one line, its own exit code, and nothing is left."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+
+import pytest
+
+from baryscope.scripts.cli import app, scenarios
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM ends a process at once")
+
+# As gcc: it has another process do the work, and says that it has begun.
+COMPILER = """#!/bin/sh
+case "$*" in *--version*) echo slow 1; exit;; esac
+sleep 600 &
+echo $$ $! > {begun}.new
+mv {begun}.new {begun}
+wait
+"""
+
+
+def ended(number):
+    """Whether a process soon is none any more, or only waits for its parent to ask."""
+    for _ in range(200):
+        try:
+            os.kill(number, 0)
+            with open(f"/proc/{number}/stat") as file:  # noqa: PTH123
+                if file.read().rsplit(")", 1)[1].split()[0] == "Z":
+                    return True
+        except OSError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.mark.parametrize("number, code", [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize("command", [["build", "-o", "x.fmu"], ["system", "-o", "x.ssp"], ["fly", "-o", "x"]])
+def test_nothing_is_left(tmp_path, command, number, code):
+    begun, slow = tmp_path / "begun", tmp_path / "slow-cc"
+    slow.write_text(COMPILER.format(begun=begun))
+    slow.chmod(0o755)
+    folders = {name: tmp_path / name for name in ("here", "temporary", "cache")}
+    for folder in folders.values():
+        folder.mkdir()
+    own = {"CC": str(slow), "TMPDIR": str(folders["temporary"]), "BARYSCOPE_CACHE": str(folders["cache"])}
+    with subprocess.Popen(
+        [sys.executable, "-m", "baryscope", *command],
+        cwd=folders["here"],
+        env=os.environ | own,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    ) as process:
+        compilers = []
+        try:
+            while process.poll() is None and not begun.exists():
+                time.sleep(0.02)
+            compilers = [int(word) for word in begun.read_text().split()]
+            process.send_signal(number)
+            _, error = process.communicate(timeout=60)
+            assert all(map(ended, compilers))
+        finally:
+            process.kill()
+            for compiler in compilers:
+                with suppress(ProcessLookupError):
+                    os.kill(compiler, signal.SIGKILL)
+    assert process.returncode == code
+    assert error == "baryscope: interrupted; files that were not finished are not there\n"
+    assert [path for folder in folders.values() for path in folder.rglob("*")] == []
+
+
+def terminated(*_, **__):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return []
+
+
+def test_the_signal_is_as_before_afterwards(monkeypatch, capsys):
+    monkeypatch.setattr(scenarios, "preset_names", terminated)
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    assert app.main(["scenarios"]) == 143
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_whoever_has_another_use_for_the_signal_keeps_it(monkeypatch):
+    monkeypatch.setattr(scenarios, "preset_names", terminated)
+    heard = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
+    try:
+        assert app.main(["scenarios"]) == 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert heard == [signal.SIGTERM]
