@@ -11,6 +11,7 @@ from cyclopts import App, CycloptsError
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.scripts.cli.ending import TERMINATED, ending_by_signal
+from baryscope.scripts.cli.streams import make_printable
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
@@ -55,6 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         not be trusted, 130 when interrupted, 143 when terminated.
     """
     warnings.showwarning = _show_warning
+    make_printable()
     with ending_by_signal() as ending:
         code = _run(sys.argv[1:] if arguments is None else list(arguments))
     return TERMINATED if code == INTERRUPTED and ending.asked else code

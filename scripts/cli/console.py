@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 from rich.table import Table as RichTable
 
 from baryscope.progress import Progress as Tell
+from baryscope.scripts.cli.streams import speaks_unicode
 from baryscope.table import Table
 
 out = Console(highlight=False, markup=False)
@@ -50,7 +51,8 @@ class Show:
     def result(self, data: Any, *words: str | Table | RenderableType) -> None:
         """The result: lines and tables, or the data if JSON is asked for."""
         if self.json:
-            out.print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False), soft_wrap=True)
+            escaped = not speaks_unicode(out.encoding)
+            out.print(json.dumps(data, indent=2, ensure_ascii=escaped, allow_nan=False), soft_wrap=True)
             return
         for word in words:
             if isinstance(word, Table):
