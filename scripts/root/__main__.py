@@ -2,6 +2,20 @@
 
 import sys
 
-from baryscope.scripts.cli.app import main
 
-sys.exit(main())
+def run() -> int:
+    """Run the command line; an interrupt while it is loaded is one line, too.
+
+    Returns:
+        The exit code.
+    """
+    try:
+        from baryscope.scripts.cli.app import main
+    except KeyboardInterrupt:
+        print("baryscope: interrupted", file=sys.stderr)
+        return 130
+    return main()
+
+
+if __name__ == "__main__":
+    sys.exit(run())

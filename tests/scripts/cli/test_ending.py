@@ -5,11 +5,15 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
 from baryscope.scripts.cli import app, scenarios
+
+ROOT = Path(__file__).parents[3]
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="SIGTERM ends a process at once")
 
@@ -95,3 +99,32 @@ def test_whoever_has_another_use_for_the_signal_keeps_it(monkeypatch):
     finally:
         signal.signal(signal.SIGTERM, before)
     assert heard == [signal.SIGTERM]
+
+
+INTERRUPTED_AT = """
+import runpy, sys
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == "cyclopts":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupt())
+"""
+WAYS = {
+    "python -m": "runpy.run_module('baryscope', run_name='__main__')",
+    "the installed command": "from baryscope.__main__ import run; sys.exit(run())",
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_an_interrupt_while_the_libraries_are_loaded(way):
+    command = [sys.executable, "-c", INTERRUPTED_AT + WAYS[way], "scenarios"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert done.stderr == "baryscope: interrupted\n"
+
+
+def test_the_installed_command_is_that_of_the_package():
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
+    assert scripts == {"baryscope": "baryscope.__main__:run"}
