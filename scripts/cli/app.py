@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.scripts.cli.ending import TERMINATED, ending_by_signal
-from baryscope.scripts.cli.streams import make_printable
+from baryscope.scripts.cli.streams import prepare_streams
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         not be trusted, 130 when interrupted, 143 when terminated.
     """
     warnings.showwarning = _show_warning
-    make_printable()
+    prepare_streams()
     with ending_by_signal() as ending:
         code = _run(sys.argv[1:] if arguments is None else list(arguments))
     return TERMINATED if code == INTERRUPTED and ending.asked else code
@@ -82,6 +82,8 @@ def _run(arguments: list[str]) -> int:
     except OSError as error:
         if error.filename is not None:
             return _complain(f"{error.filename}: {error.strerror}", FAILED)
+        if isinstance(error, FileNotFoundError):
+            return _complain("the current folder: is not there any more, expected one that is", FAILED)
         _drop_output()  # files have names
         return _complain(f"standard output: cannot be written ({error.strerror or error})", FAILED)
     except Exception as error:

@@ -1,11 +1,23 @@
-"""Standard output as a command finds it, made fit for whatever it prints."""
+"""Standard streams as a command finds them, made fit for whatever it prints."""
 
+import os
 import sys
+from contextlib import suppress
 from io import TextIOWrapper
+from typing import TextIO
 
 
-def make_printable() -> None:
-    """Have standard output replace what its encoding lacks, as standard error does, where it would be an error."""
+def prepare_streams() -> None:
+    """Make standard output and standard error fit to be printed to.
+
+    One that is closed is replaced: standard output by one that cannot be written, which is told as of a full disk, and
+    standard error by one that drops everything. What the encoding of standard output lacks is replaced, as standard
+    error does, where it would be an error.
+    """
+    if sys.stdout is None:
+        sys.stdout = _in_place(1, os.O_RDONLY)
+    if sys.stderr is None:
+        sys.stderr = _in_place(2, os.O_WRONLY)
     out = sys.stdout
     if not isinstance(out, TextIOWrapper):
         return
@@ -16,3 +28,20 @@ def make_printable() -> None:
 def speaks_unicode(encoding: str) -> bool:
     """Whether an encoding has every character."""
     return encoding.lower().startswith("utf")
+
+
+def _in_place(number: int, mode: int) -> TextIO:
+    """The null device in the place of a closed stream, so that no file gets its number and what is printed there."""
+    handle = os.open(os.devnull, mode)
+    if handle != number and not _is_open(number):
+        os.dup2(handle, number)
+        os.close(handle)
+        handle = number
+    return os.fdopen(handle, "w", encoding="utf-8", errors="replace")
+
+
+def _is_open(number: int) -> bool:
+    with suppress(OSError):
+        os.fstat(number)
+        return True
+    return False
