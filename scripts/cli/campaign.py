@@ -11,6 +11,7 @@ from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import scenario_path
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
+from baryscope.scripts.cli.whole import Whole
 from baryscope.study.campaign import (
     CampaignSummary,
     Plan,
@@ -39,10 +40,10 @@ def run_campaign(
     scenario: Names = None,
     suite: str | None = None,
     methods: str | None = None,
-    draws: int | None = None,
-    seed: int | None = None,
+    draws: Whole | None = None,
+    seed: Whole | None = None,
     vary: Names = None,
-    workers: int | None = None,
+    workers: Whole | None = None,
     scheduler: str | None = None,
     shard: str | None = None,
     restart: Annotated[bool, Parameter(negative="")] = False,

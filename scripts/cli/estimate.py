@@ -25,6 +25,7 @@ from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
+from baryscope.scripts.cli.whole import Whole
 
 
 @Parameter(name="*")
@@ -92,7 +93,7 @@ class ScrewChoices:
     axes: Axes | None = None
     lag: float | None = None
     cutoff: float | None = None
-    degree: int | None = None
+    degree: Whole | None = None
     reference: Reference | None = None
 
 

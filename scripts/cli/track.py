@@ -16,6 +16,7 @@ from baryscope.models.files import refuse_overwriting
 from baryscope.models.words import counted
 from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
+from baryscope.scripts.cli.whole import Whole
 
 
 def track_images(
@@ -27,7 +28,7 @@ def track_images(
     output: Annotated[Path, Parameter(alias="-o")],
     rate: float | None = None,
     times: Path | None = None,
-    features: int = 60,
+    features: Whole = 60,
     show: Show | None = None,
 ) -> None:
     """Track features on a tumbling object through the images of a stereo pair, for `baryscope estimate --camera`.
