@@ -209,10 +209,10 @@ def options(draw, with_orbit):
         paths += ["relative-orbit"] if with_orbit and method != "score" else []
         if draw(st.booleans()):
             found += ["--trajectory", draw(st.sampled_from(paths))]
-        if draw(st.integers(0, 3)) == 0:
+        if method != "score" and draw(st.integers(0, 3)) == 0:
             found += [f"--sigma={draw(numbers)}"]
         found += draw(st.sampled_from([[], ["--noise", "fixed"], ["--noise", "stereo"]])) if method != "score" else []
-        found += draw(st.sampled_from([[], ["--torque", "none"]]))
+        found += draw(st.sampled_from([[], ["--torque", "none"]])) if method in ("ml", "ekf") else []
     return found
 
 

@@ -10,12 +10,13 @@ from cyclopts import Parameter
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.document import write_estimate
 from baryscope.estimator.formats import Unit, read_tracks, writable
-from baryscope.estimator.methods import METHODS, estimate
+from baryscope.estimator.methods import METHODS, PREDICTING, TURNING, estimate
 from baryscope.estimator.options import Axes, Burns, Noise, Options, Reference, Torque
 from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.ephemeris.utc import utc_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
@@ -26,6 +27,17 @@ from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
 from baryscope.scripts.cli.whole import Whole
+
+# Options that bear on some of the methods only that have them; and choices that need an orbit.
+BEARING = {
+    "sigma": PREDICTING,
+    "noise": PREDICTING,
+    "process_noise": PREDICTING,
+    "unknown_burns": PREDICTING,
+    "torque": TURNING,
+    "torque_noise": TURNING,
+}
+ON_ORBIT = {"axes": "lvlh", "trajectory": "relative-orbit", "torque": "gravity-gradient"}
 
 
 @Parameter(name="*")
@@ -157,12 +169,15 @@ def estimate_file(
     for_path, for_screws = asdict(path or PathChoices()), asdict(screws or ScrewChoices())
     forces = forces or ForceChoices()
     method, options = _choice(method, for_path | forces.chosen(), for_screws)
-    if for_screws["axes"] == "lvlh" and orbit is None:
-        raise InputError("--axes lvlh: needs the target's orbit, expected --orbit ORBIT.toml")
-    if for_path["trajectory"] == "relative-orbit" and orbit is None:
-        raise InputError("--trajectory relative-orbit: needs the target's orbit, expected --orbit ORBIT.toml")
+    for name, choice in ON_ORBIT.items():
+        if (for_path | for_screws)[name] == choice and orbit is None:
+            raise InputError(f"--{name} {choice}: needs the target's orbit, expected --orbit ORBIT.toml")
     if rig is not None and camera is None:
         raise InputError("--rig: needs the camera's attitude, expected --camera ATTITUDE.csv")
+    if epoch is not None:
+        utc_of(epoch, "--epoch")
+        if orbit is None and forces.acceleration is None:
+            raise InputError("--epoch: needs something that has a UTC, expected --orbit ORBIT or --acceleration A.csv")
     read = [tracks, *(file for file in (orbit, camera, rig, forces.acceleration) if file is not None)]
     prediction = prediction or PredictionChoices()
     prediction.check(method)
@@ -219,7 +234,7 @@ def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, 
     """The method, and its options from those that were given on the command line.
 
     Raises:
-        InputError: there is no such method, or it has no such option.
+        InputError: there is no such method, or it has no such option, or has it without use.
     """
     if method is not None and method not in METHODS:
         raise InputError(f"--method: found {method!r}, expected one of {', '.join(METHODS)}")
@@ -227,10 +242,12 @@ def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, 
     first_for_screws = next((name for name in chosen if name in for_screws), None)
     default = "pivot" if first_for_screws is None else "screw-gpa"
     for name in chosen:
-        having = [other.name for other in METHODS.values() if name in {field.name for field in fields(other.options)}]
+        having = BEARING.get(name) or _having(name)
         if (method or default) in having:
             continue
         name = name.replace("_", "-")
+        if method is None and first_for_screws is None:
+            raise InputError(f"--{name}: found with {default}, the default, expected --method {' or '.join(having)}")
         if method is None:
             raise InputError(
                 f"--{name}: found beside --{first_for_screws}, expected one of the two: no method has both"
@@ -238,6 +255,11 @@ def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, 
         raise InputError(f"--{name}: found with --method {method}, expected one of {', '.join(having)}")
     chosen.pop("acceleration", None)  # which is still a file
     return method or default, METHODS[method or default].options(**chosen)
+
+
+def _having(option: str) -> list[str]:
+    """The methods that have an option."""
+    return [method.name for method in METHODS.values() if option in {field.name for field in fields(method.options)}]
 
 
 def _headline(result: Estimate, path: Path) -> str:

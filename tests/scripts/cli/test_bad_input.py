@@ -69,6 +69,21 @@ CHOICES = [
     (["--sigma", "0"], "sigma is 0.0, expected a standard deviation of 1e-09 to 1e+09 m"),
     (["--method", "ml", "--torque", "gravity-gradient"], "needs the target's orbit"),
     (["--method", "score", "--trajectory", "polynomial:2"], "expected fixed"),
+    (["--torque", "none"], "--torque: found with pivot, the default, expected --method ml or ekf"),
+    (["--torque-noise", "1e-9"], "--torque-noise: found with pivot, the default, expected --method ml or ekf"),
+    *(
+        ([f"--{name}", value, "--method", "score"], f"--{name}: found with --method score, expected one of pivot, ml")
+        for name, value in (
+            ("sigma", "0.01"),
+            ("noise", "fixed"),
+            ("process-noise", "none"),
+            ("unknown-burns", "none"),
+        )
+    ),
+    (["--torque", "gravity-gradient", "--method", "pivot"], "--torque: found with --method pivot, expected one of ml"),
+    (["--torque", "gravity-gradient", "--method", "ekf"], "--torque gravity-gradient: needs the target's orbit"),
+    (["--epoch", "foo"], "--epoch: found 'foo'"),
+    (["--epoch", "2000-06-28"], "--epoch: needs something that has a UTC, expected --orbit ORBIT or --acceleration A"),
 ]
 
 
