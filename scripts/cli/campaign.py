@@ -24,9 +24,9 @@ from baryscope.study.campaign import (
     plan_of,
     shard_of,
 )
-from baryscope.study.campaign import campaign as carry_out
 from baryscope.study.campaign import report as report_of
-from baryscope.study.campaign.runner import PAGE, SUMMARY
+from baryscope.study.campaign.folder import alone_in
+from baryscope.study.campaign.runner import PAGE, SUMMARY, carry_out
 from baryscope.study.campaign.suite import read_suite
 
 campaign = App(name="campaign", result_action="return_value")
@@ -111,11 +111,12 @@ def run_campaign(
     if report:
         summary = report_of(folder)
     else:
-        plan = begin(folder, plan, restart=restart)
-        ended = mended(folder, plan)
-        missing = sum(len(part.numbers(plan.draws, ended.of(entry.name))) for entry in plan.entries)
-        _remark_on_what_is_there(ended.count, missing, show)
-        summary = _carried_out(plan, folder, workers, scheduler if missing else None, part, show)
+        with alone_in(folder):
+            plan = begin(folder, plan, restart=restart)
+            ended = mended(folder, plan)
+            missing = sum(len(part.numbers(plan.draws, ended.of(entry.name))) for entry in plan.entries)
+            _remark_on_what_is_there(ended.count, missing, show)
+            summary = _carried_out(plan, folder, workers, scheduler if missing else None, part, show)
     _show(summary, folder, show)
 
 

@@ -1,8 +1,14 @@
-"""A campaign's folder: campaign.json says what is run, runs.jsonl has a line for each run that has ended."""
+"""A campaign's folder: campaign.json says what is run, runs.jsonl has a line for each run that has ended.
+
+.lock is held by the process that carries out the campaign.
+"""
 
 import errno
 import json
 import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -12,8 +18,51 @@ from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_text, replacing, unwritable
 from baryscope.study.campaign.plan import Plan
 
-HEADER, RUNS = "campaign.json", "runs.jsonl"
+HEADER, RUNS, LOCK = "campaign.json", "runs.jsonl", ".lock"
 Run = dict[str, Any]
+
+
+@contextmanager
+def alone_in(folder: AnyPath) -> Iterator[None]:
+    """Keep other processes from carrying out the campaign of a folder; its end, of whatever kind, lets them in again.
+
+    A folder that is missing is made. Where the file system has no locks, nobody is kept out.
+
+    Raises:
+        InputError: another process is there, or the folder cannot be written.
+    """
+    folder = Path(folder)
+    _refuse_file(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / LOCK).open("ab")
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    with file:
+        if not _free(file.fileno()):
+            raise InputError(f"{folder}: found another process that carries out its campaign, expected one at a time")
+        yield
+
+
+def _free(file: int) -> bool:
+    """Whether nobody else holds the lock of an open file, which is held from now on until it is closed."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in (errno.EACCES, errno.EAGAIN, errno.EDEADLK)
+    return True
+
+
+def _refuse_file(folder: Path) -> None:
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, expected a folder to write to")
 
 
 def read_plan(folder: AnyPath) -> Plan:
@@ -42,8 +91,7 @@ def begin(folder: AnyPath, plan: Plan, *, restart: bool = False) -> Plan:
         InputError: the runs in the folder are of another plan, or the folder cannot be written.
     """
     folder = Path(folder)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, expected a folder to write to")
+    _refuse_file(folder)
     runs = folder / RUNS
     if restart:
         runs.unlink(missing_ok=True)

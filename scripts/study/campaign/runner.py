@@ -14,7 +14,7 @@ from baryscope.progress import Progress, stage
 from baryscope.report import write_report
 from baryscope.study.campaign.case import Case, drawn
 from baryscope.study.campaign.engines import ClusterEngine, Engine, LocalEngine
-from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, begin, read_plan
+from baryscope.study.campaign.folder import HEADER, RUNS, RunFile, alone_in, begin, read_plan
 from baryscope.study.campaign.html_report import report_of_campaign
 from baryscope.study.campaign.plan import Plan
 from baryscope.study.campaign.reading import Ended, blocks_of, sound_length
@@ -53,14 +53,28 @@ def campaign(
         progress: told how far the work is.
 
     Raises:
-        InputError: the folder holds runs of another plan, or cannot be written; a draw's values make a scenario that is
-            not valid; a worker of the cluster runs another program.
+        InputError: the folder holds runs of another plan, or cannot be written; another process carries out its
+            campaign; a draw's values make a scenario that is not valid; a worker of the cluster runs another program.
         ComputationError: a unit cannot be built, a case ends all its workers, or the scheduler is lost; what has ended
             is kept.
         DiskError: the disk is full; the message says what is kept.
         KeyboardInterrupt: the user stops it; the message says what is kept.
     """
     folder = Path("out") / plan.name if folder is None else Path(folder)
+    with alone_in(folder):
+        return carry_out(plan, folder, client=client, workers=workers, shard=shard, progress=progress)
+
+
+def carry_out(
+    plan: Plan,
+    folder: Path,
+    *,
+    client: "Client | None" = None,
+    workers: int | None = None,
+    shard: Shard = ALL,
+    progress: Progress | None = None,
+) -> CampaignSummary:
+    """As `campaign`, for who is alone in the folder."""
     engine: Engine = LocalEngine(workers) if client is None else ClusterEngine(client)
     plan = begin(folder, plan)
     before = mended(folder, plan)

@@ -15,7 +15,7 @@ import pytest
 
 from baryscope.models.errors import InputError
 from baryscope.scripts.cli import app
-from baryscope.study.campaign import begin, mended, read_plan, run_one
+from baryscope.study.campaign import begin, campaign, mended, read_plan, run_one
 from baryscope.study.campaign.engines import LocalEngine
 from baryscope.study.campaign.folder import HEADER, RUNS
 
@@ -149,6 +149,35 @@ def test_restart_begins_anew(finished, scenario_file, tmp_path, no_workers):
     assert app.main(options(scenario_file, folder, "--restart", seed=4, draws=1)) == 0
     assert no_workers == [0]
     assert len((folder / RUNS).read_text(encoding="utf-8").splitlines()) == 1
+
+
+HOLDING = """
+import sys
+from baryscope.study.campaign.folder import alone_in
+with alone_in(sys.argv[1]):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_another_process_in_the_folder_is_refused(finished, scenario_file, tmp_path, no_workers, plan, capsys):
+    """Until it ends, however; also where it would begin anew."""
+    folder = copied(finished, tmp_path / "shared", (finished / RUNS).read_bytes())
+    before = (folder / RUNS).read_bytes()
+    command = [sys.executable, "-c", HOLDING, str(folder)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        for more in ([], ["--restart"]):
+            assert app.main(options(scenario_file, folder, *more, draws=6)) == 2
+            words = "found another process that carries out its campaign, expected one at a time"
+            assert capsys.readouterr().err == f"baryscope: {folder}: {words}\n"
+        with pytest.raises(InputError, match="another process"):
+            campaign(plan, folder)
+        assert (folder / RUNS).read_bytes() == before
+        assert app.main(["campaign", "--report", "-o", str(folder)]) == 0
+        other.kill()
+    assert app.main(options(scenario_file, folder, draws=6)) == 0
+    assert no_workers == [4, 5]
 
 
 def alive(group):
