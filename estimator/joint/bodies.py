@@ -9,7 +9,8 @@ from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
-from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.errors import ComputationError, InputError, Reason
+from baryscope.models.words import counted
 
 ROUNDS = 5  # of the mean shape, each from the poses of the last one
 
@@ -35,13 +36,14 @@ class Body:
         """The rigid body of the markers in the chosen frames.
 
         Raises:
-            InputError: no frame shows all markers.
-            ComputationError: they are in one line.
+            ComputationError: no frame shows all markers, or they are in one line.
         """
         position, weights = tracks.position[chosen], tracks.seen[chosen].astype(np.float64)
         complete = np.nonzero(weights.all(axis=1))[0]
         if not complete.size:
-            raise InputError(f"no frame shows all of {', '.join(tracks.labels)}, expected one at least")
+            raise ComputationError(
+                f"no frame shows all of {', '.join(tracks.labels)}, expected one at least", Reason.TOO_FEW_FRAMES
+            )
         shape = position[complete[0]]
         for _ in range(ROUNDS):
             shape = shape - shape.mean(axis=0)
@@ -85,8 +87,8 @@ class Pair:
         """The bodies of two recordings. Frames in which one shows fewer than three markers are left out.
 
         Raises:
-            InputError: the times differ, or too few frames show three markers of each body.
-            ComputationError: the markers of a body are in one line.
+            InputError: the times differ.
+            ComputationError: too few frames show three markers of each body, or the markers of one are in one line.
         """
         if parent is not None and not np.array_equal(parent.time, child.time):
             raise InputError("parent and child have different times, expected tracks of one recording")
@@ -95,7 +97,8 @@ class Pair:
             both &= parent.seen.sum(axis=1) >= 3
         n = int(both.sum())
         if n < 4:
-            raise InputError(f"{n} frames show three markers of each body, expected at least 4")
+            shown = counted(n, "frame shows", "frames show")
+            raise ComputationError(f"{shown} three markers of each body, expected at least 4", Reason.TOO_FEW_FRAMES)
         return cls(child.time[both], None if parent is None else Body.of(parent, both), Body.of(child, both))
 
     @property

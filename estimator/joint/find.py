@@ -26,8 +26,8 @@ def joint(parent: FeatureTracks | None, child: FeatureTracks, *, method: Method 
         method: ml, maximum likelihood with slack and skin as process noise; score, least squares as published.
 
     Raises:
-        InputError: the times differ, too few frames show three markers of each body, or there is no such method.
-        ComputationError: the bodies do not turn against each other.
+        InputError: the times differ, or there is no such method.
+        ComputationError: too few frames show three markers of each body, or these do not turn against each other.
     """
     if method not in get_args(Method):
         raise InputError(f"method: found {method!r}, expected one of {', '.join(get_args(Method))}")

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Sequence
 from typing import TextIO
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, MissingArgumentError
 
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
@@ -69,6 +69,8 @@ def _run(arguments: list[str]) -> int:
             app.resolved_commands()  # with what each does, for their list
         code = app(arguments)
         sys.stdout.flush()
+    except MissingArgumentError as error:
+        return _complain(_missing(error), BAD_INPUT)
     except (InputError, CycloptsError) as error:
         return _complain(error, BAD_INPUT)
     except ComputationError as error:
@@ -91,6 +93,13 @@ def _run(arguments: list[str]) -> int:
             raise
         return _complain(f"internal error, {type(error).__name__}: {error} (BARYSCOPE_DEBUG=1 shows where)", FAILED)
     return code if isinstance(code, int) else 0
+
+
+def _missing(error: MissingArgumentError) -> str:
+    """What is missing: an option's argument, or all of it, of which cyclopts tells the same."""
+    if error.argument is None or error.keyword is not None or error.unused_tokens:
+        return str(error)
+    return f"{' '.join(error.command_chain or ())}: {error.argument.name} is missing, expected this argument"
 
 
 def _drop_output() -> None:

@@ -12,7 +12,7 @@ from baryscope import __version__
 from baryscope.estimator.formats import Unit, read_tracks
 from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import Writer, refuse_overwriting, write_together
 from baryscope.models.words import length
 from baryscope.progress import stage
@@ -71,7 +71,10 @@ def find_joint(
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
             raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
         with stage(progress, "finding the joint"):
-            found = joint(ground, moving, method=method)
+            try:
+                found = joint(ground, moving, method=method)
+            except ComputationError as error:
+                raise ComputationError(f"{tracks}: {error}", error.reason) from error
     words = _words(found)
     if written:
         writers: list[Writer] = [lambda stream: _write_path(found, stream)]

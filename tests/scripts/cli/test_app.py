@@ -81,7 +81,10 @@ def test_scenarios_has_a_line_for_each_preset(capsys):
 
 @pytest.mark.parametrize("arguments, words", [
     (["flie"], "fly"),
-    (["estimate"], "argument"),
+    (["estimate"], "estimate: TRACKS is missing, expected this argument"),
+    (["joint", "x.csv"], "joint: --child is missing, expected this argument"),
+    (["joint", "x.csv", "--child"], "--child requires an argument"),
+    (["track", "a", "b", "-o", "t.csv", "--rigg", "r.toml"], "Did you mean --rig instead of --rigg?"),
     (["estimate", "x.csv", "--method", "magic"], "magic"),
     (["estimate", "x.csv", "--lag", "long"], "long"),
     (["compare", "--methods", "screw-gpa,magic"], "methods: found 'magic', expected some of screw-raw"),

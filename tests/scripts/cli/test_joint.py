@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from baryscope.estimator import FeatureTracks
 from baryscope.scripts.cli import app
 from joints import TIME, both_bodies, recording
 
@@ -52,3 +53,25 @@ def test_wrong_markers_are_one_line(recorded, capsys, arguments, words):
     assert app.main(["joint", "ball.csv", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()[-1:]
     assert words in line
+
+
+@pytest.mark.parametrize("frames, words", [
+    (slice(0, 1), "ball.csv: 1 frame shows three markers of each body, expected at least 4"),
+    (slice(0, 3), "ball.csv: 3 frames show three markers of each body, expected at least 4"),
+])  # fmt: skip
+def test_too_few_frames_cannot_be_computed(recorded, capsys, frames, words):
+    whole = both_bodies(1)
+    FeatureTracks(whole.time[frames], whole.position[frames], whole.labels).write_csv("ball.csv")
+    assert app.main(["joint", "ball.csv", "--child", CHILD, "--parent", PARENT]) == 1
+    assert f"baryscope: {words}" == capsys.readouterr().err.splitlines()[-1]
+
+
+def test_no_frame_shows_all_markers(recorded, capsys):
+    whole = both_bodies(1)
+    position = whole.position.copy()
+    for k in range(len(position)):
+        position[k, whole.labels.index(CHILD.split(",")[k % 4])] = np.nan
+    FeatureTracks(whole.time, position, whole.labels).write_csv("ball.csv")
+    assert app.main(["joint", "ball.csv", "--child", CHILD]) == 1
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last == "baryscope: ball.csv: no frame shows all of ca, cb, cc, cd, expected one at least"
