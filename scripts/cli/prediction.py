@@ -46,7 +46,8 @@ class PredictionChoices:
                 raise InputError(f"--point: found {self.point} without a time, expected --predict SECONDS, too")
             return
         if not 0 < abs(self.predict) <= LATEST:
-            raise InputError(f"--predict: found {self.predict:g}, expected seconds ahead, or back below 0")
+            expected = f"expected seconds ahead, or back below 0, at most {LATEST:g} of them"
+            raise InputError(f"--predict: found {self.predict:g}, {expected}")
         able = PREDICTING if self.point is None else TURNING
         if method not in able:
             name = "--predict" if self.point is None else "--point"

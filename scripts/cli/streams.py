@@ -12,8 +12,10 @@ def prepare_streams() -> None:
 
     One that is closed is replaced: standard output by one that cannot be written, which is told as of a full disk, and
     standard error by one that drops everything. What the encoding of standard output lacks is replaced, as standard
-    error does, where it would be an error.
+    error does, where it would be an error. A width of 0 columns is taken for none told, as by Python.
     """
+    if os.environ.get("COLUMNS", "").strip("0") == "":
+        os.environ.pop("COLUMNS", None)
     if sys.stdout is None:
         sys.stdout = _in_place(1, os.O_RDONLY)
     if sys.stderr is None:

@@ -131,7 +131,8 @@ def fly_loop(
         length = master.stop_time if duration is None else duration
         if length is None or not master.step_size <= length <= MOST_STEPS * master.step_size:
             raise InputError(
-                f"duration: found {length} s, expected {master.step_size:g} s or more, in steps of that size"
+                f"duration: found {length} s, expected {master.step_size:g} s or more, in steps of that size, "
+                f"and {MOST_STEPS * master.step_size:g} s at most"
             )
         if approach:
             controller = units["controller"]

@@ -155,6 +155,7 @@ def test_a_look_back(tracks, tmp_path, capsys):
         ),
         (["--predict", "5", "--method", "score"], "--predict: found with --method score, expected pivot, ml or ekf"),
         (["--predict", "0"], "--predict: found 0, expected seconds ahead, or back below 0"),
+        (["--predict", "1e300"], "found 1e+300, expected seconds ahead, or back below 0, at most 1e+10 of them"),
         (["--predict", "1e9"], "--predict: found 1e+09 s at steps of 1 s, expected 100000 at most"),
         (["--predict", "5", "--method", "ml", "--point", "hinge"], "--point: found 'hinge', expected x,y,z in m or a"),
     ],

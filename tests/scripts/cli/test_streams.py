@@ -71,3 +71,14 @@ def test_a_current_folder_that_is_gone(tmp_path):
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr == "baryscope: the current folder: is not there any more, expected one that is\n"
+
+
+@pytest.mark.parametrize("arguments", [["scenarios"], ["--help"]])
+def test_a_width_of_no_columns_is_none(arguments):
+    printed = []
+    for columns in ("0", "80"):
+        own = os.environ | {"COLUMNS": columns}
+        done = subprocess.run([*BARYSCOPE, *arguments], env=own, capture_output=True, check=False)
+        assert (done.returncode, done.stderr) == (0, b"")
+        printed.append(done.stdout)
+    assert printed[0] == printed[1]

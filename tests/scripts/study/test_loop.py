@@ -12,7 +12,7 @@ from baryscope.models.errors import InputError
 from baryscope.report.document import data_of
 from baryscope.scripts.cli.app import main
 from baryscope.study import report_of_loop
-from baryscope.study.loop import fly_loop
+from baryscope.study.loop import MOST_STEPS, fly_loop
 from baryscope.study.loop_files import loop_paths, summary_of, write_loop
 from systems import rewritten
 
@@ -118,6 +118,7 @@ def test_the_command(system, tmp_path, capsys):
     [
         (["{system}", "--scenario", "envisat"], "found two, expected a system or a scenario"),
         (["{system}", "--duration", "0"], "duration: found 0.0 s, expected 1 s or more"),
+        (["{system}", "--duration", "1e300"], f"in steps of that size, and {MOST_STEPS:g} s at most"),
         (["{system}", "--step", "-1"], "step: found -1 s, expected at least 1e-06 s"),
         (["no.ssp"], "no.ssp: No such file or directory, expected a system of FMI 2.0 units"),
     ],
