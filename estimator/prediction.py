@@ -2,7 +2,8 @@
 
 A predictor holds the posterior of all unknowns together: those of the rotation and of the path, u, and the points,
 whose deviation for a change δu is −N δu beside an own one. A point b of the body is at g(t) + R(t) b. Its velocity is
-ġ + R (ω × b). Before the first observation and after the last, process and torque noise add what they cause from there.
+ġ + R (ω × b). Where the attitude is uncertain by tenths of a radian, the arc on which b moves counts, too. Before the
+first observation and after the last, process and torque noise add what they cause from there.
 """
 
 from collections.abc import Callable, Sequence
@@ -206,7 +207,7 @@ class PredictedBody:
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
         motion = self.rotation.at(np.array([self.path.begin, self.path.end, time.min(), time.max()]))
         state, covariance = _by_chunks(lambda part: self._chunk(motion.at(part), b, by_unknowns, own), time)
-        return Prediction.of(time, state, covariance + self._grown(motion.at(time), b))
+        return Prediction.of(time, state, covariance)
 
     def _chunk(
         self, motion: Attitudes, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
@@ -219,17 +220,18 @@ class PredictedBody:
         total[:, :, :size] += by_motion @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
         total[:, :, size:] += by_x
         covariance = total @ self.covariance @ np.swapaxes(total, 1, 2) + by_b @ own @ np.swapaxes(by_b, 1, 2)
-        return state + arm, covariance
+        turned = self._turned(motion)
+        covariance += self.path.added(motion.time) + by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
+        of_turn = motion.turn @ self.covariance[:size, :size] @ np.swapaxes(motion.turn, 1, 2) + turned[:, :3, :3]
+        shift, arc = curved(motion.attitude, motion.rate, b, of_turn)
+        return state + arm + shift, covariance + arc
 
-    def _grown(self, motion: Attitudes, b: FloatArray) -> FloatArray:
-        """The covariance (n, 6, 6) by noise of path and torque that the tracks do not tell."""
+    def _turned(self, motion: Attitudes) -> FloatArray:
+        """The covariance (n, 6, 6) of attitude and rate by noise of the torque that the tracks do not tell."""
         path, time = self.path, motion.time
-        grown = path.added(time)
         if self.torque_density > 0 and beyond(time, path.begin, path.end).any():
-            by_motion = carried(motion.attitude, motion.rate, b)[1]
-            turned = rotation_growth(self.rotation, motion, self.torque_density, path.begin, path.end, time)
-            grown += by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
-        return grown
+            return rotation_growth(self.rotation, motion, self.torque_density, path.begin, path.end, time)
+        return np.zeros((len(time), 6, 6))
 
     def _own_covariance(self) -> FloatArray:
         """The covariance (3 m, 3 m) of the points for known u."""
@@ -249,6 +251,28 @@ def carried(R: FloatArray, rate: FloatArray, b: FloatArray) -> tuple[FloatArray,
     by_motion = np.concatenate([by_turn, np.concatenate([np.zeros_like(R), by_arm], axis=1)], axis=2)
     by_b = np.concatenate([R, R @ cross_matrices(rate)], axis=1)
     return by_b @ b, by_motion, by_b
+
+
+def curved(R: FloatArray, rate: FloatArray, b: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What the second order of an attitude's error θ, of covariance turn (n, 3, 3), does to a point, see `carried`.
+
+    θ moves c, which is b or ω × b, by θ × c + ½ θ × (θ × c). The last term's coordinates are θᵀ A θ with symmetric A,
+    of mean tr(A Θ) and covariances 2 tr(A Θ A′ Θ) (Isserlis). Errors of more than a radian are taken for one: a point
+    stays at its distance.
+
+    Returns:
+        The means (n, 6) and covariances (n, 6, 6) of position and velocity in C.
+    """
+    size = np.trace(turn, axis1=1, axis2=2)
+    turn = turn / np.maximum(size, 1.0)[:, None, None]
+    moved, axes = np.stack([np.broadcast_to(b, rate.shape), np.cross(rate, b)], axis=1), np.eye(3)
+    A = 0.25 * (axes[:, :, None] * moved[:, :, None, None, :] + moved[:, :, None, :, None] * axes[:, None, :])
+    A -= 0.5 * moved[..., None, None] * axes
+    by_turn = (A @ turn[:, None, None]).reshape(len(turn), 6, 3, 3)
+    mean = np.trace(by_turn, axis1=2, axis2=3).reshape(-1, 2, 3)
+    covariance = 2 * np.einsum("niab,njba->nij", by_turn, by_turn).reshape(-1, 2, 3, 2, 3)
+    in_C = np.einsum("nab,npbqc,ndc->npaqd", R, covariance, R)
+    return (mean @ np.swapaxes(R, 1, 2)).reshape(-1, 6), in_C.reshape(-1, 6, 6)
 
 
 def point_in_body(

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from baryscope.estimator.ekf.further_nodes import further_nodes
-from baryscope.estimator.ekf.linearised import PATH, STATE, moved
+from baryscope.estimator.ekf.linearised import PATH, STATE, TURN, moved
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.spurious import growth
-from baryscope.estimator.prediction import Point, Prediction, carried, point_in_body
+from baryscope.estimator.prediction import Point, Prediction, carried, curved, point_in_body
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 AT_ONCE = 5000  # times, at each of which is a node of the smoother
@@ -63,4 +63,5 @@ class PredictedTumble:
         grown = by_points @ np.tile(np.eye(3), (len(after.points), 1)) @ of_offset
         columns = by_both[:, :, :STATE] @ of_states[rows] + by_b @ grown
         covariance = by_both @ of_both @ np.swapaxes(by_both, 1, 2) + columns @ np.swapaxes(columns, 1, 2)
-        return mean + arm, covariance
+        shift, arc = curved(after.attitude[rows], after.rate[rows], b, solution.of_state[rows, TURN, TURN])
+        return mean + arm + shift, covariance + arc

@@ -123,6 +123,27 @@ int online_tumble(const Online *filter, double time, OnlineTumble *found) {
     return ACCEPTED;
 }
 
+/* What the second order of an error of the attitude does to an arm: (turn - tr turn) arm / 2 in the mean, and of quadratic forms
+   with symmetric A for each coordinate the covariances 2 tr(A turn A' turn). Errors of more than a radian are taken for one. */
+static void curve(const double arm[3], const double turn[3][3], double shift[3], double covariance[3][3]) {
+    double size = turn[0][0] + turn[1][1] + turn[2][2], factor = 1.0 / fmax(size, 1.0), B[3][3][3];
+    for (int i = 0; i < 3; i++) {
+        double A[3][3] = {{0}}, T[3][3];
+        for (int k = 0; k < 3; k++) {
+            A[i][k] += 0.25 * arm[k], A[k][i] += 0.25 * arm[k], A[k][k] -= 0.5 * arm[i];
+            for (int j = 0; j < 3; j++) T[k][j] = factor * turn[k][j];
+        }
+        product(A, T, B[i]);
+        shift[i] = B[i][0][0] + B[i][1][1] + B[i][2][2];
+    }
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            covariance[i][j] = 0.0;
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++) covariance[i][j] += 2.0 * B[i][a][b] * B[j][b][a];
+        }
+}
+
 int online_point(const Online *filter, double time, const double *acceleration, long long name, double *position,
                  double *covariance) {
     OnlineTumble tumble;
@@ -133,7 +154,7 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     Now now;
     double x[6], P[6][6], F[6][6], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
-    double X[3][3], of_b[3][3], all[6][6], factor = noise_ratio(filter);
+    double X[3][3], of_b[3][3], all[6][6], shift[3], arc[3][3], factor = noise_ratio(filter);
     int at = BODY + 3 * slot;
     look(filter, &now);
     go_ahead(filter, &now, time, acceleration, x, P, F);
@@ -150,12 +171,13 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     times(tumble.R, b, arm);
     moved_by_turn(arm, K);
     product(K, tumble.turn, KC);
+    curve(arm, (const double(*)[3])tumble.turn, shift, arc);
     product(tumble.R, of_b, RB);
     for (int i = 0; i < 3; i++) {
-        position[i] = x[i] + arm[i];
+        position[i] = x[i] + arm[i] + shift[i];
         for (int j = 0; j < 3; j++)
             covariance[3 * i + j] = 0.5 * (P[i][j] + P[j][i]) + dot(X[i], tumble.R[j]) + dot(X[j], tumble.R[i]) +
-                                    dot(RB[i], tumble.R[j]) + dot(KC[i], K[j]);
+                                    dot(RB[i], tumble.R[j]) + dot(KC[i], K[j]) + arc[i][j];
     }
     return ACCEPTED;
 }
