@@ -92,10 +92,29 @@ static void with_values(double U[LEVEL][LEVEL], const double d[LEVEL], double A[
         }
 }
 
+/* y = L x of a lower triangle L. */
 static void by_triangle(const double L[LEVEL * LEVEL], const double x[LEVEL], double y[LEVEL]) {
     for (int i = 0; i < LEVEL; i++) {
         y[i] = 0.0;
         for (int k = 0; k <= i; k++) y[i] += L[LEVEL * i + k] * x[k];
+    }
+}
+
+/* y = A x */
+static void by_matrix(double A[LEVEL][LEVEL], const double x[LEVEL], double y[LEVEL]) {
+    for (int i = 0; i < LEVEL; i++) {
+        y[i] = 0.0;
+        for (int k = 0; k < LEVEL; k++) y[i] += A[i][k] * x[k];
+    }
+}
+
+/* A = T N^-1 T of symmetric T and N, N by its Cholesky factor. */
+static void wrapped(const double N[LEVEL * LEVEL], double T[LEVEL][LEVEL], double A[LEVEL][LEVEL]) {
+    for (int i = 0; i < LEVEL; i++) {
+        double row[LEVEL];
+        for (int k = 0; k < LEVEL; k++) row[k] = T[i][k];
+        solved(LEVEL, N, row);
+        by_matrix(T, row, A[i]);
     }
 }
 
@@ -107,19 +126,19 @@ static int ordered(int a) { return (a + SCALE) % LEVEL; }
 
    The large filter knows what its shadow does, and more, as that sees of each node but the centre of mass. This rest is true of
    the mixture, too: the shadow's information is taken from the large filter's, and the mixture's is put in its place. All is in
-   units of the shadow's deviations S, where its covariance is 1, the mixture's D and the large filter's V: the answer's is
-   (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, there is no rest, and deviations are as many times
-   wider. Where the mixture knows less than the shadow, as after a jump, the large filter's covariance grows by as much, `more`,
-   and it follows by as much as the mixture's covariance is this growth. */
+   units of the shadow's deviations S, where its covariance is 1, the mixture's D = U d U' and the large filter's V = W v W':
+   the answer's is (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, v > 1, there is no rest, and deviations
+   are as many times wider, T. Where the mixture knows less than the shadow, d > 1, as after a jump, the large filter's covariance
+   grows by as much, G, `more`, and it follows by as much as that is of the mixture's. */
 static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *large, double x[MOTION],
                       double P[MOTION][MOTION], double more[LEVEL][LEVEL]) {
-    double S[LEVEL * LEVEL], back[LEVEL * LEVEL], N[LEVEL * LEVEL], D[LEVEL][LEVEL], U[LEVEL][LEVEL], V[LEVEL][LEVEL], W[LEVEL][LEVEL];
-    double A[LEVEL][LEVEL], B[LEVEL][LEVEL], C[LEVEL][LEVEL], off[2][LEVEL], y[2][LEVEL], of_mixture[LEVEL];
-    double values[5][LEVEL], sum = mixed(bank, errors, x, P);
+    double S[LEVEL * LEVEL], back[LEVEL * LEVEL], N[LEVEL * LEVEL], off[LEVEL], lead[LEVEL], pull[LEVEL], step[LEVEL];
+    double D[LEVEL][LEVEL], U[LEVEL][LEVEL], V[LEVEL][LEVEL], W[LEVEL][LEVEL], G[LEVEL][LEVEL], T[LEVEL][LEVEL];
+    double known[LEVEL], rest[LEVEL], wider[LEVEL], growth[LEVEL], inverse[LEVEL], sum = mixed(bank, errors, x, P);
     const Member *shadow = &bank[SHADOW];
     for (int a = 0; a < LEVEL; a++) {
         int i = ordered(a);
-        off[0][a] = x[i], off[1][a] = shadow->x[i] - large->x[i];
+        pull[a] = x[i], step[a] = shadow->x[i] - large->x[i];
         for (int b = 0; b < LEVEL; b++) {
             int j = ordered(b);
             S[LEVEL * a + b] = shadow->P[i][j], D[a][b] = P[i][j], V[a][b] = large->P[i][j];
@@ -131,43 +150,33 @@ static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *
         for (int b = a + 1; b < LEVEL; b++) S[LEVEL * a + b] = 0.0;
     for (int k = 0; k < LEVEL * LEVEL; k++) back[k] = S[k];
     invert_triangle(back);
+    by_triangle(back, pull, off), by_triangle(back, step, lead); /* of the mixture from the shadow, of that from the filter */
     congruent(back, D), eigen(D, U);
     congruent(back, V), eigen(V, W);
     for (int k = 0; k < LEVEL; k++) {
         double d = fmax(D[k][k], DEFINITE), v = fmax(V[k][k], DEFINITE);
-        values[0][k] = 1.0 / fmin(d, 1.0), values[1][k] = fmax(1.0 / v - 1.0, 0.0);
-        values[2][k] = fmax(sqrt(v), 1.0), values[3][k] = fmax(d - 1.0, 0.0), values[4][k] = 1.0 / d;
+        known[k] = 1.0 / fmin(d, 1.0), inverse[k] = 1.0 / d, growth[k] = fmax(d - 1.0, 0.0);
+        rest[k] = fmax(1.0 / v - 1.0, 0.0), wider[k] = fmax(sqrt(v), 1.0);
     }
-    with_values(U, values[0], A), with_values(W, values[1], B);
-    for (int k = 0; k < LEVEL * LEVEL; k++) N[k] = A[k / LEVEL][k % LEVEL] + B[k / LEVEL][k % LEVEL];
+    with_values(U, known, D), with_values(W, rest, V);
+    for (int k = 0; k < LEVEL * LEVEL; k++) N[k] = D[k / LEVEL][k % LEVEL] + V[k / LEVEL][k % LEVEL];
     if (!factored(LEVEL, N)) return sum;
-    for (int p = 0; p < 2; p++) by_triangle(back, off[p], y[p]);
-    with_values(U, values[4], C), with_values(U, values[3], D);
+    with_values(U, growth, G), with_values(W, wider, T), with_values(U, inverse, V);
+    by_matrix(V, off, pull), by_matrix(D, lead, step);
+    for (int a = 0; a < LEVEL; a++) step[a] += pull[a] - lead[a];
+    solved(LEVEL, N, step);
+    by_matrix(G, pull, off);
+    for (int a = 0; a < LEVEL; a++) step[a] += off[a];
+    by_triangle(S, step, off);
+    wrapped(N, T, D);
+    congruent(S, D), congruent(S, G);
     for (int a = 0; a < LEVEL; a++) {
-        of_mixture[a] = 0.0;
-        for (int b = 0; b < LEVEL; b++) of_mixture[a] += C[a][b] * y[0][b];
-        off[0][a] = of_mixture[a] - y[1][a];
-        for (int b = 0; b < LEVEL; b++) off[0][a] += A[a][b] * y[1][b];
+        x[ordered(a)] = off[a];
+        for (int b = 0; b < LEVEL; b++) {
+            more[ordered(a)][ordered(b)] = G[a][b];
+            P[ordered(a)][ordered(b)] = D[a][b] + G[a][b];
+        }
     }
-    solved(LEVEL, N, off[0]);
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) off[0][a] += D[a][b] * of_mixture[b];
-    by_triangle(S, off[0], y[0]);
-    for (int a = 0; a < LEVEL; a++) x[ordered(a)] = y[0][a];
-    with_values(W, values[2], V);
-    for (int a = 0; a < LEVEL; a++) solved(LEVEL, N, V[a]); /* V N^-1, row by row, as both are symmetric */
-    with_values(W, values[2], A);
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) {
-            B[a][b] = 0.0;
-            for (int k = 0; k < LEVEL; k++) B[a][b] += V[a][k] * A[k][b];
-        }
-    congruent(S, B), congruent(S, D);
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) {
-            more[ordered(a)][ordered(b)] = D[a][b];
-            P[ordered(a)][ordered(b)] = B[a][b] + D[a][b];
-        }
     return sum;
 }
 
