@@ -72,7 +72,7 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
 static double part_of(const Member *member, double seems[3][3]) {
     double trace = 0.0;
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) trace += member->P[6 + a][6 + b] * seems[a][b];
+        for (int b = 0; b < 3; b++) trace += member->P[OFFSET + a][OFFSET + b] * seems[a][b];
     return trace;
 }
 
@@ -81,14 +81,14 @@ static int take_again(Online *filter) {
     Member before[MEMBERS];
     const Member known = filter->bank[likeliest(filter->bank)];
     double wrong[STAGES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density;
-    double variance = (known.P[6][6] + known.P[7][7] + known.P[8][8]) / 3.0;
+    double variance = offset_variance(&known);
     int count = (int)filter->stages, sound = 1;
     if (count < 1 || !(variance < filter->again)) return 0;
     filter->again = AGAIN * variance;
     for (int a = 0; a < 3; a++) {
-        for (int b = 0; b < 3; b++) of_offset[a][b] = known.P[6 + a][6 + b];
+        for (int b = 0; b < 3; b++) of_offset[a][b] = known.P[OFFSET + a][OFFSET + b];
         for (int k = count - 1; k >= 0; k--)
-            wrong[k][a] = filter->stage[k].moved[a] + (k + 1 < count ? wrong[k + 1][a] : known.x[6 + a]);
+            wrong[k][a] = filter->stage[k].moved[a] + (k + 1 < count ? wrong[k + 1][a] : known.x[OFFSET + a]);
     }
     for (int m = 0; m < MEMBERS; m++) {
         before[m] = filter->bank[m];

@@ -25,7 +25,7 @@ static int only_seems(const Online *filter, const Now *now) {
     for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
         double u[3];
         times(filter->seeming, v, u);
-        for (int k = 0; k < 3; k++) v[k] = dot(&now->own[6 + k][6], u) + dot(&now->wider[6 + k][6], u);
+        for (int k = 0; k < 3; k++) v[k] = dot(&now->own[OFFSET + k][6], u) + dot(&now->wider[OFFSET + k][6], u);
         size = sqrt(dot(v, v));
         if (!(size > 0.0)) return 0;
         for (int k = 0; k < 3; k++) v[k] /= size;
@@ -160,10 +160,10 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     go_ahead(filter, &now, time, acceleration, x, P, F);
     multiplied(F, filter->F, all);
     for (int i = 0; i < 3; i++) {
-        b[i] = filter->b[slot][i] + now.x[6 + i];
+        b[i] = filter->b[slot][i] + now.x[OFFSET + i];
         for (int j = 0; j < 3; j++) {
-            of_b[i][j] = factor * (filter->P[at + i][at + j] + now.wider[6 + i][6 + j]);
-            X[i][j] = factor * now.wider[i][6 + j]; /* of r, then, and b */
+            of_b[i][j] = factor * (filter->P[at + i][at + j] + now.wider[OFFSET + i][OFFSET + j]);
+            X[i][j] = factor * now.wider[i][OFFSET + j]; /* of r, then, and b */
             for (int k = 0; k < 6; k++)
                 X[i][j] += factor * all[i][k] * filter->P[PLACE + k][at + j];
         }
@@ -189,10 +189,10 @@ int online_features(const Online *filter, long long *names, double *positions, d
     for (int f = 0; f < (int)filter->used; f++) {
         names[f] = filter->feature[f].name;
         for (int i = 0; i < 3; i++) {
-            positions[3 * f + i] = filter->b[f][i] + now.x[6 + i];
+            positions[3 * f + i] = filter->b[f][i] + now.x[OFFSET + i];
             for (int j = 0; j < 3; j++)
                 covariances[9 * f + 3 * i + j] =
-                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + now.wider[6 + i][6 + j]);
+                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + now.wider[OFFSET + i][OFFSET + j]);
         }
     }
     return (int)filter->used;

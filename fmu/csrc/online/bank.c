@@ -105,6 +105,11 @@ static void centroid_of_map(const Online *filter, double mean[3]) {
 
 static int is_alive(const Member *member) { return member->weight > -INFINITY; }
 
+/* Of a coordinate of the offset, m2. */
+static double offset_variance(const Member *member) {
+    return (member->P[OFFSET][OFFSET] + member->P[OFFSET + 1][OFFSET + 1] + member->P[OFFSET + 2][OFFSET + 2]) / 3.0;
+}
+
 /* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. */
 static Member going_on(const Member *from, int steady) {
     Member member = *from;
@@ -241,22 +246,26 @@ static void add_change(Member *member, const Level *level) {
 /* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
 static void know_scale(Member *member, double variance) {
     const int n = (int)member->errors;
-    double own = member->P[SCALE][SCALE], gain[MOTION];
+    double own = member->P[SCALE][SCALE], off = member->x[SCALE], gain[MOTION];
     if (!(own > variance)) return;
     for (int a = 0; a < n; a++) gain[a] = member->P[a][SCALE] / own;
-    for (int a = n - 1; a >= 0; a--) {
-        member->x[a] -= gain[a] * member->x[SCALE] * (a != SCALE);
+    for (int a = 0; a < n; a++) {
+        member->x[a] -= gain[a] * off;
         for (int b = 0; b < n; b++) member->P[a][b] += gain[a] * gain[b] * (variance - own);
     }
-    member->x[SCALE] = 0.0;
 }
 
 /* All members know of the map's size what the large filter does. */
 static void know_scale_of_map(Online *filter) {
-    double P[MOTION][MOTION];
-    of_level(filter, P);
+    int used = (int)filter->used;
+    double variance = 0.0;
+    for (int f = 0; f < used; f++)
+        for (int k = 0; k < 3; k++)
+            for (int g = 0; g < used; g++)
+                variance += filter->share[f][SCALE - OFFSET][k] *
+                            dot(filter->share[g][SCALE - OFFSET], &filter->P[BODY + 3 * f + k][BODY + 3 * g]);
     for (int m = 0; m <= SHADOW; m++)
-        if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], P[SCALE][SCALE]);
+        if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], variance);
 }
 
 static int likeliest(const Member bank[MEMBERS]) {

@@ -35,9 +35,7 @@ static double own_attitude(const Frame *frame) {
 /* Whether nothing is lost if the filter begins with this frame: it shows the attitude much better than the first did, and of
    the offset hardly anything is known yet. What comes into the map by a bad attitude has errors that are not small. */
 static int is_better_first(const Online *filter, const Frame *frame) {
-    const Member *best = &filter->bank[likeliest(filter->bank)];
-    double variance = (best->P[6][6] + best->P[7][7] + best->P[8][8]) / 3.0;
-    return variance > 0.5 * filter->widest && own_attitude(frame) * BETTER < filter->first_attitude;
+    return offset_variance(&filter->bank[likeliest(filter->bank)]) > 0.5 * filter->widest && own_attitude(frame) * BETTER < filter->first_attitude;
 }
 
 #define BELIEVED 4.6 /* logarithm of the odds that a path is as well known as it claims, when it goes on */

@@ -138,15 +138,15 @@ static void scale_of_map(const Online *filter, const Frame *frame, double share[
         for (int k = 0; k < 3; k++) middle[k] += (filter->b[frame->slot[i]][k] - middle[k]) / count;
     }
     for (int f = 0; f < (int)filter->used; f++)
-        for (int k = 0; k < 3; k++) share[f][OF_MAP - 1][k] = 0.0;
+        for (int k = 0; k < 3; k++) share[f][SCALE - OFFSET][k] = 0.0;
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
-        double *arm = share[frame->slot[i]][OF_MAP - 1];
+        double *arm = share[frame->slot[i]][SCALE - OFFSET];
         for (int k = 0; k < 3; k++) arm[k] = filter->b[frame->slot[i]][k] - middle[k];
         square += dot(arm, arm);
     }
     for (int f = 0; f < (int)filter->used; f++)
-        for (int k = 0; k < 3; k++) share[f][OF_MAP - 1][k] /= square;
+        for (int k = 0; k < 3; k++) share[f][SCALE - OFFSET][k] /= square;
 }
 
 /* Shares of each feature's error in a node's place of the centre of mass, in C, become those in the offset, in B, and in the
@@ -155,10 +155,10 @@ static void apart(const Online *filter, const Frame *frame, double share[MOST_FE
     int used = (int)filter->used;
     double inverse[3][3], square = 0.0, in_B[3], *scale = level->scale;
     scale_of_map(filter, frame, share);
-    for (int f = 0; f < used; f++) square += dot(share[f][OF_MAP - 1], share[f][OF_MAP - 1]);
+    for (int f = 0; f < used; f++) square += dot(share[f][SCALE - OFFSET], share[f][SCALE - OFFSET]);
     for (int k = 0; k < 3; k++) {
         scale[k] = 0.0; /* the inverse square of the shares in the scale is the square of the arms */
-        for (int f = 0; f < used; f++) scale[k] += dot(share[f][k], share[f][OF_MAP - 1]) / square;
+        for (int f = 0; f < used; f++) scale[k] += dot(share[f][k], share[f][SCALE - OFFSET]) / square;
     }
     if (!inverse_of(level->offset, inverse)) copy(NOTHING, inverse);
     times(inverse, scale, in_B);
@@ -166,7 +166,7 @@ static void apart(const Online *filter, const Frame *frame, double share[MOST_FE
         double T[3][3];
         product(inverse, (const double(*)[3])share[f], T);
         for (int a = 0; a < 3; a++)
-            for (int k = 0; k < 3; k++) share[f][a][k] = T[a][k] - in_B[a] * share[f][OF_MAP - 1][k];
+            for (int k = 0; k < 3; k++) share[f][a][k] = T[a][k] - in_B[a] * share[f][SCALE - OFFSET][k];
     }
 }
 
