@@ -27,8 +27,8 @@ def triangulated(rng, true):
 def test_a_map_of_the_wrong_size_is_seen_too_far_away_in_all_frames_alike():
     """What is known of the shape tells the depth of a frame far better than its own depths do, but for one factor.
 
-    The bank took that for new in every frame, and was sure of a motion that was none: at 90 and 150 s the mean NEES was
-    7 to 8.
+    The bank took that for new in every frame, and was sure of a motion that was none: at 150 s the mean NEES of these
+    draws was 8.
     """
     time = np.arange(150.0)
     path = straight(time)
