@@ -7,7 +7,7 @@
 static void model_start(Model *model, double *values, double time)
 {
     memset(values + AT_OUTPUTS, 0, N_OUTPUTS * sizeof *values);
-    model->time = time;
+    model->started = time;
 }
 
 static void model_tune(Model *model, const double *values) { (void)model, (void)values; /* steps read the parameters */ }
@@ -15,7 +15,7 @@ static void model_tune(Model *model, const double *values) { (void)model, (void)
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
     double outputs[N_OUTPUTS];
-    const double step[2] = {time, next - time};
+    const double step[2] = {time - model->started, next - time};
     const double *arguments[] = {step, values + AT_INPUTS, values + AT_PARAMETERS};
     double *results[] = {outputs};
     unit_outputs(arguments, results, NULL, NULL, 0);
@@ -25,6 +25,5 @@ static bool model_step(Model *model, double *values, double time, double next, c
         return false;
     }
     memcpy(values + AT_OUTPUTS, outputs, sizeof outputs);
-    model->time = time;
     return true;
 }

@@ -77,7 +77,7 @@ static void take_sample(Model *model, const double *values)
         for (int k = 0; k < 6; k++) largest = fmax(largest, fabs(covariance[k]));
         names[count++] = feature;
     }
-    const double time = values[AT_SAMPLE_TIME];
+    const double time = values[AT_SAMPLE_TIME] - model->started;
     if (count == 0 || (model->samples > 0.0 && !(time > model->filter.time))) return;
     go_through(model, &model->filter, time);
     mean_push(model, model->filter.time, time, push);
@@ -169,11 +169,11 @@ static void model_start(Model *model, double *values, double time)
     OnlineOptions options = {values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE], values[AT_ON_ORBIT], {0.0}};
     memcpy(options.elements, values + AT_ORBIT, sizeof options.elements);
     online_start(&model->filter, &options);
+    model->started = time;
     model->attitude[0] = 1.0;
-    model->past[0].time = time;
     model->count = 1;
     memset(values + AT_OUTPUTS, 0, N_OUTPUTS * sizeof *values);
-    write_outputs(model, values, time);
+    write_outputs(model, values, 0.0);
 }
 
 static void model_tune(Model *model, const double *values) { (void)model, (void)values; /* steps read the horizon */ }
@@ -183,12 +183,12 @@ static bool model_step(Model *model, double *values, double time, double next, c
     const Model before = *model;
     double outputs[N_OUTPUTS];
     memcpy(outputs, values + AT_OUTPUTS, sizeof outputs);
-    remember(model, values, time, next);
+    remember(model, values, time - model->started, next - model->started);
     if (values[AT_SAMPLE_NUMBER] > model->taken && values[AT_SAMPLE_TIME] <= next) {
         model->taken = values[AT_SAMPLE_NUMBER];
         take_sample(model, values);
     }
-    if (write_outputs(model, values, next)) return true;
+    if (write_outputs(model, values, next - model->started)) return true;
     *model = before;
     memcpy(values + AT_OUTPUTS, outputs, sizeof outputs);
     snprintf(message, MESSAGE_SIZE, "the filter has no finite state at %.17g s: points of other than metres?", next);

@@ -14,7 +14,8 @@ typedef struct {
 
 typedef struct {
     Online filter;
-    double taken; /* number of the last sample */
+    double started; /* s: all other times here are since then, as the orbit's anomaly is that of the start */
+    double taken;   /* number of the last sample */
     double samples;
     double attitude[4]; /* (w, x, y, z), of the last one that fits */
     int count;

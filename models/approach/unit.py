@@ -30,7 +30,7 @@ class ApproachSystem:
 
     Attributes:
         variables: the table.
-        outputs: time and length of the step, inputs, parameters → outputs.
+        outputs: time since the start and length of the step, inputs, parameters → outputs.
         checks: the conditions on the parameters.
     """
 

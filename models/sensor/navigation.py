@@ -29,7 +29,7 @@ class NavigationSystem:
         variables: the table.
         point: q_C_V, lever arm, point in V, upper triangle of its covariance → both in C.
         attitude: R (9,), row by row → its quaternion.
-        push: time, elements, acceleration in L → in C.
+        push: time since the start, elements, acceleration in L → in C.
         checks: the conditions on the parameters.
     """
 

@@ -50,8 +50,10 @@ def same(found, flown):
         np.testing.assert_array_equal(found(element, names), flown[element], err_msg=element)
 
 
-def test_fmpy_flies_it_alike(system, flown):
-    rows = simulate_ssp(str(system), stop_time=float(STEPS), step_size=1.0)
+@pytest.mark.parametrize("start", [0.0, 2000.0, -500.0])
+def test_fmpy_flies_it_alike(system, flown, start):
+    """From any start time: the orbit's true anomaly is that of the start in all units."""
+    rows = simulate_ssp(str(system), start_time=start, stop_time=start + STEPS, step_size=1.0)
     assert len(rows) == STEPS
 
     def found(element, names):
