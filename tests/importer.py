@@ -45,8 +45,8 @@ class Importer(Listener):
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         self.boolean = {v.name for v in description.modelVariables if v.type == "Boolean"}
 
-    def initialise(self):
-        self.fmu.setupExperiment()
+    def initialise(self, start_time=0.0):
+        self.fmu.setupExperiment(startTime=start_time)
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
 
@@ -55,14 +55,15 @@ class Stepped(Importer):
     """An initialised instance: `unit[name]` is an array; keywords are parameters, with `__` for dots."""
 
     step_size = 1.0
+    start_time = 0.0
 
     def __init__(self, path, folder, **parameters):
         super().__init__(path, folder)
         self._scalars = {}
         for name, value in parameters.items():
             self.set(name.replace("__", "."), value)
-        self.initialise()
-        self.time = 0.0
+        self.initialise(self.start_time)
+        self.time = self.start_time
 
     def scalars(self, name):
         """The names of its elements."""

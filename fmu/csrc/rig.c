@@ -101,7 +101,7 @@ static void show_samples(Model *model, double *values, double time)
    its end only the newest is: the draws of the others are not missed. */
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
-    const double period = values[AT_PERIOD], slack = 1e-9 * fmax(1.0, fabs(next)), started = model->started;
+    const double period = values[AT_PERIOD], slack = time_slack(next, fmin(period, next - time)), started = model->started;
     const double last = ceil((next - slack - started) / period) - 1.0;
     if (is_set(values + AT_ATTITUDE, 4) && !has_direction(values + AT_ATTITUDE, 4, "camera.attitude", message)) return false;
     if (!has_direction(values + AT_SUN, 3, "sun.direction", message)) return false;
@@ -109,7 +109,6 @@ static bool model_step(Model *model, double *values, double time, double next, c
         snprintf(message, MESSAGE_SIZE, "sampling.period: found %g s, expected a longer one at a time of %g s", period, next);
         return false;
     }
-    (void)time;
     show_samples(model, values, next + slack);
     const double newest_out = floor((next + slack - values[AT_LATENCY] - started) / period);
     for (double number = fmax(model->next, fmin(newest_out, last)); number <= last; number += 1.0) {

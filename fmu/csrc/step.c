@@ -4,9 +4,6 @@
 
 #include <math.h>
 
-/* Communication points are computed by the importer, often by adding up: allow for its rounding. */
-static double time_slack(double time) { return 1e-9 * fmax(1.0, fabs(time)); }
-
 static Status instance_step(void *component, const char *function, double point, double step)
 {
     Instance *instance = enter(component, DO_STEP, function);
@@ -15,9 +12,9 @@ static Status instance_step(void *component, const char *function, double point,
     const double time = unit->time, next = point + step, stop = instance->core.stop_time;
     if (!(step > 0.0 && isfinite(step)))
         return refuse(instance, "%s: communicationStepSize is %g, expected a finite value above 0", function, step);
-    if (!(fabs(point - time) <= time_slack(time)))
+    if (!(fabs(point - time) <= time_slack(time, step)))
         return refuse(instance, "%s: currentCommunicationPoint is %.17g, expected %.17g", function, point, time);
-    if (next > stop + time_slack(stop))
+    if (next > stop + time_slack(stop, step))
         return refuse(instance, "%s: the step ends at %.17g, expected at most the stop time, %.17g", function, next, stop);
     if (!(next > time))
         return refuse(instance, "%s: communicationStepSize is %g, too small to move the time %.17g", function, step, time);

@@ -7,6 +7,8 @@
 #ifndef BARYSCOPE_UNIT_H
 #define BARYSCOPE_UNIT_H
 
+#include <float.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -41,6 +43,13 @@ typedef struct {
        double experiment_tolerance; the importer's; 0 for none
        bool initialised;            what follows from the parameters is computed */
 #include "core.h"
+
+/* What two times may differ by that are meant to be the same: importers add up their communication points, which rounds; but not by
+   more than a hundredth of what is between two of them, as a time far from 0, of a calendar, would allow. */
+static inline double time_slack(double time, double between)
+{
+    return fmax(8.0 * DBL_EPSILON * fabs(time), fmin(1e-9 * fmax(1.0, fabs(time)), 0.01 * between));
+}
 
 /* Back to the start values of the table. */
 static void unit_reset(Unit *unit);

@@ -143,6 +143,22 @@ def test_samples_are_the_same_whatever_the_steps(rig):
             np.testing.assert_array_equal(long.step(7 * PERIOD).all, whole.all)
 
 
+@pytest.mark.parametrize("start", [-1e4, 1.7e9])
+def test_a_time_of_a_calendar_is_as_good_as_0(rig, monkeypatch, start):
+    """Seconds since 1970: sample k has the inputs of k T, with what is added up for the time, and is out at its end."""
+    from_zero = rig()
+    monkeypatch.setattr(Rig, "start_time", start)
+    late = rig()
+    for k in range(40):
+        for one in (from_zero, late):
+            one.put(POINTS + 0.01 * k, -POINTS)
+            for _ in range(3):
+                one.step(PERIOD / 3)
+        assert late["sample.time"] - start == from_zero["sample.time"] == k * PERIOD
+        np.testing.assert_array_equal(late.all[:-2], from_zero.all[:-2])
+    late.refused(lambda: late.fmu.doStep(late.time + 0.2 * PERIOD, PERIOD), "currentCommunicationPoint")
+
+
 @pytest.mark.parametrize("step", [PERIOD, 0.2, 100 * PERIOD])
 @pytest.mark.parametrize("latency", [0.0, 0.7, 15 * PERIOD])
 def test_latency(rig, latency, step):
