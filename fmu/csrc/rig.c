@@ -53,10 +53,11 @@ static void sight(const double *values, const double *attitude, uint64_t number,
     outputs[AT_SEEN - AT_OUTPUTS + feature] = 1.0;
 }
 
-static void take_sample(const double *values, double number, Sample *sample)
+/* Take a sample of inputs that are of some time. */
+static void take_sample(const double *values, double number, double time, Sample *sample)
 {
     memset(sample->outputs, 0, sizeof sample->outputs);
-    sample->outputs[AT_SAMPLE_TIME - AT_OUTPUTS] = sample->time;
+    sample->outputs[AT_SAMPLE_TIME - AT_OUTPUTS] = time;
     sample->outputs[AT_SAMPLE_NUMBER - AT_OUTPUTS] = number + 1.0;
     double uniform[4], lit;
     const double *attitude = values + AT_ATTITUDE;
@@ -97,8 +98,8 @@ static void show_samples(Model *model, double *values, double time)
     memmove(model->samples, model->samples + out, (size_t)model->waiting * sizeof *model->samples);
 }
 
-/* Samples at or after `time` and before `next` are taken, with the inputs of the step's beginning. Of those that would be out at
-   its end only the newest is: the draws of the others are not missed. */
+/* Samples at or after `time` and before `next` are taken, with the inputs of the step's beginning, whose time they bear. Of those
+   that would be out at its end only the newest is: the draws of the others are not missed. */
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
     const double period = values[AT_PERIOD], slack = time_slack(next, fmin(period, next - time)), started = model->started;
@@ -114,7 +115,7 @@ static bool model_step(Model *model, double *values, double time, double next, c
     for (double number = fmax(model->next, fmin(newest_out, last)); number <= last; number += 1.0) {
         Sample *sample = &model->samples[model->waiting++];
         sample->time = started + number * period;
-        take_sample(values, number, sample);
+        take_sample(values, number, sample->time - time > slack ? time : sample->time, sample);
     }
     model->next = fmax(model->next, last + 1.0);
     show_samples(model, values, next + slack);

@@ -4,7 +4,7 @@
 #define BARYSCOPE_RIG_H
 
 typedef struct {
-    double time;               /* at which it was taken, s */
+    double time;               /* at which it is due, start + k T, s */
     double outputs[N_OUTPUTS]; /* what the unit shows once it is out */
 } Sample;
 

@@ -37,7 +37,8 @@ _FRAMES = (
 )
 _EQUATIONS = (
     "Samples are taken at start + k sampling.period. A step takes those from its beginning on and before its end, with "
-    "the inputs of its beginning; their outputs are there at the end of the step in which sampling.latency is over.",
+    "the inputs of its beginning, of which sample.time is the time; their outputs are there at the end of the step in "
+    "which sampling.latency is over.",
     "Pixels: f X/Z, f Y/Z and f (X - B)/Z, each with normal noise of camera.pixelNoise, from the corner of the images. "
     "Points are triangulated from the noisy pixels; their covariance is that of the pixels to first order, there.",
     "A feature is seen while it faces the camera (visibility.maxIncidence), is in range, lies before the camera and in "

@@ -162,7 +162,7 @@ def rig_table(feature_count: int) -> tuple[Variable, ...]:
         Variable("covariances", OUT, "m2", f"Covariances of the points{unseen}", (n, 6), axes=UPPER, discrete=True),
         Variable("seen", OUT, "1", "Whether the feature is seen", (n,), boolean=True, per_feature=True, discrete=True),
         Variable("camera.measuredAttitude", OUT, "1", f"Measured a{attitude}", (4,), discrete=True),
-        Variable("sample.time", OUT, "s", "Time of the sample that the outputs are of", discrete=True),
+        Variable("sample.time", OUT, "s", "Time of the inputs that the sample in the outputs is of", discrete=True),
         Variable("sample.number", OUT, "1", "Number of samples that have been out", limits=NOT_NEGATIVE, discrete=True),
     )  # fmt: skip
 

@@ -170,15 +170,16 @@ class RigReader:
     """Reads the samples of a rig as they come."""
 
     def __init__(self, rig: Unit) -> None:
-        self._rig, self._arm, self._taken = rig, rig.vector("camera.leverArm"), 0.0
+        self._rig, self._arm = rig, rig.vector("camera.leverArm")
+        self._taken, self._time = 0.0, -np.inf
 
     def newest(self) -> Sample | None:
-        """The newest sample, by the measured attitude, if it is another one than before."""
+        """The newest sample, by the measured attitude, if it is another one than before, and of later inputs."""
         rig = self._rig
         (number,), (time,) = rig.vector("sample.number"), rig.vector("sample.time")
-        if number <= self._taken:
+        if number <= self._taken or time <= self._time:
             return None
-        self._taken = number
+        self._taken, self._time = number, time
         R = Rotation.from_quat(rig.vector("camera.measuredAttitude"), scalar_first=True).as_matrix()
         seen = rig.vector("seen")[:, None] > 0
         points = (rig.vector("points").reshape(-1, 3) + self._arm) @ R.T

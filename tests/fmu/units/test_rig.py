@@ -140,7 +140,24 @@ def test_samples_are_the_same_whatever_the_steps(rig):
         assert whole["sample.number"] == k
         np.testing.assert_array_equal(short.all, whole.all)
         if k % 7 == 0:
-            np.testing.assert_array_equal(long.step(7 * PERIOD).all, whole.all)
+            found, seventh = long.step(7 * PERIOD).all, whole.all
+            seventh[-2] = (k - 7) * PERIOD  # its inputs are of the step's beginning
+            np.testing.assert_array_equal(found, seventh)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.9])
+@pytest.mark.parametrize("step", [0.35, 0.5 / 3, 0.8])
+def test_a_sample_bears_the_time_of_its_inputs(rig, step, latency):
+    """Where steps do not divide the period: points that move show when they were seen, of later inputs every time."""
+    one, seen = rig(camera__pixelNoise=0.0, sampling__latency=latency), []
+    for _ in range(60):
+        one.put(np.add(POINTS, [0.01 * one.time, 0, 0]), -POINTS)
+        one.step(step)
+        if one["sample.number"] > 0:
+            seen.append(one["sample.time"][0])
+            np.testing.assert_allclose(one["points"], np.add(POINTS, [0.01 * seen[-1], 0, 0]), rtol=1e-9)
+            assert -1e-9 <= (one["sample.number"][0] - 1) * PERIOD - seen[-1] <= step + 1e-9
+    assert len(set(seen)) > 15
 
 
 @pytest.mark.parametrize("start", [-1e4, 1.7e9])
@@ -172,7 +189,10 @@ def test_latency(rig, latency, step):
         number = int(min(np.floor((k * step - latency) / PERIOD + 1e-9) + 1, np.ceil(k * step / PERIOD - 1e-9)))
         late.step(step)
         assert late["sample.number"] == max(0, number)
-        np.testing.assert_array_equal(late.all, shown[max(0, number)])
+        bearing = shown[max(0, number)].copy()
+        if number > 0:  # the time of its inputs, which are of the beginning of a step
+            bearing[-2] = step * np.floor((number - 1) * PERIOD / step + 1e-9)
+        np.testing.assert_allclose(late.all, bearing, rtol=1e-15)
 
 
 def test_a_restored_state_draws_the_same(rig):
