@@ -23,6 +23,21 @@ static void mean_push(const Model *model, double begin, double end, double push[
     for (int k = 0; k < 3; k++) push[k] = end > begin ? (change[1][k] - change[0][k]) / (end - begin) : 0.0;
 }
 
+/* Make room for a communication point: forget the oldest if the filter is past it, else the one between neighbours that are
+   nearest to each other. What commands have changed is summed up since the start: it is not lost then, but spread over both steps. */
+static void make_room(Model *model)
+{
+    Past *past = model->past;
+    int least = 0;
+    if (model->filter.frames == 0.0 || past[1].time > model->filter.time) {
+        least = 1;
+        for (int i = 2; i < model->count - 1; i++)
+            if (past[i + 1].time - past[i - 1].time < past[least + 1].time - past[least - 1].time) least = i;
+    }
+    model->count--;
+    memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
+}
+
 /* Remember the step from `time` to `next` with its command, which turns with LVLH: on the mean as in its middle. */
 static void remember(Model *model, const double *values, double time, double next)
 {
@@ -34,7 +49,7 @@ static void remember(Model *model, const double *values, double time, double nex
         unit_push(arguments, results, NULL, NULL, 0);
     else
         memcpy(push, values + AT_ACCELERATION, sizeof push);
-    if (model->count == MOST_PAST) memmove(model->past, model->past + 1, --model->count * sizeof *model->past);
+    if (model->count == MOST_PAST) make_room(model);
     const Past *last = &model->past[model->count - 1];
     Past *now = &model->past[model->count++];
     now->time = next;

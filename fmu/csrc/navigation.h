@@ -6,7 +6,7 @@
 #define ONLINE_EXPORT static
 #include "online.h"
 
-enum { MOST_PAST = 64 }; /* communication points that are remembered: a sample is at most as old */
+enum { MOST_PAST = 64 }; /* communication points that are remembered */
 
 typedef struct {
     double time, change[3]; /* s; m/s in C since the start, by commands */

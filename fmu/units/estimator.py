@@ -44,7 +44,8 @@ _EQUATIONS = (
     "nothing is assumed of inertia and tumble; the centre of mass moves on the relative orbit, or freely, with white "
     "acceleration of a density that is estimated.",
     "A sample is taken in the step that begins with a sample.number greater than before, as of sample.time. What the "
-    "command changed since then, at up to 64 communication points, is in the outputs, which are of the step's end.",
+    "command changed since then is in the outputs, which are of the step's end; of more than 64 steps since the last "
+    "sample, neighbours are taken together.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
     "the filter begins with another map. It holds up to 32 features.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "

@@ -121,15 +121,15 @@ def tumbles(unit, alone):
     np.testing.assert_allclose(unit["target.inertia"], now.inertia[diagonal], atol=1e-9)
 
 
-def chain(watched, started, latency, told):
-    """Target, rig and estimator over 300 s of 1 s steps, one step's delay between them, under a known thrust.
+def chain(watched, started, latency, told, duration=300, parts=1):
+    """Target, rig and estimator over 1 s steps, one step's delay between them, under a known thrust.
 
-    Returns the errors in position and velocity at the end, and their NEES.
+    The estimator takes each step in parts. Returns the errors in position and velocity at the end, and their NEES.
     """
     target, rig = started("target"), started("rig", sampling__latency=latency)
     unit = started("estimator", camera__leverArm=np.zeros(3))
     push = np.array([2e-4, -1e-4, 3e-4])
-    for k in range(300):
+    for k in range(duration):
         outputs = {name: target[name] for name in ("features", "normals", "target.position")}
         sample = {name: rig[name] for name in ("points", "covariances", "seen", "sample.time", "sample.number")}
         measured = rig["camera.measuredAttitude"]
@@ -141,8 +141,10 @@ def chain(watched, started, latency, told):
             unit[name] = value
         unit["camera.attitude"] = measured
         unit["chaser.acceleration"] = np.sin(0.05 * k) * push * told
-        for one in (target, rig, unit):
+        for one in (target, rig):
             one.step()
+        for _ in range(parts):
+            unit.step(1.0 / parts)
     error = unit["target.position"] - target["target.position"]
     covariance = np.zeros((3, 3))
     covariance[UPPER] = unit["target.positionCovariance"]
@@ -163,6 +165,13 @@ def test_behind_a_rig_it_finds_the_centre_of_mass_under_thrust(watched, started,
 def test_a_command_that_is_not_told_is_taken_for_process_noise(watched, started):
     told, untold = (chain(watched, started, 0.0, share)[2]["processNoise"][0] for share in (1.0, 0.0))
     assert untold > 30 * told
+
+
+def test_no_command_is_forgotten_however_short_the_steps_are(watched, started):
+    """100 steps from sample to sample, of which the unit remembers 64: it takes neighbours together."""
+    whole, parts = (chain(watched, started, 3.0, 1.0, duration=60, parts=parts)[2] for parts in (1, 100))
+    for name in ("target.position", "target.velocity", "target.positionCovariance", "processNoise"):
+        np.testing.assert_allclose(parts[name], whole[name], rtol=1e-3, atol=1e-3 * np.abs(whole[name]).max())
 
 
 def test_samples_that_are_no_news_change_nothing(started):
