@@ -28,7 +28,7 @@ def fly(
 ) -> int:
     """Fly target, rig, estimator and controller as one loop, on estimates alone; write what was measured and estimated.
 
-    The exit code is 3 if at last the estimator doubts its estimate or has lost the target.
+    The exit code is 3 if at last the estimator does not track the target: it starts, doubts its estimate or is lost.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def fly(
     found = summary_of(loop)
     words = [*_words(found), f"report, for a browser: {folder / REPORT}", f"files in {folder}"]
     show.result(found | {"files": [str(path) for path in files]}, *words)
-    return UNTRUSTED if found["status"] in ("doubtful", "lost") else 0
+    return 0 if found["status"] == "tracking" else UNTRUSTED
 
 
 def _words(found: dict[str, Any]) -> list[str]:

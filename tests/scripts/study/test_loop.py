@@ -135,6 +135,12 @@ def test_a_unit_alone_is_no_system(envisat_fmu):
         fly_loop(envisat_fmu)
 
 
+def test_a_flight_that_ends_before_it_tracks_has_that_exit_code_too(system, tmp_path, capsys):
+    """Nothing of it is to be trusted yet; the command says that it starts."""
+    assert main(["fly", str(system), "--duration", "5", "-o", str(tmp_path / "out"), "-q"]) == 3
+    assert "the estimator never tracked the target: it is starting" in capsys.readouterr().out
+
+
 def test_an_estimate_that_is_doubted_has_its_own_exit_code(system, tmp_path, capsys):
     """Nine of ten observations are off by metres: files are written, and the command says so."""
     wrong = rewritten(
