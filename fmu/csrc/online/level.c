@@ -27,11 +27,15 @@ static void turned(const double R[3][3], double A[3][3]) {
         for (int k = 0; k < 3; k++) A[j][k] = dot(T[j], R[k]);
 }
 
+/* The variance of the camera's attitude about an axis, and so of every attitude of the target that it shows: it turns all points
+   of a frame together. */
+static double square_of_camera(const Online *filter) { return filter->options.attitude_noise * filter->options.attitude_noise; }
+
 /* Of the camera's attitude, that moves all points of a frame together; added. */
 static void of_camera(const Online *filter, const Pose *pose, double found[3][3]) {
-    double a = filter->options.attitude_noise, square = dot(pose->c, pose->c);
+    double variance = square_of_camera(filter), square = dot(pose->c, pose->c);
     for (int j = 0; j < 3; j++)
-        for (int k = 0; k < 3; k++) found[j][k] += a * a * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
+        for (int k = 0; k < 3; k++) found[j][k] += variance * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
 }
 
 /* What moves all points of a frame together: the camera's attitude, and what is of second order, the error of the
@@ -232,6 +236,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
             level->turn[a][b] += T[a][b];
             level->lag[a][b] = (a == b ? lag : 0.0) - later[a][b];
         }
+        level->turn[a][a] += square_of_camera(filter);
         level->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(level->lag[a], &filter->x[3]);
     }
 }

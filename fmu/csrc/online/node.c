@@ -163,6 +163,7 @@ static void find_sweep(const Online *filter, const OnlineTumble *tumble, double 
         for (int k = 0; k < 3; k++) sweep->before[k] = turn[k] / since;
     }
     find_rate(node, mean, widest_within(node), sweep);
+    for (int k = 0; k < 3; k++) sweep->covariance[k][k] += square_of_camera(filter) / spread;
     for (int k = 0; k < 3 && sweep->since > 0.0; k++)
         sweep->acceleration[k] = 2.0 * (sweep->rate[k] - sweep->before[k]) / since;
 }

@@ -55,7 +55,7 @@ static void foresee(const Online *filter, double time, OnlineTumble *found, Fore
 static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *pose) {
     double turn[3], T[3][3], angle = angle_between(pose->R, foreseen->R, turn);
     of_pose(pose, 3, T);
-    double variance = T[0][0] + T[1][1] + T[2][2];
+    double variance = T[0][0] + T[1][1] + T[2][2] + 3.0 * square_of_camera(filter);
     filter->surprises = angle * angle > GATE * (variance + foreseen->variance) ? filter->surprises + 1.0 : 0.0;
     if (filter->surprises > 0.0 && filter->surprises < STUBBORN) return 1;
     filter->surprises = 0.0;

@@ -1,6 +1,7 @@
 """The online estimator where features are taken for others, the chaser burns untold, or digits are few."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
@@ -122,3 +123,24 @@ def test_an_attitude_of_features_near_a_line_tells_no_offset():
     tracking = np.array([state.status is OnlineStatus.TRACKING for state in states])
     assert not (tracking & (nees > chi2.ppf(1 - ALPHA, 3))).any()
     assert not tracking[-1]
+
+
+def test_a_camera_whose_attitude_is_noisy_shows_the_tumble_all_the_same():
+    """Its noise turns all points of a frame together, by more than they are off: what they show of the attitude, too.
+
+    The tumble was given up again and again, or frames were left out as surprising, and claims were too small.
+    """
+    time, sigma, noise = np.arange(240.0), 0.002, 2e-3
+    path, nees = straight(time), []
+    for draw in range(8):
+        rng = np.random.default_rng([71, draw])
+        wrong = Rotation.from_rotvec(noise * rng.standard_normal((len(time), 3))).as_matrix()
+        seen = tracks(rng, time, path, sigma=sigma) @ np.swapaxes(wrong, 1, 2)
+        filter, known, states = OnlineEstimator(sigma, attitude_noise=noise), [], []
+        for t, frame in zip(time, seen, strict=True):
+            states.append(filter.update(float(t), frame))
+            known.append(filter.tumble(float(t)) is not None)
+        assert all(known[130:])
+        assert all(state.status is OnlineStatus.TRACKING for state in states[130:])
+        nees.append(errors(states[-1:], path[-1:])[1][0])
+    assert np.sum(nees) < chi2.ppf(1 - ALPHA, 24)
