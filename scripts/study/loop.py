@@ -40,6 +40,7 @@ Outputs have been handed on by then; what it sets holds in the next step.
 """
 COMMAND = "command.acceleration"
 MOST_STEPS = 10_000_000
+TRACKING = STATUSES.index("tracking")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,8 @@ class Loop:
         to_grapple: (n,), how far the chaser is from the true point before the true grapple point, m; from the grapple
             point itself where the controller has no `grapple.standoff`.
         miss: (n,), how far it is from where it shall be, m: from there while synchronised, else from `hold.position`,
-            or from where it starts if the controller has none.
+            or from where it starts if the controller has none. Where the estimator did not track the target, so that
+            the controller was told nothing, it shall be where it was to be before.
         synchronised: (n,), whether the goal turns with the body; never with a controller that does not tell.
         orbit: of the target, from the parameters of its unit.
     """
@@ -100,7 +102,7 @@ class Loop:
     @property
     def tracking(self) -> BoolArray:
         """Whether the estimator tracks the target, (n,)."""
-        return np.asarray(self.status == STATUSES.index("tracking"))
+        return np.asarray(self.status == TRACKING)
 
 
 def fly_loop(
@@ -212,6 +214,7 @@ class _Recorder:
         held, standoff = controller.vector("hold.position"), controller.vector("grapple.standoff")
         self._hold = held if held.size else units["target"].vector("chaser.position0")
         self._standoff = float(standoff.sum())  # 0 where the controller has none
+        self._turns = False
 
     def take(self, index: int, time: float) -> None:
         """Record the point of that index."""
@@ -220,9 +223,10 @@ class _Recorder:
             for variable in variables:
                 self._rows[f"{name} {variable}"][index] = self._units[name].vector(variable)
         self._to_grapple[index] = self._from_goal(index)
-        held = not self._rows["controller goal.synchronised"][index].any()
+        if index > 0 and self._rows["estimator status"][index - 1] == TRACKING:  # as the controller was told
+            self._turns = bool(self._rows["controller goal.synchronised"][index].any())
         off = self._rows["target chaser.position"][index] - self._hold
-        self._miss[index] = np.linalg.norm(off) if held else self._to_grapple[index]
+        self._miss[index] = self._to_grapple[index] if self._turns else np.linalg.norm(off)
         sample = self._rig.newest()
         if sample is not None:
             self._samples.append(sample)

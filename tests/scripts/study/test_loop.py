@@ -66,6 +66,21 @@ def test_an_approach_comes_to_the_feature(system):
     assert np.linalg.norm(loop.command, axis=1).max() > 0.01
 
 
+def test_a_frame_that_does_not_fit_moves_no_goal(system):
+    """For a step nothing is known of the target, and there is no command: the chaser is where it was all the same."""
+
+    def confused(units, time):
+        if time == 390.0:
+            points = units["estimator"].scalars("points")
+            units["estimator"].set(points, np.random.default_rng(1).uniform(5.0, 50.0, len(points)))
+
+    loop = fly_loop(system, duration=400.0, approach=True, pilot=confused)
+    lost = np.flatnonzero(~loop.tracking[300:]) + 300
+    assert len(lost) == 1
+    assert not loop.synchronised[lost + 1].any()
+    np.testing.assert_array_equal(loop.miss[300:], loop.to_grapple[300:])
+
+
 def test_files_hold_the_flight(held, tmp_path):
     files = write_loop(held, tmp_path, {"of": "envisat"})
     assert files == loop_paths(tmp_path)
