@@ -1,5 +1,6 @@
 """The closed loop: target, rig, estimator and controller flown together on estimates alone, and what came of it."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,7 +115,7 @@ def fly_loop(
     pilot: Pilot | None = None,
     progress: Progress | None = None,
 ) -> Loop:
-    """Fly a system that `baryscope system` wrote.
+    """Fly a system that `baryscope system` wrote. Warns of steps that are too long for the controller to be stable.
 
     Args:
         path: the .ssp archive.
@@ -141,6 +142,7 @@ def fly_loop(
             if not controller.scalars("synchronised"):
                 raise InputError(f"{path}: {controller.model} has no synchronised, by which an approach begins")
             controller.set(["synchronised"], np.ones(1))
+        _warn_of_long_steps(units["controller"], master.step_size)
         count = round(length / master.step_size)
         recorder = _Recorder(units, count)
         with stage(progress, f"flying {length:.0f} s at {1 / master.step_size:g} Hz") as share:
@@ -162,6 +164,20 @@ def _unit(master: Master, path: AnyPath, name: str) -> Unit:
     if found is None:
         raise InputError(f"{path}: has no {MODELS[name]}, expected a system made by `baryscope system`")
     return found
+
+
+def _warn_of_long_steps(controller: Unit, step: float) -> None:
+    """The velocity of a chaser whose command is a step late follows z² − z + r h: from r h = 1 on it swings.
+
+    r is the rate at which ApproachController corrects the velocity; other controllers do not tell theirs.
+    """
+    rate = sum(float(controller.vector(name).sum()) for name in ("control.rate", "guidance.rate"))
+    if rate * step >= 1.0:
+        warnings.warn(
+            f"steps of {step:g} s: expected less than {1.0 / rate:.3g} s, one over control.rate and guidance.rate; "
+            "commands come a step late, so that the chaser swings about its goal",
+            stacklevel=3,
+        )
 
 
 Sample = tuple[float, FloatArray, FloatArray]

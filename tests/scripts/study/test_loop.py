@@ -66,6 +66,16 @@ def test_an_approach_comes_to_the_feature(system):
     assert np.linalg.norm(loop.command, axis=1).max() > 0.01
 
 
+@pytest.mark.filterwarnings("always:steps of")
+@pytest.mark.parametrize("step, stable", [(4.0, True), (6.0, False)])
+def test_steps_that_are_too_long_for_the_controller_are_warned_of(system, step, stable, tmp_path, capsys):
+    """At 0.22 1/s less than 4.55 s; the chaser of longer steps swings by metres."""
+    main(["fly", str(system), "--duration", "900", "--step", str(step), "-o", str(tmp_path / "out"), "-q", "--json"])
+    out, err = capsys.readouterr()
+    assert err.count("warning: steps of 6 s: expected less than 4.55 s") == (not stable)
+    assert (json.loads(out)["largest_miss"] < 0.1) == stable
+
+
 def test_a_frame_that_does_not_fit_moves_no_goal(system):
     """For a step nothing is known of the target, and there is no command: the chaser is where it was all the same."""
 
