@@ -109,7 +109,7 @@ def unpack(path: Path, folder: Path, expected: str, name: str = "") -> None:
     name: of the archive in errors; its path if empty.
 
     Raises:
-        InputError: it cannot be read, is damaged, or holds an unsafe path.
+        InputError: it cannot be read, is damaged or encrypted, or holds an unsafe path.
         DiskError: there is no room in the folder.
     """
     source = name or str(path)
@@ -120,12 +120,16 @@ def unpack(path: Path, folder: Path, expected: str, name: str = "") -> None:
                 if member.startswith("/") or "\\" in member or ":" in member or ".." in parts:
                     raise InputError(f"{source}: holds the unsafe path {member!r}, expected {expected}")
             archive.extractall(folder)
+    except InputError:
+        raise
     except zipfile.BadZipFile as error:
         raise InputError(f"{source}: is not a whole zip file ({error}), expected {expected}") from error
     except OSError as error:
         if error.errno in DISK_TROUBLE:  # it can be read, but what is in it cannot be written
             raise unwritable(folder, error) from error
         raise InputError(f"{source}: {error.strerror or error}, expected {expected}") from error
+    except Exception as error:  # of zlib or lzma; zipfile's own for passwords, compressions and names it cannot read
+        raise InputError(f"{source}: cannot be unpacked ({error}), expected {expected}") from error
 
 
 def _describe(path: Path, folder: Path, tables: Tables) -> UnitFile:

@@ -45,6 +45,46 @@ def test_cut_short(envisat_fmu, tmp_path):
     assert "not a whole zip" in _refusal(path)
 
 
+LOCAL, CENTRAL = b"PK\x03\x04", b"PK\x01\x02"  # before a member, and before its entry in the directory
+
+
+def _encrypted(content):
+    for signature, flags in ((LOCAL, 6), (CENTRAL, 8)):
+        content[content.find(signature) + flags] |= 1
+
+
+def _of_a_compression_that_is_none(content):
+    for signature, compression in ((LOCAL, 8), (CENTRAL, 10)):
+        content[content.find(signature) + compression] = 98
+
+
+def _damaged(content):
+    name_length = int.from_bytes(content[26:28], "little")
+    content[30 + name_length] = 0xFF  # the first block of a stream by deflate has a type that is none
+
+
+def _named_by_no_text(content):
+    place = content.find(CENTRAL)
+    content[place + 9] |= 8  # the name is in UTF-8
+    content[place + 46] = 0xFF
+
+
+@pytest.mark.parametrize("change, words", [
+    (_encrypted, "is encrypted"),
+    (_of_a_compression_that_is_none, "compression method"),
+    (_damaged, "while decompressing"),
+    (_named_by_no_text, "can't decode byte 0xff"),
+])  # fmt: skip
+def test_what_zipfile_cannot_unpack(envisat_fmu, tmp_path, change, words):
+    content = bytearray(envisat_fmu.read_bytes())
+    change(content)
+    path = tmp_path / "unit.fmu"
+    path.write_bytes(content)
+    refusal = _refusal(path)
+    assert refusal.startswith(f"{path}: cannot be unpacked (")
+    assert words in refusal
+
+
 @pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a/../../evil", "C:/evil", "a\\evil"])
 def test_paths_that_lead_out(envisat_fmu, tmp_path, name):
     path = _repacked(envisat_fmu, tmp_path / "unit.fmu", lambda _, content: content)
