@@ -1,9 +1,7 @@
 """A master for systems of FMI 2.0 units: all step at once, then outputs become inputs (Jacobi), by fmpy."""
 
-import shutil
-import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +20,7 @@ from baryscope.fmu.runtime.instance import UnitError
 from baryscope.fmu.runtime.loading import loaded
 from baryscope.fmu.system.structure import NAMESPACES, STRUCTURE
 from baryscope.models.errors import InputError
+from baryscope.models.files import temporary_folder
 
 FloatArray = NDArray[np.float64]
 EXPECTED = "a system of FMI 2.0 units, SSP 1.0, made by `baryscope system`"
@@ -165,26 +164,29 @@ def open_system(path: Path, step_size: float | None = None) -> Iterator[Master]:
 
     Raises:
         InputError: it cannot be read, is unsafe, or is no system of FMI 2.0 units for Co-Simulation.
+        DiskError: there is no room to unpack it.
         UnitError: a unit refuses its parameters.
     """
     if step_size is not None and not step_size >= SHORTEST_STEP:
         raise InputError(f"step: found {step_size:g} s, expected at least {SHORTEST_STEP:g} s")
-    folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
     opened: dict[str, Unit] = {}
-    try:
-        unpack(path, folder, EXPECTED)
-        components, links = _structure(path)
-        stop_time = _stop_time(path, folder)
-        for component in components:
-            opened[component.name] = _opened(path, folder, component)
-        master = Master(opened, _bundles(path, opened, links), stop_time)
-        if step_size is not None:
-            master.step_size = step_size
-        yield master
-    finally:
-        for unit in opened.values():
-            unit.fmu.freeInstance()
-        shutil.rmtree(folder, ignore_errors=True)
+    with temporary_folder() as top:
+        folder = top / "archive"
+        folder.mkdir()
+        try:
+            unpack(path, folder, EXPECTED)
+            components, links = _structure(path)
+            stop_time = _stop_time(path, folder)
+            for component in components:
+                # A name may be any text, and the archive may have a folder of that name.
+                opened[component.name] = _opened(path, folder, component, top / f"unit-{len(opened)}")
+            master = Master(opened, _bundles(path, opened, links), stop_time)
+            if step_size is not None:
+                master.step_size = step_size
+            yield master
+        finally:
+            for unit in opened.values():
+                unit.fmu.freeInstance()
 
 
 Link = tuple[str, str, str, str]  # element and scalar, of start and end
@@ -196,6 +198,10 @@ def _structure(path: Path) -> tuple[list[Component], list[Link]]:
     except Exception as error:  # fmpy raises bare Exceptions
         raise InputError(f"{path}: {' '.join(str(error).split())}, expected {EXPECTED}") from error
     components = list(description.system.elements)
+    names = [element.name for element in components]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{path}: {twice} stands twice, expected elements of different names")
     strangers = [element.name for element in components if not isinstance(element, Component)]
     if strangers:
         raise InputError(f"{path}: {strangers[0]} is a system in the system, expected {EXPECTED}")
@@ -220,12 +226,11 @@ def _stop_time(path: Path, folder: Path) -> float | None:
     return None if stop is None else float(stop)
 
 
-def _opened(path: Path, folder: Path, component: Component) -> Unit:
-    """An instance of a component's unit, with its parameters."""
+def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit:
+    """An instance of a component's unit in the folder of an archive, with its parameters; unpacked in a new place."""
     where = folder / component.source
     if not where.resolve().is_relative_to(folder.resolve()) or not where.is_file():
         raise InputError(f"{path}: {component.name} is of {component.source}, expected a file in the archive")
-    place = folder / f"unpacked-{component.name}"
     place.mkdir()
     source = f"{path}: {component.source}"
     unpack(where, place, EXPECTED, source)
@@ -238,17 +243,19 @@ def _opened(path: Path, folder: Path, component: Component) -> Unit:
     library = library_of_this_machine(place, description.coSimulation.modelIdentifier, 2)
     if library is not None:
         refuse_cut(library, f"{source}: {library.relative_to(place).as_posix()}")
+    references = {variable.name: variable.valueReference for variable in description.modelVariables}
+    parameters = _parameters(path, component, references)
     fmu, messages = _instantiated(component.name, description, place)
     experiment = description.defaultExperiment
     return Unit(
         component.name,
         description.modelName,
-        {variable.name: variable.valueReference for variable in description.modelVariables},
+        references,
         frozenset(variable.name for variable in description.modelVariables if variable.type == "Boolean"),
         None if experiment is None or experiment.stepSize is None else float(experiment.stepSize),
         fmu,
         messages,
-        _parameters(component),
+        parameters,
     )
 
 
@@ -276,10 +283,23 @@ def _instantiated(name: str, description: Any, folder: Path) -> tuple[Any, list[
     return fmu, messages
 
 
-def _parameters(component: Component) -> dict[str, float]:
-    """The values that are bound at a component."""
-    sets = [values for binding in component.parameterBindings for values in binding.parameterValues]
-    return {one.name: _number(one.value) for own in sets for one in own.parameters}
+def _parameters(path: Path, component: Component, known: Collection[str]) -> dict[str, float]:
+    """The values that are bound at a component, whose unit has the `known` scalars.
+
+    Raises:
+        InputError: one is bound to no scalar, or is no number or truth value.
+    """
+    found = {}
+    for binding in component.parameterBindings:
+        for one in [one for values in binding.parameterValues for one in values.parameters]:
+            place = f"{path}: binds {component.name}.{one.name}"
+            if one.name not in known:
+                raise InputError(f"{place}, which is not in its unit, expected {EXPECTED}")
+            try:
+                found[one.name] = _number(one.value)
+            except ValueError as error:
+                raise InputError(f"{place} to {one.value!r}, expected a number, true or false") from error
+    return found
 
 
 def _number(text: str) -> float:

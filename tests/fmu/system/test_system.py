@@ -5,6 +5,7 @@ import importlib
 import io
 import shutil
 import subprocess
+import tempfile
 import zipfile
 
 import fmpy
@@ -173,6 +174,15 @@ BAD = {
     ),
     "not SSP": ([("ssd:Component ", "ssd:Part ")], r"bad\.ssp: .*, expected a system of FMI 2\.0 units"),
     "a unit that is not there": ([(r"resources/rig\.fmu", "resources/rag.fmu")], r"rig is of resources/rag\.fmu"),
+    "a name twice": ([('name="rig"', 'name="plant"')], r"plant stands twice, expected elements of different names"),
+    "a parameter that no unit has": (
+        [(r'name="sampling\.period"', 'name="sampling.rate"')],
+        r"binds rig\.sampling\.rate, which is not in its unit",
+    ),
+    "a parameter that is a text": (
+        [(r'(name="sampling\.period">\s*)<ssv:Real value="1\.0"', r'\1<ssv:String value="often"')],
+        r"binds rig\.sampling\.period to 'often', expected a number, true or false",
+    ),
     "a unit from elsewhere": ([(r"resources/rig\.fmu", "../../rig.fmu")], r"rig is of \.\./\.\./rig\.fmu"),
 }
 
@@ -182,6 +192,24 @@ def test_what_is_no_system_of_ours_is_refused(case, system, tmp_path):
     changes, message = BAD[case]
     with pytest.raises(InputError, match=message), open_system(rewritten(system, tmp_path / "bad.ssp", *changes)):
         pass
+
+
+@pytest.mark.parametrize("name", ["left/rig", "x/../../../rig", "unit-0"])
+def test_a_name_of_an_element_is_no_path(name, system, tmp_path, monkeypatch):
+    """It led out of the folder for temporary files where the archive had a folder to go by."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    path = rewritten(
+        system, tmp_path / "named.ssp", ('name="rig"', f'name="{name}"'), ('Element="rig"', f'Element="{name}"')
+    )
+    with zipfile.ZipFile(path, "a") as archive:
+        for folder in ("unpacked-x", "unit-0"):
+            archive.writestr(f"{folder}/file", "")
+    with open_system(path) as master:
+        master.step()
+        assert master.units[name].model == "StereoRig"
+    assert {item.name for item in tmp_path.iterdir()} == {"temporary", "named.ssp"}
+    assert not list((tmp_path / "temporary").iterdir())
 
 
 def test_other_files_and_steps_are_refused(system, envisat_fmu, envisat_fmu3, tmp_path):
