@@ -138,7 +138,7 @@ class BaseSession:
 
     def _advance_time(self, duration: float) -> None:
         """Add to the time by Kahan's sum, so that 60,000 steps of 0.1 s end at 6,000 s."""
-        increment = duration + self._time_rest
+        increment = float(duration) + self._time_rest  # a sum of numpy's short floats would be short, too
         time = self.time + increment
         self._time_rest = increment - (time - self.time)
         self.time = time

@@ -67,8 +67,9 @@ class Session(BaseSession):
 
     def step_to(self, time: float) -> None:
         """Advance to `time`, s, without accumulating rounding of the time."""
-        self.step(time - self.time)
-        self.time, self._time_rest = time, 0.0
+        end = float(time)
+        self.step(end - self.time)
+        self.time, self._time_rest = end, 0.0
 
     @property
     def features(self) -> FloatArray:

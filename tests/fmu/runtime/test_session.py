@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -138,6 +140,21 @@ def test_wrong_steps_are_refused_and_leave_the_session_as_it_was(any_fmu, durati
         assert np.array_equal(session.outputs, before)
         session.step(1.0)
         assert session.time == 2.0
+
+
+@pytest.mark.parametrize("duration", [np.float32(0.1), Decimal("0.1"), Fraction(1, 10), np.array(0.1)])
+def test_steps_of_any_number_keep_unit_and_session_at_one_time(any_fmu, duration):
+    """A float32 made a float32 of the session's time, which the unit refused at the third step."""
+    with Session(any_fmu) as session, Session(any_fmu) as other:
+        for _ in range(100):
+            session.step(duration)
+            other.step(float(duration))
+        assert isinstance(session.time, float)
+        assert session.time == other.time
+        session.step_to(np.float32(10.1))
+        other.step_to(float(np.float32(10.1)))
+        assert isinstance(session.time, float)
+        assert np.array_equal(session.outputs, other.outputs)
 
 
 @pytest.mark.parametrize("inputs, error, words", [
