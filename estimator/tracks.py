@@ -233,10 +233,18 @@ def _label(label: object) -> str:
 
 
 def _floats(values: ArrayLike, name: str) -> FloatArray:
+    """The values as floats.
+
+    Raises:
+        InputError: they are no numbers, as datetimes and durations, which NumPy would count in units of their own.
+    """
     try:
-        return np.asarray(values, dtype=np.float64)
+        array = np.asarray(values)
+        if array.dtype.kind not in "mMc":
+            return np.asarray(values if array.dtype.kind == "O" else array, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is not an array of numbers") from error
+    raise InputError(f"{name} is an array of {array.dtype}, expected real numbers")
 
 
 def _times(time: FloatArray, epoch: str | None) -> list[object]:

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from baryscope.estimator.formats.times import seconds_of
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.ephemeris.utc import utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
 
@@ -66,18 +68,29 @@ def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[Featur
     covariance = None
     if "covariance" in found:
         covariance = found["covariance"].transpose("time", "feature", "axis", "axis_").values
-    time, epoch = found["time"], None
-    units = str(time.attrs.get("units", "s"))
-    if " since " in units:
-        units, epoch = units.split(" since ", 1)
-    if units not in ("s", "second", "seconds"):
-        raise InputError(f"{source}, time: units {units!r}, expected s, or seconds since a moment")
+    time, epoch = _times(found["time"], source)
     try:
         labels = [str(label) for label in found["feature"].values]
-        tracks = FeatureTracks(np.asarray(time.values), position.values, labels, covariance, epoch)
+        tracks = FeatureTracks(time, position.values, labels, covariance, epoch)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     return tracks, str(position.attrs.get("units", "m"))
+
+
+def _times(time: Any, source: str) -> tuple[Any, str | None]:
+    """Times (n,) in s, and the UTC of time 0 if it is known.
+
+    Raises:
+        InputError: they are in another unit.
+    """
+    moments = seconds_of(time.values, lambda frame: f"{source}, time of frame {frame}")
+    if moments is not None:  # xarray has decoded them
+        seconds, first = moments
+        return seconds, None if first is None else utc_text(first)
+    units, since, epoch = str(time.attrs.get("units", "s")).partition(" since ")
+    if units not in ("s", "second", "seconds"):
+        raise InputError(f"{source}, time: units {units!r}, expected s, or seconds since a moment")
+    return time.values, epoch if since else None
 
 
 def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:

@@ -7,13 +7,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.formats.times import seconds_of
 from baryscope.estimator.formats.units import Unit, in_metres
 from baryscope.estimator.tables.form import Columns
 from baryscope.estimator.tables.table import Table
 from baryscope.estimator.tables.tracks import FORM, arrays_of
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.ephemeris.utc import FORM as UTC
-from baryscope.models.ephemeris.utc import utc_of, utc_text
+from baryscope.models.ephemeris.utc import utc_text
 from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -46,7 +46,8 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     Rows are those of `FeatureTracks.read_csv`, in any order; NaN and missing values are empty cells.
 
     Args:
-        frame: of polars or pandas, or a mapping from names to columns; time in s, or in UTC as datetimes or texts.
+        frame: of polars or pandas, or a mapping from names to columns; time in s, as durations, or in UTC as datetimes
+            or texts; datetimes may have a time zone.
         units: of x, y, z; covariances are in its square.
         source: names the frame in errors.
 
@@ -62,7 +63,8 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
         raise InputError(
             f"{source}: has {', '.join(optional)} only, expected all of {', '.join(FORM.optional)} or none"
         )
-    time, epoch = _times(np.asarray(frame["time"]), source)
+    moments = seconds_of(frame["time"], lambda row: f"{source}, row {row}, column time")
+    time, epoch = (_numbers(frame["time"], "time", source), None) if moments is None else moments
     numbers = {"time": time} | {name: _numbers(frame[name], name, source) for name in (*"xyz", *optional)}
     labels, codes = _labels(np.asarray(frame["feature"]), source)
     if not len(codes) or {len(column) for column in numbers.values()} != {len(codes)}:
@@ -71,28 +73,6 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     table = _Rows(source, Columns(numbers, labels, codes, epoch), b"", FORM)
     arrays = arrays_of(table)
     return in_metres(FeatureTracks(*arrays, epoch=None if epoch is None else utc_text(epoch)), units, source)
-
-
-def _times(column: NDArray[Any], source: str) -> tuple[FloatArray, np.datetime64 | None]:
-    """Seconds, and the moment from which they count if the column holds datetimes or UTC texts: the earliest."""
-    first = next((cell for cell in column.tolist() if cell is not None), None) if column.dtype.kind in "OUT" else None
-    if isinstance(first, str) and UTC.fullmatch(first):
-        column = _moments(column.tolist(), source)
-    if not np.issubdtype(column.dtype, np.datetime64):
-        return _numbers(column, "time", source), None
-    if np.isnat(column).any():
-        raise InputError(f"{source}, row {int(np.argmax(np.isnat(column)))}, column time: empty, expected a datetime")
-    epoch = column.min().astype("datetime64[ns]")
-    return (column.astype("datetime64[ns]") - epoch) / np.timedelta64(1, "s"), epoch
-
-
-def _moments(cells: list[Any], source: str) -> NDArray[np.datetime64]:
-    """The moments that UTC texts name; a text that stands in many rows is read once."""
-    known: dict[str, np.datetime64] = {}
-    for row, cell in enumerate(cells):
-        if str(cell) not in known:
-            known[str(cell)] = utc_of(cell, f"{source}, row {row}, column time")
-    return np.array([known[str(cell)] for cell in cells], dtype="datetime64[ns]")
 
 
 def _numbers(column: Any, name: str, source: str) -> FloatArray:
@@ -122,9 +102,16 @@ def _labels(column: NDArray[Any], source: str) -> tuple[tuple[str, ...], IntArra
     found: dict[str, int] = {}
     codes = np.empty(len(column), dtype=np.intp)
     for row, cell in enumerate(column.tolist()):
-        empty = cell is None or cell != cell  # NaN
-        text = "" if empty else str(cell).strip()
+        text = "" if _is_missing(cell) else str(cell).strip()
         codes[row] = -1 if not text else found.setdefault(text, len(found))
     if not found:
         raise InputError(f"{source}, column feature: no label in {len(column)} rows")
     return tuple(found), codes
+
+
+def _is_missing(cell: Any) -> bool:
+    """Whether a cell is None, NaN, or the missing value of pandas, which does not tell what it equals."""
+    try:
+        return cell is None or bool(cell != cell)
+    except TypeError:
+        return True

@@ -1,0 +1,82 @@
+"""Times of frames and datasets in other forms than numbers of seconds."""
+
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+import pandas
+import polars
+import pytest
+import xarray
+
+from baryscope.estimator import FeatureTracks, dataset_of_tracks, tracks_of, tracks_of_dataset, write_tracks
+from baryscope.models.errors import InputError
+
+BEGIN = datetime(2026, 3, 1, 12, tzinfo=UTC)
+MILLISECONDS = [timedelta(milliseconds=250 * k) for k in range(3)]
+ROWS = {"feature": ["a", "a", "b"], **{axis: [1.0, 2.0, 3.0] for axis in "xyz"}}
+ABROAD = timezone(timedelta(hours=5, minutes=30))
+
+
+@pytest.mark.parametrize("kind", [dict, polars.DataFrame, pandas.DataFrame])
+@pytest.mark.parametrize(
+    "moments",
+    [
+        pytest.param([BEGIN + span for span in MILLISECONDS], id="in UTC"),
+        pytest.param([(BEGIN + span).astimezone(ABROAD) for span in MILLISECONDS], id="in another zone"),
+        pytest.param([(BEGIN + span).replace(tzinfo=None) for span in MILLISECONDS], id="naive"),
+    ],
+)
+def test_datetimes_of_any_kind_and_zone_are_the_same_times(kind, moments):
+    """pandas reads texts that end in Z as datetimes with a zone; these, and Python's own, were refused."""
+    if kind is polars.DataFrame and moments[0].tzinfo is ABROAD:
+        moments = polars.Series([BEGIN + span for span in MILLISECONDS]).dt.convert_time_zone("Asia/Kolkata")
+    found = tracks_of(kind({"time": moments} | ROWS))
+    assert found.epoch == "2026-03-01T12:00:00Z"
+    assert found.time.tolist() == [0.0, 0.25, 0.5]
+
+
+@pytest.mark.parametrize("kind", [dict, polars.DataFrame, pandas.DataFrame])
+def test_durations_are_seconds(kind):
+    """They were counted in units of their own: microseconds of polars, nanoseconds of pandas."""
+    found = tracks_of(kind({"time": MILLISECONDS} | ROWS))
+    assert found.epoch is None
+    assert found.time.tolist() == [0.0, 0.25, 0.5]
+
+
+def test_a_datetime_that_is_missing_is_named():
+    for missing in (None, pandas.NaT):
+        rows = pandas.DataFrame({"time": [BEGIN, missing, BEGIN]} | ROWS)
+        with pytest.raises(InputError, match="frame, row 1, column time: empty, expected a datetime"):
+            tracks_of(rows)
+
+
+def test_a_missing_label_of_pandas_is_an_empty_cell():
+    rows = pandas.DataFrame({"time": [0.0, 1.0, 2.0]} | ROWS)
+    rows["feature"] = rows["feature"].astype("string")
+    rows.loc[1, ["feature", "x", "y", "z"]] = pandas.NA
+    found = tracks_of(rows)
+    assert found.labels == ("a", "b")
+    assert found.seen.tolist() == [[True, False], [False, False], [False, True]]
+
+
+def test_a_dataset_whose_times_xarray_has_decoded(tmp_path):
+    """As it does unless told not to; nanoseconds since 1970 were taken for seconds, and refused."""
+    position = np.random.default_rng(1).normal(size=(3, 2, 3))
+    dated = FeatureTracks([0.0, 0.25, 0.5], position, ["a", "b"], epoch="2026-03-01T12:00:00Z")
+    write_tracks(dated, tmp_path / "t.nc")
+    with xarray.open_dataset(tmp_path / "t.nc", engine="h5netcdf") as found:
+        assert found["time"].dtype.kind == "M"
+        back, unit = tracks_of_dataset(found)
+    assert (back.epoch, unit) == (dated.epoch, "m")
+    assert back.time.tolist() == dated.time.tolist()
+    np.testing.assert_array_equal(back.position, position)
+    lasting = dataset_of_tracks(FeatureTracks(dated.time, position, dated.labels))
+    lasting["time"] = (1e3 * lasting["time"].values).astype("timedelta64[ms]")
+    assert tracks_of_dataset(lasting)[0].time.tolist() == dated.time.tolist()
+
+
+@pytest.mark.parametrize("kind, unit", [("datetime64", "D"), ("datetime64", "ns"), ("timedelta64", "ms")])
+def test_tracks_take_numbers_of_seconds_alone(kind, unit):
+    """Days, nanoseconds and milliseconds were taken for seconds."""
+    with pytest.raises(InputError, match=rf"^time is an array of {kind}\[{unit}\], expected real numbers$"):
+        FeatureTracks(np.arange(3).astype(f"{kind}[{unit}]"), np.zeros((3, 1, 3)), ["a"])
