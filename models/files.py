@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -20,28 +21,29 @@ AnyPath = str | os.PathLike[str]  # what functions take that users call
 def replacing(path: AnyPath) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`; rename it to `path` on success, remove it on failure.
 
-    Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was.
+    Folders that are missing are made. An interrupted or failed block leaves an older `path` as it was. A link stays,
+    and the file that it shows is replaced; who may read or write an older file may do so with the new one.
 
     Raises:
-        InputError: the folder cannot be made or written to, or `path` is a folder.
+        InputError: the folder cannot be made or written to, or `path` is a folder, a device or a pipe.
         DiskError: the disk is full, or fails.
     """
-    path = Path(path)
-    if path.is_dir():
+    path, place = Path(path), Path(os.path.realpath(path))
+    if place.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
+    if place.exists() and not place.is_file():
+        raise InputError(f"{path}: is a device or a pipe, expected the name of a file to write")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=place.parent, prefix=f".{place.stem}.", suffix=place.suffix)
     except OSError as error:
         raise unwritable(path, error) from error
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(path)
+        temporary.chmod(_permissions(place))
+        temporary.replace(place)
     except OSError as error:
         if error.filename not in (None, name, temporary) or isinstance(error, BrokenPipeError):
             raise  # of something else that was done meanwhile
@@ -50,33 +52,44 @@ def replacing(path: AnyPath) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def _permissions(path: Path) -> int:
+    """Those of a file that is there, or of a new one."""
+    try:
+        return stat.S_IMODE(path.stat().st_mode)
+    except FileNotFoundError:
+        umask = os.umask(0)
+        os.umask(umask)
+        return 0o666 & ~umask
+
+
 @contextmanager
 def replacing_folder(path: AnyPath, what: str, marks: tuple[str, ...]) -> Iterator[Path]:
     """Yield a name for a new folder beside `path`; it becomes `path` on success, and is removed on failure.
 
-    An older folder of the name is removed once the new one has its place, if it has one of `marks` in it.
+    An older folder of the name is removed once the new one has its place, if it has one of `marks` in it. A link stays,
+    and the folder that it shows is replaced.
 
     Raises:
         InputError: the folder cannot be made or written to, or `path` is there and does not hold `what`.
         DiskError: the disk is full, or fails.
     """
-    path = Path(path)
-    if path.exists() and not any((path / mark).is_file() for mark in marks):
+    path, place = Path(path), Path(os.path.realpath(path))
+    if place.exists() and not any((place / mark).is_file() for mark in marks):
         raise InputError(f"{path}: is there, but is not {what}; expected another name")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.stem}."))
+        place.parent.mkdir(parents=True, exist_ok=True)
+        beside = Path(tempfile.mkdtemp(dir=place.parent, prefix=f".{place.stem}."))
     except OSError as error:
         raise unwritable(path, error) from error
-    new, old = beside / path.name, beside / "old"
+    new, old = beside / place.name, beside / "old"
     try:
         yield new
-        if path.exists():
-            path.replace(old)
-        new.replace(path)
+        if place.exists():
+            place.replace(old)
+        new.replace(place)
     except OSError as error:
-        if old.exists() and not path.exists():
-            old.replace(path)
+        if old.exists() and not place.exists():
+            old.replace(place)
         raise unwritable(path, error) from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)

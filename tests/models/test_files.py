@@ -8,7 +8,14 @@ import tempfile
 import pytest
 
 from baryscope.models.errors import DiskError, InputError
-from baryscope.models.files import read_text, refuse_overwriting, replacing, temporary_folder, write_together
+from baryscope.models.files import (
+    read_text,
+    refuse_overwriting,
+    replacing,
+    replacing_folder,
+    temporary_folder,
+    write_together,
+)
 
 
 def test_a_new_file_in_a_new_folder(tmp_path):
@@ -27,6 +34,52 @@ def test_permissions_are_those_of_any_new_file(tmp_path):
         temporary.touch()
     (tmp_path / "b").touch()
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == stat.S_IMODE((tmp_path / "b").stat().st_mode)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+def test_who_may_read_an_older_file_may_read_the_new_one(tmp_path):
+    path = tmp_path / "a"
+    path.touch()
+    path.chmod(0o600)
+    with replacing(path) as temporary:
+        temporary.write_text("mine")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_the_file_that_it_shows_is_replaced(tmp_path, there):
+    (tmp_path / "far").mkdir()
+    file, link = tmp_path / "far" / "file.csv", tmp_path / "link.csv"
+    if there:
+        file.write_text("older")
+    link.symlink_to(file)
+    with replacing(link) as temporary:
+        temporary.write_text("newer")
+    assert link.is_symlink()
+    assert file.read_text() == "newer"
+    assert sorted(item.name for item in tmp_path.rglob("*")) == ["far", "file.csv", "link.csv"]
+
+
+def test_a_link_to_a_folder_stays_and_the_folder_is_replaced(tmp_path):
+    folder, link = tmp_path / "store.zarr", tmp_path / "link.zarr"
+    folder.mkdir()
+    (folder / "mark").touch()
+    link.symlink_to(folder, target_is_directory=True)
+    with replacing_folder(link, "a store", ("mark",)) as new:
+        new.mkdir()
+        (new / "newer").touch()
+    assert link.is_symlink()
+    assert [item.name for item in folder.iterdir()] == ["newer"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
+def test_a_pipe_or_a_device_is_not_replaced(tmp_path):
+    """As root, -o /dev/null put a file into the place of the device."""
+    path = tmp_path / "pipe.csv"
+    os.mkfifo(path)
+    with pytest.raises(InputError, match=r"pipe\.csv: is a device or a pipe, expected the name of a file"):
+        write_together({path: lambda stream: stream.write("text")})
+    assert stat.S_ISFIFO(path.stat().st_mode)
 
 
 def test_a_failed_write_leaves_the_older_file(tmp_path):
