@@ -165,6 +165,8 @@ def estimate_file(
         Default: the tracks' name with .estimate.csv.
     """
     show = show or Show()
+    if not tracks.name:
+        raise InputError(f"{tracks}: is a folder, expected feature tracks")
     target = writable(output or tracks.with_suffix(".estimate.csv"))
     for_path, for_screws = asdict(path or PathChoices()), asdict(screws or ScrewChoices())
     forces = forces or ForceChoices()

@@ -109,3 +109,9 @@ def test_no_output_is_an_input(capsys, tmp_path):
     arguments = ["simulate", "--scenario", scenario, "-o", tmp_path / "slow.csv"]
     assert "would be written over, but is read" in refusal(capsys, tmp_path, *arguments)
     assert scenario.read_text() == GOOD_SCENARIO
+
+
+@pytest.mark.parametrize("tracks", [".", "", "/"])
+def test_a_folder_without_a_name_has_no_tracks(capsys, tmp_path, monkeypatch, tracks):
+    monkeypatch.chdir(tmp_path)
+    assert "is a folder, expected feature tracks" in refusal(capsys, tmp_path, "estimate", tracks)
