@@ -48,9 +48,9 @@ def find_compiler() -> list[str]:
     """The command of a C compiler: $CC, else the system's, else zig's. All but zig's take $CFLAGS, too.
 
     Raises:
-        ComputationError: there is none, or $CC names none.
+        ComputationError: there is none, or $CC names none or cannot be parted into words.
     """
-    named = shlex.split(os.environ.get("CC", ""))
+    named = _words_of("CC")
     if named:
         path = shutil.which(named[0])
         if path is None:
@@ -79,6 +79,19 @@ def find_cross_compiler() -> list[str]:
             "pip install 'baryscope[cross]'"
         )
     return _zig()
+
+
+def _words_of(variable: str) -> list[str]:
+    """The words of an environment variable, as a shell parts them.
+
+    Raises:
+        ComputationError: a quotation is not closed.
+    """
+    text = os.environ.get(variable, "")
+    try:
+        return shlex.split(text)
+    except ValueError as error:
+        raise ComputationError(f"the variable {variable} is {text!r}: {error}, expected words of a shell") from error
 
 
 def _zig() -> list[str]:
@@ -121,7 +134,7 @@ class Job:
         flags = [flag.format(library=self.output) for flag in self.platform.flags]
         compiling = [*target, *FLAGS, *DEFINITIONS, *WARNINGS, "-I.", self.main]
         if not self._runtime:
-            own = () if self.by_zig else shlex.split(os.environ.get("CFLAGS", ""))
+            own = [] if self.by_zig else _words_of("CFLAGS")
             return [[*compiling, *own, "-o", self.output, *flags]]
         # In two steps, as zig has its C library's headers only where it links that library, too.
         linked = [_OBJECT, *self._runtime, *flags, *self.platform.runtime_flags]

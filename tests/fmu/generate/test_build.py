@@ -247,6 +247,13 @@ def test_an_unknown_compiler_is_named(monkeypatch):
         find_compiler()
 
 
+@pytest.mark.parametrize("variable", ["CC", "CFLAGS"])
+def test_a_variable_that_cannot_be_parted_into_words_is_named(envisat, tmp_path, monkeypatch, variable):
+    monkeypatch.setenv(variable, "cc '-O1")
+    with pytest.raises(ComputationError, match=rf"the variable {variable} is \"cc '-O1\": No closing quotation"):
+        build_fmu(envisat, tmp_path / "unit.fmu")
+
+
 def test_a_folder_is_no_file_to_write(envisat, tmp_path):
     with pytest.raises(InputError, match="is a folder"):
         build_fmu(envisat, tmp_path)
