@@ -55,8 +55,8 @@ class Session(BaseSession):
         """Advance by `duration` seconds with the inputs held, then read all outputs.
 
         Raises:
-            UnitError: the duration is not above zero, an input is not finite, or the integration fails; the
-                session is as it was before the call.
+            UnitError: the duration is not above zero, an input is not finite, or the integration fails. Time, state and
+                outputs are as they were before the call; inputs too, unless they were set and only the step failed.
         """
         if acceleration is not None or torque is not None:
             self.set_inputs(acceleration=acceleration, torque=torque)

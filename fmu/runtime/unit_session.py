@@ -50,7 +50,8 @@ class UnitSession(BaseSession):
         """Advance by `duration` seconds with the inputs held, then read all outputs.
 
         Raises:
-            InputError, UnitError: as for `set_inputs`; or the unit refuses the step, and is as it was.
+            InputError, UnitError: as for `set_inputs`; or the unit refuses the step. Time, state and outputs are then
+                as they were; the inputs are set.
         """
         if inputs is not None:
             self.set_inputs(inputs)
