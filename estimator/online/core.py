@@ -1,6 +1,7 @@
 """The C core of the online estimator as Python calls it: generated, compiled once, and loaded by ctypes."""
 
 import ctypes
+import hashlib
 import re
 from functools import cache
 from importlib.resources import files
@@ -52,6 +53,12 @@ class State(ctypes.Structure):
         ("R", _double * 9),
         ("covariance", _double * 36),
     )
+
+
+@cache
+def build() -> bytes:
+    """A hash of the sources (32,), by which the memory of a filter is told from that of another version."""
+    return hashlib.sha256(repr(sorted(sources().items())).encode()).digest()
 
 
 def sources() -> dict[str, bytes]:

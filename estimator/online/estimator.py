@@ -1,6 +1,8 @@
 """`OnlineEstimator`: the centre of mass frame by frame, with the C core of this room."""
 
 import ctypes
+import struct
+import zlib
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -10,13 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
-from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, Tumble, library
+from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, Tumble, build, library
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
-MAGIC = b"baryscope online 4\n"
+SYMMETRIC = 1e-9  # of the greatest element: what a matrix may differ from its transpose by, by rounding
+MAGIC = b"baryscope online\n"
+HEAD = struct.Struct("<17s32sI")  # what stands before the memory of a saved filter: MAGIC, its build, its checksum
 REFUSED = {
     1: "time: found {time!r} s, expected a time after that of the last frame",
     3: "covariance: found one that is not symmetric positive definite",
@@ -171,7 +176,7 @@ class OnlineEstimator:
             raise InputError(f"points: found {place.tolist()}, expected numbers within {FARTHEST:g} m where seen")
         if not abs(time) <= LATEST:
             raise InputError(f"time: found {time!r} s, expected one within {LATEST:g} s")
-        spread = None if covariance is None else _covariances(covariance, m)[there]
+        spread = None if covariance is None else _covariances(covariance, there)
         upper = None if spread is None else np.ascontiguousarray(elements_of(spread))
         push = _acceleration(acceleration)
         result = self._library.online_update(
@@ -191,12 +196,12 @@ class OnlineEstimator:
         """The state at a time in s that is not before the last frame; acceleration (3,): of the chaser in C till then.
 
         Raises:
-            InputError: the time is before the last frame, or a value is not finite.
+            InputError: the time is before the last frame or too late, or a value is not finite.
         """
         found = State()
         push = _acceleration(acceleration)
-        if self._library.online_predict(self._memory, time, _numbers(push), ctypes.byref(found)):
-            raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
+        if _is_too_late(time) or self._library.online_predict(self._memory, time, _numbers(push), ctypes.byref(found)):
+            raise _not_to_be_predicted(time)
         status = list(OnlineStatus)[int(found.status)]
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
         return OnlineState(
@@ -207,11 +212,11 @@ class OnlineEstimator:
         """The tumble at a time in s that is not before the last frame; None as long as no free tumble is known.
 
         Raises:
-            InputError: the time is before the last frame.
+            InputError: the time is before the last frame, or too late.
         """
         found = Tumble()
-        if self._library.online_tumble(self._memory, time, ctypes.byref(found)):
-            raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
+        if _is_too_late(time) or self._library.online_tumble(self._memory, time, ctypes.byref(found)):
+            raise _not_to_be_predicted(time)
         if not found.known:
             return None
         shapes = {"R": (3, 3), "turn": (3, 3), "rate": (3,), "of_rate": (3, 3), "inertia": (3, 3), "of_inertia": (5, 5)}
@@ -228,14 +233,16 @@ class OnlineEstimator:
             acceleration: (3,), of the chaser in C till then, m/s²; None: zero.
 
         Raises:
-            InputError: the time is before the last frame, or a value is not finite.
+            InputError: the time is before the last frame or too late, or a value is not finite.
         """
         position, covariance, push = np.empty(3), np.empty((3, 3)), _acceleration(acceleration)
+        if _is_too_late(time):
+            raise _not_to_be_predicted(time)
         result = self._library.online_point(
             self._memory, time, _numbers(push), name, _numbers(position), _numbers(covariance)
         )
         if result == 1:
-            raise InputError(f"time: found {time!r} s, expected one that is not before the last frame")
+            raise _not_to_be_predicted(time)
         return None if result else (position, covariance)
 
     def features(self) -> OnlineFeatures:
@@ -247,21 +254,28 @@ class OnlineEstimator:
         return OnlineFeatures(names[:count], position[:count], covariance[:count])
 
     def save(self) -> bytes:
-        """All that the filter knows, for `restored` on a machine of the same kind."""
-        return MAGIC + self._memory.raw
+        """All that the filter knows, for `restored` by the same version on a machine of the same kind."""
+        memory = self._memory.raw
+        return HEAD.pack(MAGIC, build(), zlib.crc32(memory)) + memory
 
     @classmethod
     def restored(cls, content: bytes) -> "OnlineEstimator":
         """The filter that `save` gave, which goes on to the last bit as the saved one.
 
         Raises:
-            InputError: the content is not a saved filter of this version.
+            InputError: the content is not a saved filter of this version, or is damaged.
         """
-        size = len(MAGIC) + library().online_size()
+        size = HEAD.size + library().online_size()
         if not content.startswith(MAGIC) or len(content) != size:
             raise InputError(f"a saved filter: found {len(content)} bytes, expected {size} that begin with {MAGIC!r}")
+        _, version, checksum = HEAD.unpack_from(content)
+        memory = content[HEAD.size :]
+        if version != build():
+            raise InputError("a saved filter: found one of another version, expected one of this")
+        if checksum != zlib.crc32(memory):
+            raise InputError("a saved filter: found damaged bytes, expected those of `save`")
         made = cls(1.0)
-        ctypes.memmove(made._memory, content[len(MAGIC) :], size - len(MAGIC))
+        ctypes.memmove(made._memory, memory, len(memory))
         return made
 
 
@@ -271,10 +285,26 @@ def _within(name: str, value: float, low: float, high: float, unit: str) -> floa
     return float(value)
 
 
-def _covariances(covariance: ArrayLike, m: int) -> FloatArray:
+def _is_too_late(time: float) -> bool:
+    return not time <= LATEST
+
+
+def _not_to_be_predicted(time: float) -> InputError:
+    return InputError(f"time: found {time!r} s, expected one that is not before the last frame, up to {LATEST:g} s")
+
+
+def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
+    """The covariances (k, 3, 3) of the points that are there, (m,) of which k.
+
+    Raises:
+        InputError: another shape, or one is not symmetric; whether they are definite, the core tells.
+    """
     found = np.asarray(covariance, dtype=np.float64)
-    if found.shape != (m, 3, 3):
-        raise InputError(f"covariance has the shape {found.shape}, expected ({m}, 3, 3)")
+    if found.shape != (len(there), 3, 3):
+        raise InputError(f"covariance has the shape {found.shape}, expected ({len(there)}, 3, 3)")
+    found = found[there]
+    if (np.abs(found - np.swapaxes(found, 1, 2)) > SYMMETRIC * np.abs(found).max(initial=0.0)).any():
+        raise InputError(REFUSED[3])
     return found
 
 
