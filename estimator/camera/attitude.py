@@ -81,12 +81,13 @@ class AttitudeSeries:
             InputError: a time is outside the rows' or in a gap, the camera turns too far between two rows, or only one
                 of the series and the times has an epoch.
         """
-        moments = time + self._lag(epoch)
+        lag = self._lag(epoch)
+        moments = time + lag
         outside = (moments < self.time[0] - SAME_TIME) | (moments > self.time[-1] + SAME_TIME)
         if outside.any():
             raise InputError(
                 f"camera's attitude: none for the time {time[np.argmax(outside)]:.10g} s, "
-                f"expected rows that span it, found {self.time[0]:.10g} to {self.time[-1]:.10g} s"
+                f"expected rows that span it, found {self._from_to(0, -1, lag)}"
             )
         if len(self.time) == 1:
             return np.repeat(matrix_from_quaternion(self.quaternion), len(time), axis=0)
@@ -96,7 +97,7 @@ class AttitudeSeries:
         between = (share * interval > SAME_TIME) & ((1 - share) * interval > SAME_TIME)
         begin, end = self.quaternion[left], self.quaternion[left + 1]
         half = np.arctan2(np.linalg.norm(end - begin, axis=1), np.linalg.norm(end + begin, axis=1))  # a quarter turn's
-        self._refuse_gaps(left, between, 4 * half)
+        self._refuse_gaps(left, between, 4 * half, lag)
         angle = 2 * half
         sine = np.where(angle > 1e-9, np.sin(angle), 1.0)
         of_begin = np.where(angle > 1e-9, np.sin((1 - share) * angle) / sine, 1 - share)
@@ -115,23 +116,27 @@ class AttitudeSeries:
             )
         return seconds_between(utc_of(self.epoch, "epoch"), utc_of(epoch, "epoch"))
 
-    def _refuse_gaps(self, left: NDArray[np.intp], between: NDArray[np.bool_], turn: FloatArray) -> None:
-        """Check that the attitude is not interpolated over a long interval or a wide turn."""
+    def _from_to(self, first: int, last: int, lag: float) -> str:
+        """The times of two rows, for errors: in the seconds of those who ask, which are less by the lag."""
+        return f"{self.time[first] - lag:.10g} to {self.time[last] - lag:.10g} s"
+
+    def _refuse_gaps(self, left: NDArray[np.intp], between: NDArray[np.bool_], turn: FloatArray, lag: float) -> None:
+        """Check that the attitude is not interpolated over a long interval or a wide turn; lag: see `_from_to`."""
         intervals = np.diff(self.time)
         longest = LONGEST_GAP * float(np.median(intervals))
         long = between & (intervals[left] > longest)
         if long.any():
             row = int(left[np.argmax(long)])
             raise InputError(
-                f"camera's attitude: no row from {self.time[row]:.10g} to {self.time[row + 1]:.10g} s, where there are "
-                f"tracks, expected intervals of at most {longest:.3g} s (ten times the median)"
+                f"camera's attitude: no row from {self._from_to(row, row + 1, lag)}, where there are tracks, "
+                f"expected intervals of at most {longest:.3g} s (ten times the median)"
             )
         wide = between & (turn > WIDEST_TURN)
         if wide.any():
             row = int(left[np.argmax(wide)])
             raise InputError(
-                f"camera's attitude: turns by {np.rad2deg(turn[np.argmax(wide)]):.3g}° from {self.time[row]:.10g} to "
-                f"{self.time[row + 1]:.10g} s, expected at most {np.rad2deg(WIDEST_TURN):.0f}° from row to row"
+                f"camera's attitude: turns by {np.rad2deg(turn[np.argmax(wide)]):.3g}° from "
+                f"{self._from_to(row, row + 1, lag)}, expected at most {np.rad2deg(WIDEST_TURN):.0f}° from row to row"
             )
 
 

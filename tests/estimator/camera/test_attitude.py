@@ -84,6 +84,16 @@ def test_times_outside_and_in_gaps_are_refused():
         gap.at(np.array([11.0]))
 
 
+def test_refusals_tell_times_in_the_seconds_of_the_tracks():
+    """Both were told as they are counted, so that second 1 was said not to be in 0 to 60."""
+    kept = (TIME <= 10) | (TIME >= 32)
+    gap = AttitudeSeries(TIME[kept], QUATERNION[kept], "2026-03-01T12:00:00Z")
+    with pytest.raises(InputError, match=r"none for the time 1 s, expected rows that span it, found -60 to 0 s"):
+        gap.at(np.array([0.0, 1.0]), "2026-03-01T12:01:00Z")
+    with pytest.raises(InputError, match=r"no row from -50 to -28 s, where there are tracks"):
+        gap.at(np.array([-30.0]), "2026-03-01T12:01:00Z")
+
+
 def test_too_wide_a_turn_is_not_interpolated():
     wide = AttitudeSeries([0.0, 1.0], [[1, 0, 0, 0], [np.cos(0.1), np.sin(0.1), 0, 0]])
     wide.at(np.array([0.0, 1.0]))
