@@ -82,7 +82,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
         raise too_few_features(used)
     # Short intervals take the most time, and have shapes of little use: they are gathered by the long ones.
     long = [interval for interval in intervals if interval.length >= MIN_FRAMES] or intervals
-    registrations, blocks = [], []
+    chosen, registrations, blocks = set(long), [], []
     for interval in long:
         rows = enough[interval.frames]
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MAX_SHAPE_FRAMES)).astype(int))]
@@ -92,7 +92,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
     pooled = pooled_noise(registrations, blocks)
     told = noise_of_distances(position, used) if pooled is None else pooled
     noise, sightings = told.deviation, Sightings(position, used, told.deviation)
-    shapes, loose = [], [_placed(interval, enough) for interval in intervals if interval not in set(long)]
+    shapes, loose = [], [_placed(interval, enough) for interval in intervals if interval not in chosen]
     for interval, fitted in zip(long, registrations, strict=True):
         placed = _placed(interval, enough)
         if (fitted.moment > max((OFF_LINE * noise) ** 2, (1e-9 * fitted.radius) ** 2)).any():

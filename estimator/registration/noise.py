@@ -58,12 +58,11 @@ def noise_of_distances(position: FloatArray, used: BoolArray) -> Noise:
     the next; 0 if no two features are seen together twice. A body that is no larger than the noise makes it too small,
     by a third or so.
     """
-    first, second = np.triu_indices(used.shape[1], 1)
-    both = used[:, first] & used[:, second]
+    seen = used.astype(np.float64)
     differences = [np.zeros(0)]
-    for pair in np.nonzero(both.sum(axis=0) >= 2)[0][:MAX_PAIRS].tolist():
-        rows = both[:, pair]
-        distance = np.linalg.norm(position[rows, first[pair]] - position[rows, second[pair]], axis=1)
+    for first, second in np.argwhere(np.triu(seen.T @ seen, 1) >= 2)[:MAX_PAIRS].tolist():
+        rows = used[:, first] & used[:, second]
+        distance = np.linalg.norm(position[rows, first] - position[rows, second], axis=1)
         differences.append(np.abs(np.diff(distance)))
     difference = np.concatenate(differences)
     if not len(difference):
