@@ -2,7 +2,7 @@
 
 Unknowns are the path's x, each body's points b (in its own axes S, origin at the centre of mass), and one rotation per
 frame. The rotations are eliminated frame by frame and the points body by body, which leaves a system in the path's few
-unknowns: the drifting pivot of equations.md, c_k = g(t_k; x) + R_k d, with the weights of the joint adjustment.
+unknowns: the drifting pivot of docs/theory/pivot.md, c_k = g(t_k; x) + R_k d, with the weights of the joint adjustment.
 Shifts of whole frames by noise of a known covariance, as that of a camera's attitude, are eliminated with the
 rotations. The orientation of S is arbitrary; this gauge freedom is fixed by the minimum-norm change of the points.
 

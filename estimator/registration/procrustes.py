@@ -57,7 +57,7 @@ class Registration:
     def angle_deviation(self) -> float:
         """Standard deviation of a pose's rotation about an axis in rad: σ √(1.5/(nρ²)); infinite for a single point.
 
-        The difference of two independent poses has √2 of this, which is the σ √(3/(nρ²)) of equations.md.
+        The difference of two independent poses has √2 of this, σ √(3/(nρ²)), see docs/theory/registration.md.
         """
         if self.radius == 0:
             return np.inf

@@ -33,7 +33,7 @@ def test_names_are_unique(count):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_number_of_scalars(count):
-    """As in design.md: J, features and normals, q, ω, elements, chaser, two settings; 6n and 24 outputs; 14 states."""
+    """J, features and normals, q, ω, elements, chaser, two settings; 6n and 24 outputs; 14 states."""
     sizes = {kind: sum(v.size for v in variable_table(count) if v.kind == kind) for kind in Kind}
     assert sizes == {
         Kind.INPUT: 6,

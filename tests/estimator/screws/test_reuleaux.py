@@ -108,9 +108,9 @@ def test_missing_points_are_ignored_and_two_are_too_few():
 def test_noise_of_angle_axis_and_position_follows_the_laws():
     """σ_φ = σ √(3/(nρ²)) for the turn, σ_φ / (2 sin(θ/2)) for the axis, σ √(2/n) / (2 sin(θ/2)) for its place.
 
-    The laws of equations.md, for two noisy clouds. The points are isotropic: the corners of an octahedron, radius 1.
-    The laws are the pose's. The rule (8) sees only what the displacements do along the axis: its axis is √2 noisier, as
-    linearising it shows, also when it takes all points.
+    The laws of docs/theory/screws.md, for two noisy clouds. The points are isotropic: the corners of an octahedron of
+    radius 1. The laws are the pose's. The rule (8) sees only what the displacements do along the axis: its axis is √2
+    noisier, as linearising it shows, also when it takes all points.
     """
     points = np.vstack([np.eye(3), -np.eye(3)])
     n, sigma, angle, trials = 6, 0.005, 1.2, 20000
