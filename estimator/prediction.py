@@ -319,7 +319,10 @@ def times_of(time: ArrayLike) -> FloatArray:
     Raises:
         InputError: they are not finite numbers.
     """
-    times = np.atleast_1d(np.asarray(time, dtype=np.float64))
+    given = np.atleast_1d(np.asarray(time))
+    if given.dtype.kind in "mM":
+        raise InputError(f"times: found {given.dtype}, expected numbers of seconds")
+    times = np.asarray(given, dtype=np.float64)
     if times.ndim != 1 or not len(times) or not (np.abs(times) <= LATEST).all():
         raise InputError(f"times: expected finite numbers within ±{LATEST:g} s")
     return times

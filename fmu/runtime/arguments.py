@@ -15,7 +15,7 @@ def array_of(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) 
         InputError: the value is no array of real numbers, or has another shape; the message names `name`.
     """
     try:
-        if np.iscomplexobj(value):
+        if np.asarray(value).dtype.kind in "mMc":  # durations and datetimes would count in units of their own
             raise TypeError
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:

@@ -229,6 +229,11 @@ def test_times_must_increase(any_fmu, times):
         simulate(any_fmu, times)
 
 
+def test_durations_are_no_times(any_fmu):
+    with pytest.raises(InputError, match=r"times: found array.*\[ms\].*, expected real numbers"):
+        simulate(any_fmu, np.arange(3).astype("timedelta64[ms]"))
+
+
 def test_progress_is_reported_up_to_the_end(any_fmu):
     shares = []
     simulate(any_fmu, np.arange(500.0), progress=shares.append)
