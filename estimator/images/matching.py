@@ -45,16 +45,18 @@ def flow(before: Image, now: Image, places: FloatArray) -> tuple[FloatArray, Boo
     return moved[:, 0].astype(np.float64), same & (forth[:, 0] == 1) & (again[:, 0] == 1)
 
 
-def across(left: Image, right: Image, place: FloatArray) -> FloatArray | None:
-    """Where the right image shows what the left one does at a place (2,), to a pixel: in the same row, farther left.
+def across(left: Image, right: Image, place: FloatArray, shift: float) -> FloatArray | None:
+    """Where the right image shows what the left one does at a place (2,), to a pixel: in the same row, and farther left
+    than what is infinitely far, which is `shift` farther right, px.
 
     None if nothing there is alike, or if the way back leads elsewhere.
     """
     u, v = np.rint(place).astype(int).tolist()
-    there = _best(left, right, (u, v), range(HALF, u + 1))
+    far, end = round(shift), left.shape[1] - HALF
+    there = _best(left, right, (u, v), range(HALF, min(u + far + 1, end)))
     if there is None:
         return None
-    back = _best(right, left, there, range(there[0], left.shape[1] - HALF))
+    back = _best(right, left, there, range(max(there[0] - far, HALF), end))
     if back is None or abs(back[0] - u) > RETURN:
         return None
     return np.array(there, dtype=np.float64)
@@ -64,6 +66,8 @@ def _best(one: Image, other: Image, place: tuple[int, int], columns: range) -> t
     """The pixel of the other image, in these columns, whose patch is most like that of one image at a place."""
     cv2 = opencv()
     u, v = place
+    if not len(columns):
+        return None
     patch = one[v - HALF : v + HALF + 1, u - HALF : u + HALF + 1]
     first, last = columns.start - HALF, columns.stop + HALF
     strip = other[max(v - HALF - ROW, 0) : v + HALF + ROW + 1, first:last]

@@ -51,12 +51,16 @@ class _Pairs:
         patches: Patches,
         surfaces: tuple[Surface, Surface],
         expected: tuple[Places, Places],
+        shift: float,
         coarsest: float = COARSEST,
     ) -> Self:
-        """Those of the features that are found near their expected places, in rows that match, nearer in the right."""
+        """Those of the features that are found near their expected places, in rows that match, nearer than infinity.
+
+        shift: how much farther right than the left image the right one shows what is infinitely far, px.
+        """
         left, right = (patches.found(*image, coarsest) for image in zip(surfaces, expected, strict=True))
         u, v = (left.places.centre - right.places.centre).T
-        return cls(numbers, patches, left, right)[left.there & right.there & (u > 0) & (np.abs(v) <= ROW)]
+        return cls(numbers, patches, left, right)[left.there & right.there & (u > -shift) & (np.abs(v) <= ROW)]
 
     def __getitem__(self, which: BoolArray) -> Self:
         return type(self)(self.numbers[which], self.patches[which], self.left[which], self.right[which])
@@ -99,20 +103,22 @@ class Tracker:
         right, other = flow(self._before[1], images[1], before.right.places.centre)
         seen = one & other
         expected = Places(left, before.left.places.A), Places(right, before.right.places.A)
-        return _Pairs.of(before.numbers[seen], before.patches[seen], surfaces, (expected[0][seen], expected[1][seen]))
+        there = expected[0][seen], expected[1][seen]
+        return _Pairs.of(before.numbers[seen], before.patches[seen], surfaces, there, self.rectified.shift)
 
     def _new(self, images: tuple[Image, Image], surfaces: tuple[Surface, Surface], followed: _Pairs | None) -> _Pairs:
         """New features, where there is room."""
         taken = np.zeros((0, 2)) if followed is None else followed.left.places.centre
-        room = self.most - len(taken)
+        room, shift = self.most - len(taken), self.rectified.shift
         places = [
             (place, there)
             for place in corners(images[0], taken, room if room >= self.most * ROOM else 0)
-            if (there := across(*images, place)) is not None
+            if (there := across(*images, place, shift)) is not None
         ]
         left, right = np.array(places, dtype=np.float64).reshape(-1, 2, 2).swapaxes(0, 1)
         expected = Places.upright(left), Places.upright(right)
-        found = _Pairs.of(np.arange(len(left)), Patches.at(surfaces[0], left), surfaces, expected, COARSEST_NEW)
+        patches = Patches.at(surfaces[0], left)
+        found = _Pairs.of(np.arange(len(left)), patches, surfaces, expected, shift, COARSEST_NEW)
         first, self._numbered = self._numbered, self._numbered + len(found.numbers)
         # The left patch is the feature's own: the residuals, which are none, don't tell its noise.
         own = Found(found.left.places, found.right.covariance, found.left.there)
