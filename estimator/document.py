@@ -171,6 +171,7 @@ class EstimateDocument(Part):
 
     schema_version: Literal[1] = SCHEMA_VERSION
     version: str = Field(description="of baryscope")
+    epoch: str | None = Field(description="UTC of time 0; null if it is not known")
     method: str
     status: Status = Field(description="whether the estimate can be used")
     path: str = Field(description="the path's model: fixed, polynomial:N, relative-orbit, fixed in LVLH")
@@ -195,6 +196,7 @@ def document_of(result: Estimate) -> EstimateDocument:
     """The document of an estimate: everything except its series over time."""
     return EstimateDocument(
         version=result.version,
+        epoch=result.epoch,
         method=result.method,
         status=result.status,
         path=result.path,

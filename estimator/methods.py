@@ -1,7 +1,7 @@
 """The list of all methods, for the command line and the tests, and the functions that call them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -51,7 +51,8 @@ class Method:
             return self.run(tracks, orbit, told, progress)
 
         found = with_credible_sigma(fit, chosen) if isinstance(chosen, PathOptions) else fit(chosen)
-        return claimed(considered(found, tracks))
+        epoch = tracks.epoch or (None if orbit is None else orbit.epoch)
+        return replace(claimed(considered(found, tracks)), epoch=epoch)
 
 
 def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:

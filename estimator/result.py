@@ -163,6 +163,7 @@ class Estimate:
         process_noise: None if the method has no model of it.
         predictor: of positions and velocities at other times, see `predict`; None if the method has none.
         widening: what misfits and a camera's errors add to predictions; the covariances above have it already.
+        epoch: UTC of time 0 in ISO 8601, as tracks or orbit tell; None if it is not known.
     """
 
     time: FloatArray
@@ -190,6 +191,7 @@ class Estimate:
     version: str = VERSION
     forces: tuple[Factor, ...] = ()
     widening: Widening = UNCHANGED
+    epoch: str | None = None
 
     def to_dataset(self) -> "Dataset":
         """The estimate over time as a dataset of xarray, in the units above: what the method has of position, velocity,
@@ -219,7 +221,7 @@ class Estimate:
         present = {
             name: (dims, given, {"units": unit}) for name, (dims, given, unit) in values.items() if given is not None
         }
-        found = dataset(self.time, None, present, "centre of mass in frame C", {"feature": list(self.labels)})
+        found = dataset(self.time, self.epoch, present, "centre of mass in frame C", {"feature": list(self.labels)})
         found.attrs |= {"method": self.method, "path": self.path, "status": str(self.status)}
         found.attrs["source"] = f"baryscope {self.version}"
         return found

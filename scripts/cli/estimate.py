@@ -1,7 +1,7 @@
 """`baryscope estimate`: the centre of mass from a file of tracks, without a unit and without truth."""
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,7 +16,7 @@ from baryscope.estimator.plausibility import refuse_implausible
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.ephemeris.utc import utc_of
+from baryscope.models.ephemeris.utc import utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import load_orbit
@@ -196,6 +196,7 @@ def estimate_file(
             options, point = forces.read_into(options, epoch, turned), prediction.point_of(data)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, camera=turned, progress=share)
+            result = replace(result, epoch=epoch or result.epoch)
     lines = summary(result)
     found = None if prediction.predict is None else result.predict(prediction.times(data), point)
     if found is not None:
@@ -222,14 +223,14 @@ def _csv(path: Path) -> Path:
 
 
 def _epoch(tracks: FeatureTracks, given: str | None) -> str | None:
-    """The UTC of time 0, as given on the command line or by the tracks.
+    """The UTC of time 0 in ISO 8601, as given on the command line or by the tracks.
 
     Raises:
         InputError: both give it.
     """
     if given is not None and tracks.epoch is not None:
         raise InputError(f"--epoch: found {given} beside tracks with UTC times, expected one of the two")
-    return tracks.epoch if given is None else given
+    return tracks.epoch if given is None else utc_text(utc_of(given, "--epoch"))
 
 
 def _choice(method: str | None, for_path: dict[str, Any], for_screws: dict[str, Any]) -> tuple[str, Options]:

@@ -7,9 +7,19 @@ import pandas
 import polars
 import pytest
 import xarray
+from scipy.spatial.transform import Rotation
 
-from baryscope.estimator import FeatureTracks, dataset_of_tracks, tracks_of, tracks_of_dataset, write_tracks
+from baryscope.estimator import (
+    FeatureTracks,
+    dataset_of_tracks,
+    estimate,
+    tracks_of,
+    tracks_of_dataset,
+    write_tracks,
+)
 from baryscope.models.errors import InputError
+from baryscope.models.orbit import Orbit
+from synthetic import box_features
 
 BEGIN = datetime(2026, 3, 1, 12, tzinfo=UTC)
 MILLISECONDS = [timedelta(milliseconds=250 * k) for k in range(3)]
@@ -73,6 +83,23 @@ def test_a_dataset_whose_times_xarray_has_decoded(tmp_path):
     lasting = dataset_of_tracks(FeatureTracks(dated.time, position, dated.labels))
     lasting["time"] = (1e3 * lasting["time"].values).astype("timedelta64[ms]")
     assert tracks_of_dataset(lasting)[0].time.tolist() == dated.time.tolist()
+
+
+def test_an_estimate_of_dated_tracks_is_dated(tmp_path):
+    """Its path was in seconds from a time that neither its files nor its dataset told."""
+    time = np.arange(20.0)
+    turn = Rotation.from_rotvec(time[:, None] * [0.0, 0.06, 0.08]).as_matrix()
+    position = box_features(4, (4, 3, 2), seed=1) @ np.swapaxes(turn, 1, 2)
+    dated = FeatureTracks(time, position, list("abcd"), epoch="2026-03-01T12:00:00Z")
+    result = estimate(dated, method="score")
+    assert result.epoch == dated.epoch
+    result.to_dataset().to_netcdf(tmp_path / "e.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "e.nc", engine="h5netcdf") as found:
+        assert str(found["time"].values[2]) == "2026-03-01T12:00:02.000000000"
+    orbit = Orbit(7.2e6, 0.0, 1.7, epoch="2026-03-02T00:00:00Z")  # the elements are those of time 0
+    undated = FeatureTracks(time, position, dated.labels)
+    assert estimate(undated, method="score", orbit=orbit).epoch == orbit.epoch
+    assert estimate(undated, method="score").epoch is None
 
 
 @pytest.mark.parametrize("kind, unit", [("datetime64", "D"), ("datetime64", "ns"), ("timedelta64", "ms")])

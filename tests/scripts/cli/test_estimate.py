@@ -1,6 +1,7 @@
 """`baryscope estimate` on small files: what it prints."""
 
 import csv
+import json
 import re
 
 import numpy as np
@@ -56,7 +57,10 @@ def test_a_tle_needs_the_utc_of_the_tracks(tracks, tmp_path, capsys):
     FeatureTracks(read.time, read.position, read.labels, epoch="2000-06-28T00:00:00Z").write_csv(dated)
     command = ["--orbit", str(orbit), "--trajectory", "fixed"]
     assert app.main(["estimate", str(dated), *command]) == 0
-    assert app.main(["estimate", str(tracks), *command, "--epoch", "2000-06-28T00:00:00Z"]) == 0
+    given = str(tmp_path / "given.csv")
+    assert app.main(["estimate", str(tracks), *command, "--epoch", "2000-06-28T00:00:00.0", "-o", given]) == 0
+    for name in ("dated.estimate.json", "given.json"):  # so that the times of the path are more than seconds
+        assert json.loads((tmp_path / name).read_text(encoding="utf-8"))["epoch"] == "2000-06-28T00:00:00Z"
     capsys.readouterr()
     assert app.main(["estimate", str(tracks), *command]) == 2
     assert "mean elements of 2000-06-27T18:50:19.734Z, but when time 0" in capsys.readouterr().err
