@@ -27,6 +27,7 @@ from documents import (
 
 LONG_FLIGHT = 300.0  # s
 ROOMS = ["models", "fmu", "estimator", "scripts", "tests"]
+SOURCES = {".py", ".c", ".h", ".js", ".mjs"}
 
 
 @pytest.mark.parametrize("document", [*FRONT, *PAGES])
@@ -132,6 +133,17 @@ def test_source_files_that_are_cited_exist(document):
         assert found, name
         assert all(path.is_file() for path in found), name
         assert not function or f"def {function}(" in found[0].read_text(encoding="utf-8"), function
+
+
+def test_documents_that_sources_cite_exist():
+    """A page by its path or its name alone, or one of the two that commands write."""
+    known = {*FRONT, *PAGES, *(page.rpartition("/")[2] for page in PAGES), "bound.md", "summary.md"}
+    sources = [path for room in ROOMS for path in (ROOT / room).rglob("*") if path.suffix in SOURCES]
+    cited = {
+        (path, name) for path in sources for name in re.findall(r"[\w/-]+\.md\b", path.read_text(encoding="utf-8"))
+    }
+    assert len(cited) > 20
+    assert not sorted((str(path), name) for path, name in cited if name.strip("/") not in known)
 
 
 def test_the_site_has_all_pages():
