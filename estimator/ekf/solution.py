@@ -66,13 +66,17 @@ def parameters_of(forward: Forward, member: int, prior: Prior) -> Parameters:
         raise diverged()
     axes = scale[:, None] * axes[:, known]
     theta = axes @ ((axes.T @ (prior.information @ prior.mean - cost[1:, 0])) / values[known])
-    theta += own @ np.linalg.solve(of_prior, own.T @ prior.information @ (prior.mean - theta))
+    try:
+        theta += own @ np.linalg.solve(of_prior, own.T @ prior.information @ (prior.mean - theta))
+        of_own = own @ np.linalg.inv(of_prior) @ own.T
+    except np.linalg.LinAlgError as error:  # positive, but by so little that it is none
+        raise diverged() from error
     off = theta - prior.mean
     squares = cost[0, 0] + 2 * cost[1:, 0] @ theta + theta @ cost[1:, 1:] @ theta + off @ prior.information @ off
     if squares < -LOST * abs(cost[0, 0]):
         raise diverged()
     determinant = float(np.log(values[known]).sum() + np.log(least).sum() - 2 * np.log(scale).sum())
-    covariance = (axes / values[known]) @ axes.T + own @ np.linalg.inv(of_prior) @ own.T
+    covariance = (axes / values[known]) @ axes.T + of_own
     determinant += float(forward.log_determinant[member])
     gradient = cost[1:, 0] + cost[1:, 1:] @ theta
     return Parameters(theta, covariance, cost[1:, 1:], gradient, float(squares), determinant)
