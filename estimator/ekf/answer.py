@@ -22,7 +22,7 @@ from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.products import product_gradient
 from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
 from baryscope.estimator.findings import FewFrames, UnknownBurn
-from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.geometry.gauge import are_in_line, turn_by_points
 from baryscope.estimator.pivot.burns import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
@@ -183,7 +183,8 @@ def _cluster(
     tracks: FeatureTracks, points: FloatArray, features: IntArray, weight: FloatArray, answer: _Answer
 ) -> Cluster:
     """All features as one cluster, with the mean offset."""
-    frames = np.nonzero((weight > NEGLIGIBLE).sum(axis=1) >= 3)[0]
+    least = 2 if are_in_line(points) else 3  # features by which a frame tells of the body
+    frames = np.nonzero((weight > NEGLIGIBLE).sum(axis=1) >= least)[0]
     intervals = cut_intervals(tracks.seen, np.zeros(len(tracks.time) - 1, dtype=bool))
     moved = points - points.mean(axis=0) + answer.offset
     body = Body(features, frames, moved, np.empty((0, 3, 3)), intervals)

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.pivot import method
 from baryscope.estimator.result import Status
+from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, Reason
 from free_paths import BOTH, FEATURES, NOISE, found_by, in_orbit, squared_error, turning
 from synthetic import make_case
@@ -33,6 +35,19 @@ def test_errors_are_as_large_as_claimed(method, features):
         squares.append(squared_error(found, made))
     low, high = chi2.ppf([0.0005, 0.9995], 3 * DRAWS) / DRAWS
     assert low < np.mean(squares) < high
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_frames_that_show_two_of_them_are_covered(method, tmp_path):
+    """By ekf none was, and the estimate could not be written."""
+    made = case(TWO, 1)
+    position = made.tracks.position.copy()
+    position[40:45, 1] = np.nan
+    found = estimate(FeatureTracks(made.tracks.time, position, made.tracks.labels), method=method)
+    covered = np.ones(FRAMES, dtype=bool)
+    covered[40:45] = False
+    np.testing.assert_array_equal(found.covered, covered)
+    write_estimate(found, tmp_path / "e.csv")
 
 
 def test_without_noise_two_features_tell_the_centre_of_mass_exactly():
