@@ -164,7 +164,8 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
             gained = np.einsum("kij,qjk->qik", noise @ np.linalg.inv(np.eye(3) + known @ noise), rows)
             total.eliminate(rows, gained)
             moved, rhs = gained[-1].T, rows[-1].T
-            total.noise_cost += float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
+            cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))
+            total.noise_cost += max(cost, 0.0)  # squares, if it were not for rounding
             turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)
             there = origin + np.einsum("kij,kj->ki", R_C_B, moved)
             squares = pieces(here, R_C_B @ exp_rotation(turned), there, body.points).squares

@@ -32,3 +32,17 @@ def test_both_ways_give_the_same_sums(shifted):
     for name, found in vars(simple[1]).items():
         expected = getattr(general[1], name)
         np.testing.assert_allclose(found, expected, atol=1e-11 * max(np.abs(expected).max(), 1.0), err_msg=name)
+
+
+def test_movements_of_frames_cost_nothing_where_they_explain_all():
+    """Without noise their squares are rounding, half of which is below zero: variances were negative."""
+    frames, features = np.arange(N), np.arange(M)
+    for draw in range(20):
+        rng = np.random.default_rng(draw)
+        points, attitude = rng.normal(size=(M, 3)), Rotation.random(N, random_state=draw).as_matrix()
+        path = Polynomial(2, 0.0, 1.0).at(np.linspace(0.0, 1.0, N))
+        origin = path.position(rng.normal(size=9))
+        observations = Observations(origin[:, None] + points @ np.swapaxes(attitude, 1, 2), np.ones((N, M)))
+        shift = np.broadcast_to(1e18 * np.eye(3), (N, 3, 3))
+        _, sums, _ = eliminated(Body(features, frames, points, attitude), observations, AllFrames(path, origin, shift))
+        assert 0 <= sums.noise_cost < 1e-24
