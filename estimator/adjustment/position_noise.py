@@ -27,10 +27,14 @@ SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Of the n frames of a body: shift (n, 3) in C, m, and the variance (n,) to which a coordinate is known, m²."""
+    """Of the n frames of a body: shift (n, 3) in C, m, and the variance (n,) to which a coordinate is known, m².
+
+    directions: in how many a frame tells its shift, two of features in a line; frames that tell fewer tell nothing.
+    """
 
     shift: FloatArray
     variance: FloatArray
+    directions: int
 
 
 def position_variance(bodies: Sequence[Body], observations: Observations, origin: FloatArray, variance: float) -> float:
@@ -48,10 +52,12 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
         moved = (np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0]
         squares.append(moved[known] ** 2 / along[known] / variance)
         values.append(along[known] / variance)
-        own_variances = np.divide(variance, along, out=np.full_like(along, np.inf), where=known)
+        directions = int(known.sum(axis=1).max(initial=0))
+        told = np.divide(variance, along, out=np.zeros_like(along), where=known).sum(axis=1) / max(directions, 1)
         shift = np.divide(moved, along, out=np.zeros_like(along), where=known)
         shift = (body.attitude @ axes @ shift[:, :, None])[:, :, 0]
-        series.append(_Shifts(shift, own_variances.mean(axis=1)))
+        whole = (known.sum(axis=1) == directions) & (directions > 0)
+        series.append(_Shifts(shift, np.where(whole, told, np.inf), directions))
     size, square = np.concatenate(values), np.concatenate(squares)
     low, high = np.log(np.array(RANGE) / np.median(size))
 
@@ -74,6 +80,7 @@ def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
     """
     weights = [slip / (slip + one.variance) for one in series]
     shifts = [weight[:, None] * one.shift for one, weight in zip(series, weights, strict=True)]
-    frames = sum(float((weight**2).sum()) for weight in weights)
-    observed = sum(float(np.vdot(shift, shift)) for shift in shifts) / (3 * frames * slip)
-    return growth_by_lasting(shifts, 3 * frames, frames, observed)
+    counts = [float((weight**2).sum()) for weight in weights]
+    values = sum(one.directions * count for one, count in zip(series, counts, strict=True))
+    observed = sum(float(np.vdot(shift, shift)) for shift in shifts) / (values * slip)
+    return growth_by_lasting(shifts, values, sum(counts), observed)

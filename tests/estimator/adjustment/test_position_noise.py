@@ -11,12 +11,12 @@ POINTS = np.array([[0.05, 0.0, 0.2], [0.0, 0.06, 0.25], [-0.04, 0.02, 0.22], [0.
 SLIP = 5e-4
 
 
-def cases(slip, draws):
+def cases(slip, draws, points=POINTS):
     time, R = turning(200, 1.0)
     for seed in range(draws):
         com = at_rest(time)
         moved = com + slip * np.random.default_rng([seed, 1]).normal(size=com.shape)
-        yield com, make_case(time, R, moved, POINTS, noise=2e-4, seed=seed)
+        yield com, make_case(time, R, moved, points, noise=2e-4, seed=seed)
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,20 @@ def test_a_pivot_that_slips_is_found_and_covered(method, trajectory, draws):
         assert found.status.trustworthy
     # 600 values give the deviation to 3 %; the mean of n values of χ²₃ has a standard deviation of √(6/n).
     assert np.median(noises) == pytest.approx(SLIP, rel=0.1)
+    assert np.mean(squares) < 3 + 4 * np.sqrt(6 / draws)
+
+
+@pytest.mark.parametrize(("method", "draws"), [("pivot", 8), ("ml", 4)])
+def test_a_slip_is_found_by_two_features(method, draws):
+    """Their frames tell two directions of it; there was none to go by how long it lasts, and a division by zero."""
+    squares, noises = [], []
+    for com, case in cases(SLIP, draws, POINTS[[0, 2]] + [0.1, 0.05, 0.0]):
+        found = estimate(case.tracks, method=method, options=PathOptions(trajectory="fixed"))
+        error = found.position[100] - com[100]
+        squares.append(error @ np.linalg.solve(found.covariance[100], error))
+        noises.append(found.details.position_noise)
+    # 400 values give the deviation to 4 %.
+    assert np.median(noises) == pytest.approx(SLIP, rel=0.15)
     assert np.mean(squares) < 3 + 4 * np.sqrt(6 / draws)
 
 
