@@ -17,7 +17,7 @@ from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
-from baryscope.estimator.geometry.symmetric import FULL, elements_of, symmetric_inverses
+from baryscope.estimator.geometry.symmetric import FULL, elements_of, inverted_sums, symmetric_inverses
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -161,7 +161,7 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
         if frames.shift is not None:
             noise = np.swapaxes(R_C_B, 1, 2) @ frames.shift[index] @ R_C_B
             known = rows[:3].transpose(2, 1, 0)
-            gained = np.einsum("kij,qjk->qik", noise @ np.linalg.inv(np.eye(3) + known @ noise), rows)
+            gained = np.einsum("kij,qjk->qik", inverted_sums(noise, known), rows)
             total.eliminate(rows, gained)
             moved, rhs = gained[-1].T, rows[-1].T
             cost = float(np.vdot(moved, rhs - np.einsum("kij,kj->ki", known, moved)))

@@ -10,6 +10,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices, turned_information
+from baryscope.estimator.geometry.symmetric import inverted_sums
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
@@ -169,7 +170,7 @@ class NoisyAttitudes:
         known, _ = found.shift_alone()
         if shift is not None:
             noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude
-            known = known @ np.linalg.inv(np.eye(3) + noise @ known)
+            known = inverted_sums(known, noise)
         covariance = attitude_covariances(found.turn, variance)
         greatest = np.asarray(np.linalg.eigvalsh(covariance)[:, -1], dtype=np.float64)
         return cls(every, frames, attitude, known, covariance, greatest)

@@ -126,6 +126,19 @@ def symmetric_inverses(matrix: FloatArray) -> FloatArray:
     return np.asarray(scale[:, None, None] * inverse)
 
 
+def inverted_sums(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(A⁻¹ + B)⁻¹ of positive semidefinite A and B (n, 3, 3), also where they are singular: A (1 + B A)⁻¹.
+
+    A covariance and what else is known, or an information and what noise hides of it. With A = L Lᵀ it is
+    L (1 + M)⁻¹ Lᵀ. M = Lᵀ B L has no eigenvalue below zero, so that 1 + M is not singular, however great B is.
+    """
+    values, axes = np.linalg.eigh(one)
+    root = axes * np.sqrt(np.maximum(values, 0.0))[:, None]
+    told, along = np.linalg.eigh(np.swapaxes(root, 1, 2) @ other @ root)
+    columns = root @ along
+    return np.asarray((columns / (1 + np.maximum(told, 0.0))[:, None]) @ np.swapaxes(columns, 1, 2))
+
+
 def made_definite(covariance: FloatArray) -> FloatArray:
     """Covariances (n, 3, 3) that are positive definite in double precision, wider by what rounding lost where it did.
 

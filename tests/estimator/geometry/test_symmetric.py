@@ -7,6 +7,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import (
     eigen,
     inverse_across,
+    inverted_sums,
     made_definite,
     null_space_of,
     symmetric_pseudo_inverse,
@@ -20,6 +21,29 @@ def test_pseudo_inverse_is_independent_of_scale():
     found = symmetric_pseudo_inverse(matrix) * np.outer(scale, scale)
     np.testing.assert_allclose(found, np.linalg.inv(factor @ factor.T), rtol=1e-7)
     assert null_space_of(matrix).shape == (6, 0)
+
+
+def test_inverted_sums_of_regular_and_of_singular_matrices():
+    """Of a singular A as of one that is nearly so."""
+    factors = np.random.default_rng(3).normal(size=(2, 50, 3, 3))
+    A, B = factors @ np.swapaxes(factors, 2, 3) + 0.1 * np.eye(3)
+    np.testing.assert_allclose(inverted_sums(A, B), np.linalg.inv(np.linalg.inv(A) + B), rtol=1e-9, atol=1e-12)
+    flat, thin = (np.linalg.qr(factors[0])[0] * [1.0, 2.0, least] for least in (0.0, 1e-4))
+    nearly = np.linalg.inv(np.linalg.inv(thin @ np.swapaxes(thin, 1, 2)) + B)
+    np.testing.assert_allclose(inverted_sums(flat @ np.swapaxes(flat, 1, 2), B), nearly, atol=1e-6)
+    np.testing.assert_array_equal(inverted_sums(np.zeros((1, 3, 3)), B[:1]), 0)
+    np.testing.assert_allclose(inverted_sums(A[:1], np.zeros((1, 3, 3))), A[:1], rtol=1e-12)
+
+
+def test_inverted_sums_are_covariances_however_great_the_information_is():
+    """Of two directions, of 26 digits more than the covariance: by rounding A (1 + B A)⁻¹ is indefinite, or there is
+    none."""
+    factors = np.random.default_rng(4).normal(size=(2, 200, 3, 3))
+    A = factors[0] @ np.swapaxes(factors[0], 1, 2)
+    columns = 1e13 * factors[1][:, :, :2]
+    found = inverted_sums(A, columns @ np.swapaxes(columns, 1, 2))
+    assert (np.linalg.eigvalsh(found) >= -1e-15 * np.trace(found, axis1=1, axis2=2)[:, None]).all()
+    assert (np.linalg.eigvalsh(A - found) >= -1e-14 * np.trace(A, axis1=1, axis2=2)[:, None]).all()
 
 
 def test_null_space_is_left_out_and_returned():
