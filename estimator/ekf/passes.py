@@ -17,6 +17,7 @@ from baryscope.estimator.ekf.motion import gravity_gradient_axis
 from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
+from baryscope.estimator.geometry.symmetric import eigen
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FloatArray
 from baryscope.models.errors import ComputationError
@@ -27,6 +28,7 @@ ROUGH_TURN = 0.03  # rad, median of a pass
 MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates over the greatest at first, are cut
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
 STEP_TOLERANCE = 0.1  # squared length of the last step of the inertia, in units of its covariance
+LOST = 1e-15  # of the greatest variance of the inertia's coefficients: a smaller one is rounding
 WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
 MAX_SOUGHT = 3  # how often a path's hyperparameters are sought anew
 THETA_TOLERANCE = 0.1  # of these logarithms
@@ -313,10 +315,16 @@ def _has_stayed(problem: Problem, after: Reference, solution: Solution, variance
     if last is None or last.bank is None:
         return False
     inertia, own = solution.theta[:INERTIA], variance * solution.of_theta[:INERTIA, :INERTIA]
-    if inertia @ np.linalg.solve(own, inertia) > STEP_TOLERANCE:
+    if squared_length(inertia, own) > STEP_TOLERANCE:
         return False
     squares = np.sum((after.origin - last.after.origin) ** 2, axis=1)
     return bool(np.all(squares <= TOLERANCE**2 * variance * _position_variance(solution) + problem.floor))
+
+
+def squared_length(step: FloatArray, covariance: FloatArray) -> float:
+    """The square of a step (q,) in units of a covariance (q, q), whose smallest variances may be lost in rounding."""
+    values, axes = eigen(covariance)
+    return float(np.sum((axes.T @ step) ** 2 / np.maximum(values, LOST * values[-1] + 1e-300)))
 
 
 def _position_variance(solution: Solution) -> FloatArray:
