@@ -10,6 +10,7 @@ from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.claims import claimed
 from baryscope.estimator.consider import considered
 from baryscope.estimator.ekf.method import estimate_by_filter
+from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.ml.method import estimate_by_likelihood
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
@@ -51,8 +52,9 @@ class Method:
             return self.run(tracks, orbit, told, progress)
 
         found = with_credible_sigma(fit, chosen) if isinstance(chosen, PathOptions) else fit(chosen)
-        epoch = tracks.epoch or (None if orbit is None else orbit.epoch)
-        return replace(claimed(considered(found, tracks)), epoch=epoch)
+        found = claimed(considered(found, tracks))
+        covariance = None if found.covariance is None else made_definite(found.covariance)
+        return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))
 
 
 def _at_once(run: Callable[[FeatureTracks, Orbit | None, Any], Estimate]) -> Callable[..., Estimate]:

@@ -98,6 +98,16 @@ def test_a_pure_spin_is_not_observable(time):
         assert normalised(found) < 16.3  # of χ² with three degrees of freedom, 1e-3
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.02, 0.2])
+def test_a_covariance_is_definite_that_is_metres_along_an_axis_and_nothing_across(time, turn):
+    """Tracks without noise of a body that spins or is still: an eigenvalue of the covariance was −1e-14 m²."""
+    some, axes = time[:60], np.random.default_rng(1).normal(size=(20, 3))
+    for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):
+        R = Rotation.from_rotvec(turn * some[:, None] * axis).as_matrix()
+        tracks = make_case(some, R, np.tile(CENTRE, (60, 1)), box_features(4, (2, 2, 2), seed=1)).tracks
+        assert np.linalg.eigvalsh(estimate(tracks, method="score").covariance)[:, 0].min() > 0
+
+
 def test_errors_name_what_is_wrong(case_of, at_rest, orbit):
     tracks = case_of(at_rest).tracks
     with pytest.raises(InputError, match="trajectory is 'relative-orbit', expected fixed"):
