@@ -64,11 +64,13 @@ def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[Featur
     if "position" not in found or set(found["position"].dims) != {"time", "feature", "axis"}:
         dims = found["position"].dims if "position" in found else "no variable of that name"
         raise InputError(f"{source}, position: {dims}, expected the dimensions time, feature and axis")
+    for name in ("axis", "axis_"):
+        found = _in_order(found, name, source)
     position = found["position"].transpose("time", "feature", "axis")
     covariance = None
     if "covariance" in found:
         covariance = found["covariance"].transpose("time", "feature", "axis", "axis_").values
-    time, epoch = _times(found["time"], source)
+    time, epoch = _times(found, source)
     try:
         labels = [str(label) for label in found["feature"].values]
         tracks = FeatureTracks(time, position.values, labels, covariance, epoch)
@@ -77,12 +79,29 @@ def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[Featur
     return tracks, str(position.attrs.get("units", "m"))
 
 
-def _times(time: Any, source: str) -> tuple[Any, str | None]:
+def _in_order(found: "Dataset", dimension: str, source: str) -> "Dataset":
+    """The dataset with x, y and z in this order along a dimension; without labels, they are.
+
+    Raises:
+        InputError: it has other labels.
+    """
+    if dimension not in found.coords:
+        return found
+    labels = [str(label) for label in found[dimension].values]
+    if sorted(labels) != AXES:
+        raise InputError(f"{source}, {dimension}: found {', '.join(labels)}, expected {', '.join(AXES)}")
+    return found.isel({dimension: [labels.index(axis) for axis in AXES]})
+
+
+def _times(found: "Dataset", source: str) -> tuple[Any, str | None]:
     """Times (n,) in s, and the UTC of time 0 if it is known.
 
     Raises:
-        InputError: they are in another unit.
+        InputError: there are none, or in another unit.
     """
+    if "time" not in found.variables:
+        raise InputError(f"{source}, time: no variable of that name, expected the times of the frames")
+    time = found["time"]
     moments = seconds_of(time.values, lambda frame: f"{source}, time of frame {frame}")
     if moments is not None:  # xarray has decoded them
         seconds, first = moments

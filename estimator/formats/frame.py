@@ -78,7 +78,10 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
 def _numbers(column: Any, name: str, source: str) -> FloatArray:
     expected = "expected finite numbers, one for each row"
     try:
-        values, logical = np.asarray(column, dtype=np.float64), _is_logical(np.asarray(column))
+        given = np.asarray(column)
+        if given.dtype.kind in "mM":
+            raise TypeError("times")  # of which numpy takes the counts of nanoseconds
+        values, logical = given.astype(np.float64), _is_logical(given)
     except (TypeError, ValueError) as error:
         raise InputError(f"{source}, column {name}: not numbers ({error})") from error
     if values.ndim != 1 or logical:

@@ -28,7 +28,7 @@ def seconds_of(times: Any, place: Callable[[int], str]) -> tuple[FloatArray, Mom
         None if these are no such times but, as it seems, numbers.
 
     Raises:
-        InputError: a datetime that is missing, or a text that is no UTC time.
+        InputError: a datetime that is missing, a text that is no UTC time, or a cell of another kind than the first.
     """
     column = _column_of(times, place)
     if column.dtype.kind == "m":
@@ -55,15 +55,28 @@ def _column_of(times: Any, place: Callable[[int], str]) -> NDArray[Any]:
         case str(text) if FORM.fullmatch(text):
             return _moments(cells, place)
         case datetime():
-            return np.array([_naive(cell) for cell in cells], dtype="datetime64[ns]")
+            return np.array([_naive(cell, place(row)) for row, cell in enumerate(cells)], dtype="datetime64[ns]")
         case timedelta():
-            return np.array(cells, dtype="timedelta64[ns]")
+            return np.array([_duration(cell, place(row)) for row, cell in enumerate(cells)], dtype="timedelta64[ns]")
     return column
 
 
-def _naive(moment: datetime | None) -> datetime | None:
-    """A datetime in UTC, without its time zone."""
-    return moment if moment is None or moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
+def _naive(cell: Any, place: str) -> datetime | None:
+    """A datetime in UTC, without its time zone, or None if it is missing."""
+    if cell is None or cell != cell:  # NaT
+        return None
+    if not isinstance(cell, datetime):
+        raise InputError(f"{place}: found {str(cell)[:40]!r}, expected a datetime")
+    return cell if cell.tzinfo is None else cell.astimezone(UTC).replace(tzinfo=None)
+
+
+def _duration(cell: Any, place: str) -> timedelta | None:
+    """A duration, or None if it is missing."""
+    if cell is None or cell != cell:  # NaT
+        return None
+    if not isinstance(cell, timedelta):
+        raise InputError(f"{place}: found {str(cell)[:40]!r}, expected a duration")
+    return cell
 
 
 def _moments(cells: Sequence[Any], place: Callable[[int], str]) -> NDArray[np.datetime64]:

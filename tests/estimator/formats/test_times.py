@@ -60,6 +60,19 @@ def test_a_datetime_that_is_missing_is_named():
             tracks_of(rows)
 
 
+@pytest.mark.parametrize(
+    "change, expected",
+    [
+        ({"time": [BEGIN, "x", BEGIN]}, "row 1, column time: found 'x', expected a datetime"),
+        ({"time": [*MILLISECONDS[:2], 0.5]}, "row 2, column time: found '0.5', expected a duration"),
+        ({"time": [0.0, 1.0, 2.0], "x": np.array(MILLISECONDS, dtype="m8[ms]")}, "column x: not numbers .times.$"),
+    ],
+)
+def test_times_among_others_are_named(change, expected):
+    with pytest.raises(InputError, match=f"frame, {expected}"):
+        tracks_of(ROWS | change)
+
+
 def test_a_missing_label_of_pandas_is_an_empty_cell():
     rows = pandas.DataFrame({"time": [0.0, 1.0, 2.0]} | ROWS)
     rows["feature"] = rows["feature"].astype("string")
@@ -83,6 +96,22 @@ def test_a_dataset_whose_times_xarray_has_decoded(tmp_path):
     lasting = dataset_of_tracks(FeatureTracks(dated.time, position, dated.labels))
     lasting["time"] = (1e3 * lasting["time"].values).astype("timedelta64[ms]")
     assert tracks_of_dataset(lasting)[0].time.tolist() == dated.time.tolist()
+
+
+def test_the_axes_of_a_dataset_go_by_their_labels():
+    """One labelled z, y, x was read as x, y, z, a mirror image; one without times had its frames' numbers for seconds."""
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(3, 2, 3, 3))
+    tracks = FeatureTracks([0.0, 1.0, 2.0], rng.normal(size=(3, 2, 3)), ["a", "b"], root @ np.swapaxes(root, 2, 3))
+    found = dataset_of_tracks(tracks)
+    for other in (found.isel(axis=[2, 0, 1], axis_=[1, 2, 0]), found.drop_vars(["axis", "axis_"])):
+        back, _ = tracks_of_dataset(other)
+        np.testing.assert_array_equal(back.position, tracks.position)
+        np.testing.assert_array_equal(back.covariance, tracks.covariance)
+    with pytest.raises(InputError, match="dataset, axis: found e, n, u, expected x, y, z"):
+        tracks_of_dataset(found.assign_coords(axis=["e", "n", "u"]))
+    with pytest.raises(InputError, match="dataset, time: no variable of that name, expected the times of the frames"):
+        tracks_of_dataset(found.drop_vars("time"))
 
 
 def test_an_estimate_of_dated_tracks_is_dated(tmp_path):
