@@ -8,17 +8,28 @@ from baryscope.models.errors import InputError
 Unit = Literal["m", "cm", "mm", "in", "ft", "km"]
 METRES: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048, "km": 1e3}
 """Metres in a unit."""
+SPELLINGS: dict[str, tuple[str, ...]] = {
+    "m": ("metre", "meter"),
+    "cm": ("centimetre", "centimeter"),
+    "mm": ("millimetre", "millimeter"),
+    "in": ("inch", "inches"),
+    "ft": ("foot", "feet"),
+    "km": ("kilometre", "kilometer"),
+}
+"""What files say for a unit besides, in any case, and with an s."""
+_MEANT = {name + end: unit for unit, names in SPELLINGS.items() for name in (unit, *names) for end in ("", "s")}
 
 
 def in_metres(tracks: FeatureTracks, unit: str, source: str) -> FeatureTracks:
-    """Tracks in metres, from tracks whose positions are in a unit and whose covariances are in its square.
+    """Tracks in metres, from tracks whose positions are in a unit, however spelt, and whose covariances in its square.
 
     Raises:
         InputError: there is no such unit; `source` names what has it.
     """
-    if unit not in METRES:
+    meant = _MEANT.get(unit.strip().lower())
+    if meant is None:
         raise InputError(f"{source}: lengths in {unit!r}, expected one of {', '.join(get_args(Unit))}")
-    factor = METRES[unit]
+    factor = METRES[meant]
     if factor == 1.0:
         return tracks
     covariance = None if tracks.covariance is None else tracks.covariance * factor**2

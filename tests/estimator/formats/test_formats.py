@@ -134,6 +134,17 @@ def test_netcdf_and_back(precise, tracks, tmp_path):
     same(read_tracks(path), tracks)
 
 
+@pytest.mark.parametrize("unit", ["millimeter", "millimetres", "MM"])
+def test_units_are_spelt_as_udunits_and_files_do(tracks, tmp_path, unit):
+    found = dataset_of_tracks(tracks)
+    found["position"].attrs["units"] = unit
+    found["position"].data *= 1e3
+    found.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    same(read_tracks(tmp_path / "t.nc"), tracks)
+    (tmp_path / "t.trc").write_text(trc(tracks).replace("\tmm\t", f"\t{unit}\t"), encoding="utf-8")
+    same(read_tracks(tmp_path / "t.trc"), tracks)
+
+
 def test_zarr_and_back(precise, tracks, tmp_path):
     """A folder of Zarr's format 2, which xarray opens by itself; a new one replaces it whole."""
     path = tmp_path / "t.zarr"
