@@ -8,11 +8,17 @@ from baryscope.estimator.adjustment.normal_equations import attitude_covariances
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices
-from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
+from baryscope.estimator.registration.flips import steady
+from baryscope.estimator.registration.screening import screen
+from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray, IntArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.words import counted
 
 ROUNDS = 5  # of the mean shape, each from the poses of the last one
+LEAST_FRAMES = 4
+REPEATS = 5  # of the bodies, each without the frames that are off the last one
+NOISY = 6.0  # times the median of the residuals' lengths, which noise alone does not exceed
+SOFT = 0.2  # of the markers' distances, by which skin changes one at most: what is beyond is another marker, or none
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +27,8 @@ class Body:
 
     rotation R_T_B (k, 3, 3); place (k, 3), m, of the centroid of the mean shape; markers (m, 3), m, that shape in B;
     residual (k, m, 3), m, in T, of each marker from it, NaN where not seen; rms (m,), m, of them per coordinate;
-    weights (k, m), 1 where a marker is seen.
+    weights (k, m), 1 where a marker is seen; left_out (m,): in how many frames of the recording one is seen, but off
+    the body, as where labels are swapped.
     """
 
     rotation: FloatArray
@@ -30,20 +37,20 @@ class Body:
     residual: FloatArray
     rms: FloatArray
     weights: FloatArray
+    left_out: IntArray
 
     @classmethod
-    def of(cls, tracks: FeatureTracks, chosen: BoolArray) -> "Body":
-        """The rigid body of the markers in the chosen frames.
+    def of(cls, tracks: FeatureTracks, used: BoolArray, chosen: BoolArray) -> "Body":
+        """The rigid body of the markers in the chosen frames (n,), from the observations that are used (n, m).
 
         Raises:
             ComputationError: no frame shows all markers, or they are in one line.
         """
-        position, weights = tracks.position[chosen], tracks.seen[chosen].astype(np.float64)
+        position = np.where(used[chosen, :, None], tracks.position[chosen], np.nan)
+        weights = used[chosen].astype(np.float64)
         complete = np.nonzero(weights.all(axis=1))[0]
         if not complete.size:
-            raise ComputationError(
-                f"no frame shows all of {', '.join(tracks.labels)}, expected one at least", Reason.TOO_FEW_FRAMES
-            )
+            raise ComputationError(_never_together(tracks, used), Reason.TOO_FEW_FRAMES)
         shape = position[complete[0]]
         for _ in range(ROUNDS):
             shape = shape - shape.mean(axis=0)
@@ -56,11 +63,22 @@ class Body:
         pose = align(position, shape, weights)
         left = position - shape @ np.swapaxes(pose.rotation, 1, 2) - pose.translation[:, None]
         rms = np.sqrt(np.nanmean(left**2, axis=(0, 2)))
-        return cls(pose.rotation, pose.translation, shape, left, rms, weights)
+        left_out = (tracks.seen & ~used).sum(axis=0)
+        return cls(pose.rotation, pose.translation, shape, left, rms, weights, left_out)
 
     def attitude_noise(self, variance: float) -> FloatArray:
         """The covariances (k, 3, 3), rad², of the attitudes in B, for markers with so much noise per coordinate, m²."""
         return attitude_covariances(turn_information(self.weights, cross_matrices(self.markers)), variance)
+
+    def astray(self, time: FloatArray) -> BoolArray:
+        """In which frames (k,) at times (k,), s, a marker is off the body, or the body off its rotation: where two
+        swapped labels are nearly a mirror image, all distances fit.
+        """
+        m = len(self.markers)
+        length = np.linalg.norm(self.residual, axis=2)
+        soft = SOFT * self.radius * np.sqrt(2 * m / (m - 1))  # the root is that of the markers' rms distance
+        far = np.nan_to_num(length).max(axis=1) > max(soft, NOISY * float(np.nanmedian(length)))
+        return np.asarray(far | ~steady(time / np.median(np.diff(time)), self.rotation))
 
     @property
     def radius(self) -> float:
@@ -84,7 +102,8 @@ class Pair:
 
     @classmethod
     def of(cls, parent: FeatureTracks | None, child: FeatureTracks) -> "Pair":
-        """The bodies of two recordings. Frames in which one shows fewer than three markers are left out.
+        """The bodies of two recordings, without markers in frames in which they are off their body, as where labels are
+        swapped, and without frames in which a body shows fewer than three others.
 
         Raises:
             InputError: the times differ.
@@ -92,14 +111,18 @@ class Pair:
         """
         if parent is not None and not np.array_equal(parent.time, child.time):
             raise InputError("parent and child have different times, expected tracks of one recording")
-        both = child.seen.sum(axis=1) >= 3
-        if parent is not None:
-            both &= parent.seen.sum(axis=1) >= 3
-        n = int(both.sum())
-        if n < 4:
-            shown = counted(n, "frame shows", "frames show")
-            raise ComputationError(f"{shown} three markers of each body, expected at least 4", Reason.TOO_FEW_FRAMES)
-        return cls(child.time[both], None if parent is None else Body.of(parent, both), Body.of(child, both))
+        recordings = [child] if parent is None else [child, parent]
+        used = [screen(one.position, one.seen, soft=SOFT) for one in recordings]
+        for _ in range(REPEATS):
+            both = np.all([own.sum(axis=1) >= 3 for own in used], axis=0)
+            _refuse_few(recordings, both)
+            bodies = [Body.of(one, own, both) for one, own in zip(recordings, used, strict=True)]
+            astray = [body.astray(child.time[both]) for body in bodies]
+            if not np.any(astray):
+                break
+            for own, wrong in zip(used, astray, strict=True):
+                own[np.flatnonzero(both)[wrong]] = False
+        return cls(child.time[both], None if parent is None else bodies[1], bodies[0])
 
     @property
     def parent_pose(self) -> tuple[FloatArray, FloatArray]:
@@ -119,3 +142,29 @@ class Pair:
         """A (k, 3, 6) and b (k, 3) of R_T_P u + c = R_T_C v + e, written A (u, v) = b, in T."""
         R_T_P, c = self.parent_pose
         return np.concatenate([R_T_P, -self.child.rotation], axis=2), self.child.place - c
+
+
+def _refuse_few(recordings: list[FeatureTracks], both: BoolArray) -> None:
+    """Check that enough frames (n,) show three markers of each body on it.
+
+    Raises:
+        ComputationError: they don't.
+    """
+    n = int(both.sum())
+    if n >= LEAST_FRAMES:
+        return
+    seen = int(np.all([one.seen.sum(axis=1) >= 3 for one in recordings], axis=0).sum())
+    shown = counted(n, "frame shows", "frames show")
+    off = "" if seen < LEAST_FRAMES else f" that keep their distances ({seen} show three: labels may be swapped)"
+    raise ComputationError(
+        f"{shown} three markers of each body{off}, expected at least {LEAST_FRAMES}", Reason.TOO_FEW_FRAMES
+    )
+
+
+def _never_together(tracks: FeatureTracks, used: BoolArray) -> str:
+    """Why no frame shows all markers of a body."""
+    names = ", ".join(tracks.labels)
+    if not tracks.seen.all(axis=1).any():
+        return f"no frame shows all of {names}, expected one at least"
+    off = np.argmax((tracks.seen & ~used).sum(axis=0))
+    return f"no frame shows all of {names} as one rigid body: {tracks.labels[off]} is off it most often"

@@ -18,7 +18,8 @@ UNDETERMINED = 1e-10  # of the normal equations' greatest eigenvalue, below whic
 def joint(parent: FeatureTracks | None, child: FeatureTracks, *, method: Method = "ml") -> Joint:
     """The centre of rotation between parent and child, or between the room and the child.
 
-    Frames in which a body shows fewer than three markers are left out.
+    Markers are left out where they are off their body, as where labels are swapped, and frames in which a body shows
+    fewer than three others.
 
     Args:
         parent: markers of one body; None for the room.

@@ -7,7 +7,7 @@ import numpy as np
 
 from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.tracks import FloatArray
+from baryscope.estimator.tracks import FloatArray, IntArray
 
 Method = Literal["score", "ml"]
 
@@ -105,6 +105,16 @@ class Joint:
     def child_rms(self) -> FloatArray:
         """(m,), m, of each marker of the child from the rigid body, per coordinate."""
         return self.pair.child.rms
+
+    @property
+    def parent_left_out(self) -> IntArray:
+        """(m,), in how many frames each marker of the parent is seen, but off its body; (0,) without a parent."""
+        return np.zeros(0, dtype=np.intp) if self.pair.parent is None else self.pair.parent.left_out
+
+    @property
+    def child_left_out(self) -> IntArray:
+        """(m,), in how many frames each marker of the child is seen, but off its body, as where labels are swapped."""
+        return self.pair.child.left_out
 
     @property
     def child_markers(self) -> FloatArray:

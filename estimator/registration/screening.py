@@ -25,25 +25,28 @@ MOST = 0.9  # quantile of a distance's deviations, that stands for the greatest
 DENSEST_WIDTH = 2 * 0.3186  # standard deviations that the central quarter of a Gaussian spans
 
 
-def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None = None) -> BoolArray:
+def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None = None, soft: float = 0.0) -> BoolArray:
     """The inliers (n, m) among positions (n, m, 3) in m: observations whose distances to the others fit.
 
     seen (n, m); covariance (n, m, 3, 3) of the positions in m², up to a common factor, as they are not equally good in
     all directions; None if they are. If hardly any distance in a sample of frames is an outlier, all observations are
     inliers, except those of features that do not belong to the body at all.
+
+    soft: deviations up to this share of the body's typical distances fit in any case, as those of markers on skin,
+    which are no noise: they are small where a subject stands still. What is beyond is an outlier, be it the only one.
     """
     n, m = seen.shape
     pairs = _pairs(m)
     rows = np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
-    typical, spread = _typical_distances(_Seen.of(position, seen, covariance, rows), pairs)
+    typical, spread = _typical_distances(_Seen.of(position, seen, covariance, rows), pairs, soft)
     known = np.isfinite(typical)
     seen = seen & ~_not_of_body(typical, spread, pairs, m)
     fitting, compared = 0, 0
     numbers = len(pairs) * (1 if covariance is None else WITH_COVARIANCES)
-    for part in _chunks(len(rows), numbers):
+    for part in _chunks(len(rows), numbers) if not soft else ():
         fits, both = _fits(_Seen.of(position, seen, covariance, rows[part]), pairs, typical, spread)
         fitting, compared = fitting + int(fits[:, known].sum()), compared + int(both[:, known].sum())
-    if not compared or 1 - fitting / compared < OUTLIER_SHARE:
+    if not soft and (not compared or 1 - fitting / compared < OUTLIER_SHARE):
         return seen.copy()
     inliers = np.zeros_like(seen)
     for part in _chunks(n, numbers):
@@ -110,11 +113,12 @@ def _pairs(m: int) -> NDArray[np.intp]:
     return np.stack([i, j], axis=1)
 
 
-def _typical_distances(frames: _Seen, pairs: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+def _typical_distances(frames: _Seen, pairs: NDArray[np.intp], soft: float) -> tuple[FloatArray, FloatArray]:
     """Typical distance of each pair (k,) in m, and by how much it spreads (k,), from the densest quarter of its values.
 
     The spread is in units of the deviations of `_Seen.distances`. NaN for pairs that are seen together in fewer than
-    FEWEST frames, and for distances that are not constant.
+    FEWEST frames, and for distances that are not constant. With `soft` as of `screen`, which is for positions without
+    covariances, it is at least that share of the typical distances, over LIMIT.
     """
     typical, spread = np.full(len(pairs), np.nan), np.full(len(pairs), np.nan)
     step = max(1, CHUNK // max(len(frames.seen) * (1 if frames.covariance is None else WITH_COVARIANCES), 1))
@@ -133,7 +137,9 @@ def _typical_distances(frames: _Seen, pairs: NDArray[np.intp]) -> tuple[FloatArr
                 _, spread[first + k] = _densest((values - typical[first + k])[most] / deviation[most])
     # All pairs have about the same noise: a pair that is wrong more often than right has a larger spread; not used.
     median = np.nanmedian(spread) if np.isfinite(spread).any() else np.nan
-    return np.where(spread < 4 * median + 1e-12, typical, np.nan), np.maximum(spread, median)
+    least = soft / LIMIT * float(np.sqrt(np.nanmean(typical**2))) if soft and np.isfinite(typical).any() else 0.0
+    constant = spread < max(4 * median + 1e-12, least)
+    return np.where(constant, typical, np.nan), np.maximum(spread, max(median, least))
 
 
 def _densest(values: FloatArray) -> tuple[float, float]:

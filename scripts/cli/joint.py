@@ -14,7 +14,7 @@ from baryscope.estimator.joint import Joint, Method, joint
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import Writer, refuse_overwriting, write_together
-from baryscope.models.words import length
+from baryscope.models.words import counted, length
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_joint
 from baryscope.scripts.cli.console import Show
@@ -139,6 +139,12 @@ def _words(found: Joint) -> list[str]:
             f"  {length(one.white)} of that is white, {length(one.correlated)} lasts, {length(one.locked)} keeps time "
             f"with the motion; the markers' own noise explains {length(one.of_markers)}"
         )
+    left_out = int(found.parent_left_out.sum() + found.child_left_out.sum())
+    if left_out:
+        lines.append(
+            f"  {counted(left_out, 'position')} of markers that are off their body, as where labels are swapped, "
+            f"{'is' if left_out == 1 else 'are'} left out"
+        )
     return lines
 
 
@@ -147,14 +153,14 @@ def _vector(values: FloatArray) -> str:
 
 
 def _markers(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> Table:
-    bodies = ((parent, "parent", found.parent_rms), (child, "child", found.child_rms))
+    bodies = ((parent, "parent", found.pair.parent), (child, "child", found.pair.child))
     rows = [
-        (name, label, f"{1000 * rms:.2f}")
-        for tracks, name, each in bodies
-        if tracks is not None
-        for label, rms in zip(tracks.labels, each.tolist(), strict=True)
+        (name, label, f"{1000 * rms:.2f}", str(frames))
+        for tracks, name, body in bodies
+        if tracks is not None and body is not None
+        for label, rms, frames in zip(tracks.labels, body.rms.tolist(), body.left_out.tolist(), strict=True)
     ]
-    return Table(("body", "marker", "off the rigid body, mm rms"), tuple(rows), left=2)
+    return Table(("body", "marker", "off the rigid body, mm rms", "frames left out"), tuple(rows), left=2)
 
 
 def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> dict[str, object]:
@@ -177,6 +183,8 @@ def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) ->
         "effective_frames": found.effective_frames,
         "parent_rms": found.parent_rms.tolist(),
         "child_rms": found.child_rms.tolist(),
+        "parent_left_out": found.parent_left_out.tolist(),
+        "child_left_out": found.child_left_out.tolist(),
         "slide": None if found.slide is None else asdict(found.slide),
         "hinge_axis": None if axis is None else {name: np.asarray(one).tolist() for name, one in asdict(axis).items()},
     }

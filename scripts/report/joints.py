@@ -99,13 +99,13 @@ def marker_chart(which: str, tracks: FeatureTracks, body: Body, time: FloatArray
 
 
 def marker_sheet(bodies: list[tuple[str, FeatureTracks, Body]]) -> Sheet:
-    """How often each marker is seen, and how far it is off."""
+    """How often each marker is seen, in how many frames it is left out, and how far it is off."""
     rows = [
-        (which, label, str(int(body.weights[:, k].sum())), millimetres(float(body.rms[k])))
+        (which, label, str(int(body.weights[:, k].sum())), str(body.left_out[k]), millimetres(float(body.rms[k])))
         for which, tracks, body in bodies
         for k, label in enumerate(tracks.labels)
     ]
-    headings = ("body", "marker", "frames", "off the rigid body, mm rms per axis")
+    headings = ("body", "marker", "frames", "left out", "off the rigid body, mm rms per axis")
     return Sheet("Markers", headings, tuple(rows), left=2)
 
 
