@@ -7,7 +7,7 @@ by the restricted likelihood of the differences across the axis (`noise`), at al
 import numpy as np
 
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.ml import clear_coefficients, motion_functions
+from baryscope.estimator.joint.ml import angles, clear_coefficients, motion_functions
 from baryscope.estimator.joint.noise import restricted_likelihood
 from baryscope.estimator.joint.result import HingeAxis
 from baryscope.estimator.tracks import FloatArray
@@ -38,6 +38,7 @@ def hinge_axis(pair: Pair) -> HingeAxis:
         covariance_in_parent=P @ fit.covariance[:2, :2] @ P.T,
         covariance_in_child=C @ fit.covariance[2:, 2:] @ C.T,
         residual=float(np.sqrt(np.mean(((R @ in_child - in_parent) @ P) ** 2))),
+        turned=float(np.std(angles(R) @ in_child)),
     )
 
 

@@ -12,6 +12,7 @@ from baryscope.estimator.joint.score import score
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError, InputError
 
+ACROSS = 0.5  # of the turn about a hinge's axis, that across it at most
 UNDETERMINED = 1e-10  # of the normal equations' greatest eigenvalue, below which a direction is rounding
 
 
@@ -33,10 +34,13 @@ def joint(parent: FeatureTracks | None, child: FeatureTracks, *, method: Method 
     if method not in get_args(Method):
         raise InputError(f"method: found {method!r}, expected one of {', '.join(get_args(Method))}")
     pair = Pair.of(parent, child)
-    design, _ = pair.equations
-    values = np.linalg.eigvalsh(np.einsum("kij,kil->jl", design, design))
-    if values[0] < UNDETERMINED * values[-1]:
-        raise ComputationError("parent and child turn about one axis or not at all: no single centre is determined")
-    centre = score(pair) if method == "score" else maximum_likelihood(pair)
-    axis = hinge_axis(pair) if centre.hinge else None
-    return joint_of(pair, method, centre, float(np.sqrt(values[0] / values[-1])), axis)
+    values, vectors = np.linalg.eigh(np.einsum("kij,kil->jl", *[pair.equations[0]] * 2))
+    lost = values < UNDETERMINED * values[-1]
+    if lost.sum() > 1:
+        raise ComputationError("parent and child do not turn against each other: no centre is determined")
+    told = vectors[:, ~lost]
+    centre = score(pair, told) if method == "score" else maximum_likelihood(pair, told)
+    axis = None if centre.observable else hinge_axis(pair)
+    if axis is not None and axis.residual > ACROSS * axis.turned:
+        axis = None
+    return joint_of(pair, method, centre, float(np.sqrt(max(values[0], 0.0) / values[-1])), axis)

@@ -23,7 +23,7 @@ from baryscope.estimator.adjustment.spurious import (
 from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.joint.noise import Fit, restricted_likelihood, transformed
-from baryscope.estimator.joint.result import Centre, Slide, residual_of
+from baryscope.estimator.joint.result import Centre, Slide, residual_of, untold
 from baryscope.estimator.tracks import FloatArray, IntArray
 
 CLEAR = 1000.0  # power of the turn over that of the attitudes' noise, in a coefficient that is used
@@ -34,8 +34,8 @@ LARGEST_SLIDE = 0.3  # rms of what keeps time with the motion, at most, in the m
 MOST_SQUARES = 8  # functions that are products of angles and rates
 
 
-def maximum_likelihood(pair: Pair) -> Centre:
-    """The centre, of bodies that turn about more than one axis, if by their noise alone."""
+def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
+    """The centre; told (6, q): the directions of (u, v) of which the motion tells, if by the bodies' noise alone."""
     design, wanted = pair.equations
     kept = clear_coefficients(pair)
     largest = LARGEST_SLIDE * pair.child.radius
@@ -44,20 +44,22 @@ def maximum_likelihood(pair: Pair) -> Centre:
         back = np.swapaxes(axes, 1, 2)
         functions = motion_functions(pair.relative, [back @ pair.parent_pose[0], back @ pair.child.rotation])
         moved = np.einsum("kij,kj->ki", back, wanted)
-        fits.append(restricted_likelihood(back @ design, moved, functions, kept, largest))
+        fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
     fit = fits[in_child]
     spurious = three_sigma_factor(len(kept)) * float(np.sum(1 / fit.spectrum)) * _spurious(pair, in_child)
     reach = farthest(pair.child.markers)
-    free, _ = spurious_information_columns(fit.covariance, np.zeros((6, 0)), spurious, 1 / reach**2)
-    covariance = fit.covariance + free @ free.T
+    of_told = told @ fit.covariance @ told.T
+    free, _ = spurious_information_columns(of_told, np.zeros((6, 0)), spurious, 1 / reach**2)
+    covariance = of_told + free @ free.T + untold(told, reach)
     variances, directions = np.linalg.eigh(covariance)
+    found = told @ fit.found
     return Centre(
-        fit.found,
+        found,
         covariance,
-        bool(variances[-1] / 2 > (LOOSE / FARTHEST_RADII * reach) ** 2),  # half of (u, v) is in the child
+        bool(variances[-1] / 2 <= (LOOSE / FARTHEST_RADII * reach) ** 2),  # half of (u, v) is in the child
         directions[:, -1],
-        _slide(pair, fit),
+        _slide(pair, fit, found),
     )
 
 
@@ -67,9 +69,7 @@ def motion_functions(R_P_C: FloatArray, coordinates: Sequence[FloatArray]) -> li
     Along the axes of each of the coordinates (n, c, k): the joint's angles; along those of the first: combinations of
     angles and rates of one size, and of their products. As functions of time they have the mean 0.
     """
-    left, _, right = np.linalg.svd(R_P_C.mean(axis=0))
-    mean = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
-    angle = log_rotation(mean.T @ R_P_C)
+    angle = angles(R_P_C)
     rate = np.gradient(angle, axis=0)
     angle, rate = angle - angle.mean(axis=0), rate - rate.mean(axis=0)
     rate = rate * np.sqrt(np.sum(angle**2) / max(float(np.sum(rate**2)), 1e-300))
@@ -81,6 +81,13 @@ def motion_functions(R_P_C: FloatArray, coordinates: Sequence[FloatArray]) -> li
     groups = [(angle, axes) for axes in coordinates] + [(linear, coordinates[0]), (squares, coordinates[0])]
     n, c, _ = coordinates[0].shape
     return [np.einsum("ni,nck->ncki", one, axes).reshape(n, c, -1) for one, axes in groups if one.size]
+
+
+def angles(R_P_C: FloatArray) -> FloatArray:
+    """The joint's angles (n, 3), rad, of R_P_C (n, 3, 3): the turn from its mean, in the child's axes."""
+    left, _, right = np.linalg.svd(R_P_C.mean(axis=0))
+    mean = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    return log_rotation(mean.T @ R_P_C)
 
 
 def _orthogonal(values: FloatArray) -> FloatArray:
@@ -121,13 +128,13 @@ def _spurious(pair: Pair, in_child: bool) -> FloatArray:
     return found
 
 
-def _slide(pair: Pair, fit: Fit) -> Slide:
-    """What the residuals consist of."""
-    power = transformed(residual_of(pair, fit.found)) ** 2
+def _slide(pair: Pair, fit: Fit, found: FloatArray) -> Slide:
+    """What the residuals of (u, v), found (6,), consist of."""
+    power = transformed(residual_of(pair, found)) ** 2
     n = len(power)
     above = power[fit.kept[-1] + 1 :]
     white = float(np.mean(above)) if len(above) else float(fit.spectrum.min())
-    ends = [(pair.child, fit.found[3:])] + ([] if pair.parent is None else [(pair.parent, fit.found[:3])])
+    ends = [(pair.child, found[3:])] + ([] if pair.parent is None else [(pair.parent, found[:3])])
     own = 0.0
     for body, lever in ends:
         turn = body.attitude_noise(body.own_variance).mean(axis=0)

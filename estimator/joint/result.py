@@ -39,6 +39,7 @@ class HingeAxis:
         in_parent, in_child: (3,), unit vectors, in the axes of `Joint.in_parent` and `Joint.in_child`.
         covariance_in_parent, covariance_in_child: (3, 3), rad², of these directions; across them.
         residual: rms, rad, by which the two sides differ across the axis: what the joint does besides, and noise.
+        turned: rms, rad, by which the bodies turn about it.
     """
 
     in_parent: FloatArray
@@ -46,6 +47,7 @@ class HingeAxis:
     covariance_in_parent: FloatArray
     covariance_in_child: FloatArray
     residual: float
+    turned: float
 
     @property
     def deviation(self) -> float:
@@ -68,12 +70,13 @@ class Joint:
         correlation_time: of the residuals, s.
         effective_frames: how many independent frames weigh as much.
         ratio: of the least to the greatest singular value of the motion.
-        hinge: whether the bodies turn about one axis as far as the noise lets tell: along it the centre is less certain
-            than a third of the child's markers' radius (ml), or nothing is known (score). Where nothing is known, the
-            covariance is that of three radii.
+        observable: whether the centre is known in all directions: in none less certain than a third of the child's
+            markers' radius (ml), or not known at all (score). Where nothing is known, the covariance is that of three
+            radii.
         axis: (3,), in the child's axes: the direction in which the centre is least certain, that of a hinge.
         slide: of the two sides; None by score.
-        hinge_axis: None if it is no hinge.
+        hinge_axis: where the centre is not observable, and the bodies turn about one axis, and less than half as much
+            across it; else None.
     """
 
     method: Method
@@ -86,10 +89,15 @@ class Joint:
     correlation_time: float
     effective_frames: float
     ratio: float
-    hinge: bool
+    observable: bool
     axis: FloatArray
     slide: Slide | None
     hinge_axis: HingeAxis | None
+
+    @property
+    def hinge(self) -> bool:
+        """Whether the bodies turn about one axis, along which the centre is hardly known."""
+        return self.hinge_axis is not None
 
     @property
     def time(self) -> FloatArray:
@@ -124,14 +132,22 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Centre:
-    """A method's answer: found (6,) = (u, v), m; covariance (6, 6), m²; hinge; weakest (6,), the least certain
+    """A method's answer: found (6,) = (u, v), m; covariance (6, 6), m²; observable; weakest (6,), the least certain
     direction; slide."""
 
     found: FloatArray
     covariance: FloatArray
-    hinge: bool
+    observable: bool
     weakest: FloatArray
     slide: Slide | None = None
+
+
+def untold(told: FloatArray, reach: float) -> FloatArray:
+    """The covariance (6, 6), m², of (u, v) in the direction that is not among those of which the motion tells, (6, q).
+
+    reach: m, standard deviation of the centre in the child where nothing is known; half of (u, v) is in the child.
+    """
+    return np.asarray(2 * reach**2 * (np.eye(len(told)) - told @ told.T))
 
 
 def residual_of(pair: Pair, found: FloatArray) -> FloatArray:
@@ -157,7 +173,7 @@ def joint_of(pair: Pair, method: Method, centre: Centre, ratio: float, axis: Hin
         correlation_time=frames * float(np.median(np.diff(pair.time))),
         effective_frames=len(residual) / frames,
         ratio=ratio,
-        hinge=centre.hinge,
+        observable=centre.observable,
         axis=centre.weakest[3:] / np.linalg.norm(centre.weakest[3:]),
         slide=centre.slide,
         hinge_axis=axis,

@@ -14,17 +14,19 @@ from baryscope.estimator.adjustment.autocorrelation import frames_per_independen
 from baryscope.estimator.adjustment.spurious import farthest, spurious_information_columns, three_sigma_factor
 from baryscope.estimator.geometry.so3 import squared_cross
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.result import Centre
+from baryscope.estimator.joint.result import Centre, untold
 from baryscope.estimator.tracks import FloatArray
 
 LAGS = 10  # of Bartlett's weights on the whitened scores
 
 
-def score(pair: Pair) -> Centre:
-    """The centre by least squares, of bodies that turn about more than one axis, if by their noise alone."""
+def score(pair: Pair, told: FloatArray) -> Centre:
+    """The centre by least squares; told (6, q): the directions of (u, v) of which the motion tells, if by the bodies'
+    noise alone.
+    """
     design, wanted = pair.equations
-    values, vectors = np.linalg.eigh(np.einsum("kij,kil->jl", design, design))
-    inverse = (vectors / values) @ vectors.T
+    normal = np.einsum("kij,kil->jl", design, design)
+    inverse = told @ np.linalg.inv(told.T @ normal @ told) @ told.T
     found = inverse @ np.einsum("kij,ki->j", design, wanted)
     residual = design @ found - wanted
     frames, _ = frames_per_independent_one([residual])
@@ -41,9 +43,11 @@ def score(pair: Pair) -> Centre:
         product = innovation[lag:].T @ innovation[:-lag]
         meat += (1 - lag / LAGS) * (product + product.T)
     freedom = 3 * independent / max(3 * independent - 6, 1.0)
-    covariance = freedom * (inverse @ meat @ inverse + variance * free @ free.T)
+    covariance = freedom * (inverse @ meat @ inverse + variance * free @ free.T) + untold(told, reach)
+    values, vectors = np.linalg.eigh(normal)
     weakest = vectors[:, 0]
-    return Centre(found, covariance, bool(values[0] <= weakest @ spurious @ weakest), weakest)
+    observable = told.shape[1] == len(values) and values[0] > weakest @ spurious @ weakest
+    return Centre(found, covariance, bool(observable), weakest)
 
 
 def _spurious(pair: Pair, residual: FloatArray) -> FloatArray:

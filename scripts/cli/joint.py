@@ -117,7 +117,11 @@ def _words(found: Joint) -> list[str]:
     """The result in a few lines."""
     values, axes = np.linalg.eigh(found.covariance[3:, 3:])
     claim = np.sqrt(values)
-    kind = "a hinge: along its axis its centre is hardly known" if found.hinge else "a centre of rotation"
+    kind = "a centre of rotation"
+    if found.hinge:
+        kind = "a hinge: along its axis its centre is hardly known"
+    elif not found.observable:
+        kind += ", hardly known: the bodies turn too little against each other, or as their skin slides"
     lines = [
         kind,
         f"  in the child, from its markers' centroid: ({_vector(found.in_child)}) m, ±{length(claim[2])} along "
@@ -172,6 +176,7 @@ def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) ->
         "parent": None if parent is None else list(parent.labels),
         "child": list(child.labels),
         "frames": len(found.time),
+        "observable": found.observable,
         "hinge": found.hinge,
         "ratio": found.ratio,
         "axis": found.axis.tolist(),

@@ -57,6 +57,8 @@ def verdict_of_joint(found: Joint) -> Verdict:
     if found.hinge:
         across = f"±{millimetres(claim[1])} mm across it"
         return "warn", f"A hinge: along its axis the centre is hardly known, ±{millimetres(claim[2])} mm; {across}."
+    if not found.observable:
+        return "warn", f"A centre of rotation that is hardly known, ±{millimetres(claim[2])} mm in the worst direction."
     return "good", f"A centre of rotation, known to ±{millimetres(claim[2])} mm in the worst direction of the child."
 
 
