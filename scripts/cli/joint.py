@@ -104,7 +104,7 @@ def chosen(data: FeatureTracks, text: str, option: str) -> FeatureTracks:
     if len(names) < 3:
         raise InputError(f"{option}: found {len(names)} markers, expected three at least")
     columns = [data.labels.index(name) for name in names]
-    return FeatureTracks(data.time, data.position[:, columns], tuple(names))
+    return FeatureTracks(data.time, data.position[:, columns], tuple(names), epoch=data.epoch)
 
 
 def _write_path(found: Joint, stream: TextIO) -> None:
@@ -172,6 +172,7 @@ def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) ->
     axis = found.hinge_axis
     return {
         "version": __version__,
+        "epoch": child.epoch,
         "method": found.method,
         "parent": None if parent is None else list(parent.labels),
         "child": list(child.labels),

@@ -35,6 +35,14 @@ def test_the_centre_is_written_at_every_time(recorded, capsys):
     assert np.sqrt(np.mean((path - centre) ** 2)) < 0.002  # that of a pose by four markers at 0.2 m, and of skin
 
 
+def test_the_utc_of_time_0_is_told(recorded, capsys):
+    tracks = both_bodies(1)
+    FeatureTracks(tracks.time, tracks.position, tracks.labels, epoch="2026-03-01T12:00:00Z").write_csv("dated.csv")
+    for name, epoch in (("dated.csv", "2026-03-01T12:00:00Z"), ("ball.csv", None)):
+        assert app.main(["joint", name, "--child", CHILD, "--parent", PARENT, "--json", "-q"]) == 0
+        assert json.loads(capsys.readouterr().out)["epoch"] == epoch
+
+
 def test_a_hinge_is_named(recorded, capsys):
     assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD]) == 0
     assert "a hinge: along its axis its centre is hardly known" in capsys.readouterr().out
