@@ -27,14 +27,13 @@ SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Of the n frames of a body: shift (n, 3) in C, m, and the variance (n,) to which a coordinate is known, m².
-
-    directions: in how many a frame tells its shift, two of features in a line; frames that tell fewer tell nothing.
+    """Of the n frames of a body, along the axes of their information: shift (n, 3), m, and the variances (n, 3) to
+    which it is known, m², infinite where it is not; axes (n, 3, 3), columns in C.
     """
 
     shift: FloatArray
     variance: FloatArray
-    directions: int
+    axes: FloatArray
 
 
 def position_variance(bodies: Sequence[Body], observations: Observations, origin: FloatArray, variance: float) -> float:
@@ -52,12 +51,9 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
         moved = (np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0]
         squares.append(moved[known] ** 2 / along[known] / variance)
         values.append(along[known] / variance)
-        directions = int(known.sum(axis=1).max(initial=0))
-        told = np.divide(variance, along, out=np.zeros_like(along), where=known).sum(axis=1) / max(directions, 1)
+        own_variances = np.divide(variance, along, out=np.full_like(along, np.inf), where=known)
         shift = np.divide(moved, along, out=np.zeros_like(along), where=known)
-        shift = (body.attitude @ axes @ shift[:, :, None])[:, :, 0]
-        whole = (known.sum(axis=1) == directions) & (directions > 0)
-        series.append(_Shifts(shift, np.where(whole, told, np.inf), directions))
+        series.append(_Shifts(shift, own_variances, body.attitude @ axes))
     size, square = np.concatenate(values), np.concatenate(squares)
     low, high = np.log(np.array(RANGE) / np.median(size))
 
@@ -75,12 +71,13 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
 def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
     """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m².
 
-    Frames that tell their shift poorly count little. What they are wrong by is white: only the slips' part of the
-    squares hangs together.
+    Where a frame tells its shift poorly, as across the lever to a far tip, which its attitude moves, it counts little.
+    What the frames are wrong by is white: only the slips' part of the squares hangs together.
     """
     weights = [slip / (slip + one.variance) for one in series]
-    shifts = [weight[:, None] * one.shift for one, weight in zip(series, weights, strict=True)]
-    counts = [float((weight**2).sum()) for weight in weights]
-    values = sum(one.directions * count for one, count in zip(series, counts, strict=True))
+    shifts = [
+        (one.axes @ (weight * one.shift)[:, :, None])[:, :, 0] for one, weight in zip(series, weights, strict=True)
+    ]
+    values = sum(float((weight**2).sum()) for weight in weights)
     observed = sum(float(np.vdot(shift, shift)) for shift in shifts) / (values * slip)
-    return growth_by_lasting(shifts, values, sum(counts), observed)
+    return growth_by_lasting(shifts, values, values / 3, observed)
