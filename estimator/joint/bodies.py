@@ -17,7 +17,9 @@ from baryscope.models.words import counted
 ROUNDS = 5  # of the mean shape, each from the poses of the last one
 LEAST_FRAMES = 4
 REPEATS = 5  # of the bodies, each without the frames that are off the last one
+LARGEST_SLIDE = 0.3  # rms of a coordinate of what slides in a joint, at most, in the markers' radius
 NOISY = 6.0  # times the median of the residuals' lengths, which noise alone does not exceed
+TURNED = 0.5  # rad, by which attitudes are wrong at most, of bodies that are not turned over
 SOFT = 0.2  # of the markers' distances, by which skin changes one at most: what is beyond is another marker, or none
 
 
@@ -103,7 +105,7 @@ class Pair:
     @classmethod
     def of(cls, parent: FeatureTracks | None, child: FeatureTracks) -> "Pair":
         """The bodies of two recordings, without markers in frames in which they are off their body, as where labels are
-        swapped, and without frames in which a body shows fewer than three others.
+        swapped, and without frames in which a body shows fewer than three others, or the joint is torn apart.
 
         Raises:
             InputError: the times differ.
@@ -117,12 +119,26 @@ class Pair:
             both = np.all([own.sum(axis=1) >= 3 for own in used], axis=0)
             _refuse_few(recordings, both)
             bodies = [Body.of(one, own, both) for one, own in zip(recordings, used, strict=True)]
-            astray = [body.astray(child.time[both]) for body in bodies]
+            pair = cls(child.time[both], None if parent is None else bodies[1], bodies[0])
+            astray = [body.astray(pair.time) for body in bodies]
+            if not np.any(astray):
+                astray = [pair.apart()] * len(bodies)  # which of them is turned over, nothing tells
             if not np.any(astray):
                 break
             for own, wrong in zip(used, astray, strict=True):
                 own[np.flatnonzero(both)[wrong]] = False
-        return cls(child.time[both], None if parent is None else bodies[1], bodies[0])
+        return pair
+
+    def apart(self) -> BoolArray:
+        """In which frames (k,) the two sides are farther apart than by any slide or wrong attitude: a body is turned
+        over there, as by swapped labels in a few frames between gaps, which no frames nearby tell.
+        """
+        design, wanted = self.equations
+        found = np.linalg.lstsq(design.reshape(-1, 6), wanted.ravel(), rcond=None)[0]
+        length = np.linalg.norm(design @ found - wanted, axis=1)
+        lever = max(np.linalg.norm(found[3:]), 0.0 if self.parent is None else np.linalg.norm(found[:3]))
+        largest = max(np.sqrt(3) * LARGEST_SLIDE * self.child.radius, TURNED * lever, NOISY * np.median(length))
+        return np.asarray(length > largest)
 
     @property
     def parent_pose(self) -> tuple[FloatArray, FloatArray]:

@@ -21,7 +21,7 @@ from baryscope.estimator.adjustment.spurious import (
     three_sigma_factor,
 )
 from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
-from baryscope.estimator.joint.bodies import Pair
+from baryscope.estimator.joint.bodies import LARGEST_SLIDE, Pair
 from baryscope.estimator.joint.noise import Fit, restricted_likelihood, transformed
 from baryscope.estimator.joint.result import Centre, Slide, residual_of, untold
 from baryscope.estimator.tracks import FloatArray, IntArray
@@ -30,7 +30,6 @@ CLEAR = 1000.0  # power of the turn over that of the attitudes' noise, in a coef
 LEAST_COEFFICIENTS = 4
 SMALLEST = 0.03  # singular value of a function of the motion over that of the greatest
 LOOSE = 1 / 3  # of the markers' radius: a centre that is less certain in a direction is one of a hinge
-LARGEST_SLIDE = 0.3  # rms of what keeps time with the motion, at most, in the markers' radius
 MOST_SQUARES = 8  # functions that are products of angles and rates
 
 

@@ -70,6 +70,19 @@ def test_swapped_labels_of_a_regular_triangle_turn_it_over():
     np.testing.assert_allclose(found.in_child, clean.in_child, atol=0.001)
 
 
+def test_a_body_that_is_turned_over_between_gaps_tears_the_joint_apart():
+    """For seven frames between two gaps of twenty, by swapped labels of three markers: nothing nearby tells of that."""
+    parent, child, _ = recording(np.random.default_rng(1), 0.001, 0.5)
+    pose = joint(parent, child).pair.child
+    triangle = 0.1 * np.array([[1.0, 0.0, 0.0], [-0.5, np.sqrt(0.75), 0.0], [-0.5, -np.sqrt(0.75), 0.0]])
+    points = pose.place[:, None] + triangle @ np.swapaxes(pose.rotation, 1, 2)
+    points[280:300] = points[307:327] = np.nan
+    plate = FeatureTracks(TIME, points, tuple("abc"))
+    clean, found = joint(parent, plate), joint(parent, swapped(plate, 300, 7, (1, 2)))
+    assert found.child_left_out.tolist() == [7, 7, 7]
+    np.testing.assert_allclose(found.in_child, clean.in_child, atol=0.001)
+
+
 def test_skin_that_moves_after_standing_still_is_no_outlier():
     """Each marker by 5 mm rms by itself, in the second half of the recording: the first one tells nothing of that."""
     parent, child, _ = recording(np.random.default_rng(2), 0.0002, 0.0)
