@@ -10,7 +10,7 @@ from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.registration.flips import steady
 from baryscope.estimator.registration.screening import screen
-from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray, IntArray
+from baryscope.estimator.tracks import BoolArray, FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.words import counted
 
@@ -29,8 +29,8 @@ class Body:
 
     rotation R_T_B (k, 3, 3); place (k, 3), m, of the centroid of the mean shape; markers (m, 3), m, that shape in B;
     residual (k, m, 3), m, in T, of each marker from it, NaN where not seen; rms (m,), m, of them per coordinate;
-    weights (k, m), 1 where a marker is seen; left_out (m,): in how many frames of the recording one is seen, but off
-    the body, as where labels are swapped.
+    weights (k, m), 1 where a marker is seen; left_out (n, m): where one is seen in the n frames of the recording,
+    but off the body, as where labels are swapped.
     """
 
     rotation: FloatArray
@@ -39,7 +39,7 @@ class Body:
     residual: FloatArray
     rms: FloatArray
     weights: FloatArray
-    left_out: IntArray
+    left_out: BoolArray
 
     @classmethod
     def of(cls, tracks: FeatureTracks, used: BoolArray, chosen: BoolArray) -> "Body":
@@ -65,8 +65,7 @@ class Body:
         pose = align(position, shape, weights)
         left = position - shape @ np.swapaxes(pose.rotation, 1, 2) - pose.translation[:, None]
         rms = np.sqrt(np.nanmean(left**2, axis=(0, 2)))
-        left_out = (tracks.seen & ~used).sum(axis=0)
-        return cls(pose.rotation, pose.translation, shape, left, rms, weights, left_out)
+        return cls(pose.rotation, pose.translation, shape, left, rms, weights, tracks.seen & ~used)
 
     def attitude_noise(self, variance: float) -> FloatArray:
         """The covariances (k, 3, 3), rad², of the attitudes in B, for markers with so much noise per coordinate, m²."""

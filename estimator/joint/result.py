@@ -117,12 +117,12 @@ class Joint:
     @property
     def parent_left_out(self) -> IntArray:
         """(m,), in how many frames each marker of the parent is seen, but off its body; (0,) without a parent."""
-        return np.zeros(0, dtype=np.intp) if self.pair.parent is None else self.pair.parent.left_out
+        return np.zeros(0, dtype=np.intp) if self.pair.parent is None else self.pair.parent.left_out.sum(axis=0)
 
     @property
     def child_left_out(self) -> IntArray:
         """(m,), in how many frames each marker of the child is seen, but off its body, as where labels are swapped."""
-        return self.pair.child.left_out
+        return np.asarray(self.pair.child.left_out.sum(axis=0))
 
     @property
     def child_markers(self) -> FloatArray:

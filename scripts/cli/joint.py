@@ -157,12 +157,15 @@ def _vector(values: FloatArray) -> str:
 
 
 def _markers(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) -> Table:
-    bodies = ((parent, "parent", found.pair.parent), (child, "child", found.pair.child))
+    bodies = (
+        (parent, "parent", found.parent_rms, found.parent_left_out),
+        (child, "child", found.child_rms, found.child_left_out),
+    )
     rows = [
         (name, label, f"{1000 * rms:.2f}", str(frames))
-        for tracks, name, body in bodies
-        if tracks is not None and body is not None
-        for label, rms, frames in zip(tracks.labels, body.rms.tolist(), body.left_out.tolist(), strict=True)
+        for tracks, name, each, left_out in bodies
+        if tracks is not None
+        for label, rms, frames in zip(tracks.labels, each.tolist(), left_out.tolist(), strict=True)
     ]
     return Table(("body", "marker", "off the rigid body, mm rms", "frames left out"), tuple(rows), left=2)
 

@@ -36,7 +36,7 @@ def report_of_joint(
     bodies = [("child", child, pair.child)]
     if parent is not None and pair.parent is not None:
         bodies.insert(0, ("parent", parent, pair.parent))
-    parts: list[Part] = [Words("In words", words), *side_charts(found, pair)]
+    parts: list[Part] = [Words("In words", words), *side_charts(found, pair, child.time)]
     for which, tracks, body in bodies:
         parts.append(marker_chart(which, tracks, body, pair.time))
     parts += [marker_sheet(bodies), covariance_sheet(found), coverage_of(bodies)]
@@ -62,8 +62,11 @@ def verdict_of_joint(found: Joint) -> Verdict:
     return "good", f"A centre of rotation, known to ±{millimetres(claim[2])} mm in the worst direction of the child."
 
 
-def side_charts(found: Joint, pair: Pair) -> list[Chart]:
-    """Where the other body has the centre, in the axes of each, less where it is on the whole."""
+def side_charts(found: Joint, pair: Pair, time: FloatArray) -> list[Chart]:
+    """Where the other body has the centre, in the axes of each, less where it is on the whole; time (n,), s, of all
+    frames: there are gaps where a body is not shown.
+    """
+    shown = np.isin(time, found.time)
     R_T_P, c = pair.parent_pose
     in_room = pair.child.rotation @ found.in_child + pair.child.place
     back = R_T_P @ found.in_parent + c
@@ -73,7 +76,8 @@ def side_charts(found: Joint, pair: Pair) -> list[Chart]:
     )
     charts = []
     for other, own, R, arm, mean, block in sides:
-        apart = 1e3 * (np.einsum("kji,kj->ki", R, arm) - mean)
+        apart = np.full((len(time), 3), np.nan)
+        apart[shown] = 1e3 * (np.einsum("kji,kj->ki", R, arm) - mean)
         width = 1e3 * SIGMAS * np.sqrt(np.maximum(np.diag(found.covariance)[block], 0.0))
         told = ", ".join(f"{name} ±{millimetres(1e-3 * size)}" for size, name in zip(width, "xyz", strict=True))
         charts.append(
@@ -82,7 +86,7 @@ def side_charts(found: Joint, pair: Pair) -> list[Chart]:
                 f"Where the {other} has the joint's centre, in the {own}'s axes, less the centre that was found. What "
                 f"is left is slack of the joint and skin that slides. The centre's own 95 % interval: {told} mm.",
                 "mm",
-                tuple(curve(name, found.time, apart[:, k], colour=COLOURS[k]) for k, name in enumerate("xyz")),
+                tuple(curve(name, time, apart[:, k], colour=COLOURS[k]) for k, name in enumerate("xyz")),
             )
         )
     return charts
@@ -103,7 +107,13 @@ def marker_chart(which: str, tracks: FeatureTracks, body: Body, time: FloatArray
 def marker_sheet(bodies: list[tuple[str, FeatureTracks, Body]]) -> Sheet:
     """How often each marker is seen, in how many frames it is left out, and how far it is off."""
     rows = [
-        (which, label, str(int(body.weights[:, k].sum())), str(body.left_out[k]), millimetres(float(body.rms[k])))
+        (
+            which,
+            label,
+            str(int(body.weights[:, k].sum())),
+            str(int(body.left_out[:, k].sum())),
+            millimetres(float(body.rms[k])),
+        )
         for which, tracks, body in bodies
         for k, label in enumerate(tracks.labels)
     ]
@@ -122,10 +132,11 @@ def covariance_sheet(found: Joint) -> Sheet:
 
 
 def coverage_of(bodies: list[tuple[str, FeatureTracks, Body]]) -> Timeline:
-    """Which marker is seen when."""
+    """Which marker is seen when, and where it is left out."""
     labels = tuple(label for _, tracks, _ in bodies for label in tracks.labels)
     seen = np.concatenate([tracks.seen for _, tracks, _ in bodies], axis=1)
-    return coverage(bodies[0][1].time, labels, seen)
+    left_out = np.concatenate([body.left_out for _, _, body in bodies], axis=1)
+    return coverage(bodies[0][1].time, labels, seen, left_out if left_out.any() else None)
 
 
 def facts_of(found: Joint) -> Facts:

@@ -43,6 +43,26 @@ def test_both_sides_differ_by_the_joint_s_residual(knee):
     assert np.sqrt(np.nanmean(Pair.of(parent, child).child.residual[:, 1] ** 2)) == pytest.approx(found.child_rms[1])
 
 
+def test_gaps_are_gaps_and_what_is_left_out_is_red():
+    """Curves were drawn across, and swapped labels stood as if they had been used."""
+    parent, child, _ = recording(np.random.default_rng(1), 0.001, 0.5)
+    position = child.position.copy()
+    position[100:150, :2] = np.nan
+    position[300:350, [0, 1]] = position[300:350, [1, 0]]
+    child = FeatureTracks(TIME, position, child.labels)
+    found = joint(parent, child)
+    report = report_of_joint(found, parent, child, (), "gaps.trc")
+    (chart,) = (part for part in report.parts if part.title == "The centre in the child")
+    for series in chart.series:
+        np.testing.assert_array_equal(series.x, TIME)
+        np.testing.assert_array_equal(np.isnan(series.y), ~np.isin(TIME, found.time))
+        assert np.isnan(series.y).sum() == 100
+    (timeline,) = (part for part in report.parts if part.kind == "timeline")
+    assert "red: " in timeline.about
+    assert all("9" in row for row in timeline.rejected[4:6])
+    assert set("".join(timeline.rejected[:4])) == {"0"}
+
+
 def test_a_probe_has_no_markers_of_a_parent(knee):
     _, _, child = knee
     data = data_of(report_of_joint(joint(None, child), None, child, (), "probe.trc"))
