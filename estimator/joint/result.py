@@ -63,7 +63,8 @@ class Joint:
         method: score or ml.
         pair: the bodies as rigid ones, in the n frames that show both.
         in_parent, in_child: (3,), m, from the markers' centroid, in the axes that the body has in the first common
-            frame which shows all of its markers; without a parent in_parent is in the tracks' axes.
+            frame which shows all of its markers, none left out, as `parent_markers` and `child_markers` are; without a
+            parent in_parent is in the tracks' axes.
         covariance: (6, 6), m², of both, referred to where skin held the markers on average.
         position: (n, 3), m, in the tracks' axes: the mean of the two sides.
         residual: (n, 3), m: the difference of the two sides.
@@ -123,6 +124,11 @@ class Joint:
     def child_left_out(self) -> IntArray:
         """(m,), in how many frames each marker of the child is seen, but off its body, as where labels are swapped."""
         return np.asarray(self.pair.child.left_out.sum(axis=0))
+
+    @property
+    def parent_markers(self) -> FloatArray:
+        """(m, 3), m: the mean shape of the parent's markers, in its axes; (0, 3) without a parent."""
+        return np.zeros((0, 3)) if self.pair.parent is None else self.pair.parent.markers
 
     @property
     def child_markers(self) -> FloatArray:

@@ -187,6 +187,8 @@ def _values(found: Joint, parent: FeatureTracks | None, child: FeatureTracks) ->
         "in_parent": found.in_parent.tolist(),
         "in_child": found.in_child.tolist(),
         "covariance": found.covariance.tolist(),
+        "parent_markers": found.parent_markers.tolist(),
+        "child_markers": found.child_markers.tolist(),
         "residual_rms": float(np.sqrt(np.mean(found.residual**2))),
         "correlation_time": found.correlation_time,
         "effective_frames": found.effective_frames,

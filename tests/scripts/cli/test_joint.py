@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator import FeatureTracks
 from baryscope.scripts.cli import app
@@ -41,6 +42,19 @@ def test_the_utc_of_time_0_is_told(recorded, capsys):
     for name, epoch in (("dated.csv", "2026-03-01T12:00:00Z"), ("ball.csv", None)):
         assert app.main(["joint", name, "--child", CHILD, "--parent", PARENT, "--json", "-q"]) == 0
         assert json.loads(capsys.readouterr().out)["epoch"] == epoch
+
+
+def test_the_centre_can_be_found_from_the_markers(recorded, capsys):
+    """In any frame: the mean shape, which stands beside the centre, is turned onto the markers there (Kabsch)."""
+    assert app.main(["joint", "ball.csv", "--parent", PARENT, "--child", CHILD, "--json", "-q"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    whole = both_bodies(1)
+    _, _, centre = recording(np.random.default_rng(1), 0.001, 0.5)
+    for which, labels in (("parent", PARENT), ("child", CHILD)):
+        shape = np.array(found[f"{which}_markers"])
+        seen = whole.position[300][[whole.labels.index(label) for label in labels.split(",")]]
+        turn, _ = Rotation.align_vectors(seen - seen.mean(axis=0), shape)
+        assert np.linalg.norm(seen.mean(axis=0) + turn.apply(found[f"in_{which}"]) - centre[300]) < 0.006
 
 
 def test_a_hinge_is_named(recorded, capsys):
