@@ -99,7 +99,7 @@ def test_a_dataset_whose_times_xarray_has_decoded(tmp_path):
 
 
 def test_the_axes_of_a_dataset_go_by_their_labels():
-    """One labelled z, y, x was read as x, y, z, a mirror image; one without times had its frames' numbers for seconds."""
+    """One labelled z, y, x was read as a mirror image; one without times had its frames' numbers for seconds."""
     rng = np.random.default_rng(2)
     root = rng.normal(size=(3, 2, 3, 3))
     tracks = FeatureTracks([0.0, 1.0, 2.0], rng.normal(size=(3, 2, 3)), ["a", "b"], root @ np.swapaxes(root, 2, 3))
