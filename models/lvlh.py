@@ -1,4 +1,4 @@
-"""Attitude of the LVLH frame on a known orbit, in closed form."""
+"""Attitude of the LVLH frame on a known orbit, and the gravity gradient along its vertical, in closed form."""
 
 from functools import cache
 
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.models.columns import ColumnFunction
-from baryscope.models.frames import rotation_I_L
+from baryscope.models.frames import Symbol, rotation_I_L
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 from baryscope.models.orbit import Orbit
 
@@ -28,6 +28,33 @@ def lvlh_attitude(orbit: Orbit, time: NDArray[np.float64]) -> NDArray[np.float64
 def lvlh_rate(orbit: Orbit, time: NDArray[np.float64]) -> NDArray[np.float64]:
     """The angular rate of the target's LVLH frame about its z axis, θ̇ (n,) in rad/s, at times (n,) in s."""
     return _rate_function()(time[None, :], orbit.elements)[:, 0]
+
+
+def gravity_gradient_axis(orbit: Orbit, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The axis g = √(3 μ/r³) û of the gravity gradient in I, (n, 3), 1/s, at times (n,) in s; û the upward vertical.
+
+    The torque on a body of inertia J is g × J g.
+    """
+    return _axis_function()(time[None, :], orbit.elements)
+
+
+def gravity_gradient_function() -> ca.Function:
+    """The function (time, elements) → g of `gravity_gradient_axis`, to be written as C code."""
+    time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
+    return ca.Function("gradient_axis", [time, column], [_gradient_axis(time, elements)], {"cse": True})
+
+
+def _gradient_axis(time: Symbol, elements: Elements) -> Symbol:
+    anomaly = true_anomaly_after(time, elements)
+    vertical = rotation_I_L(elements.R_I_P, anomaly)[:, 0]
+    return vertical * ca.sqrt(3 * conic(elements.ellipse, anomaly).stiffness)
+
+
+@cache
+def _axis_function() -> ColumnFunction:
+    """(time, elements) → g."""
+    time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
+    return ColumnFunction("gravity_gradient_axis", [time, column], _gradient_axis(time, elements))
 
 
 @cache

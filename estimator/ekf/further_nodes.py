@@ -11,7 +11,7 @@ import numpy as np
 
 from baryscope.estimator.dynamics.rotation import too_long
 from baryscope.estimator.ekf.linearised import Linearised, Nodes, Reference, linearised
-from baryscope.estimator.ekf.motion import gravity_gradient_axis, rotated
+from baryscope.estimator.ekf.motion import mean_gradient_axis, rotated
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.solution import Solution, mixed, solve
 from baryscope.estimator.ekf.start import MAX_NODES, NODE_ANGLE
@@ -67,7 +67,7 @@ def _way(origin: float, span: float, rate: FloatArray) -> FloatArray:
 def _followed(found: Passes, time: FloatArray, known: IntArray) -> Reference:
     """The reference at times (n,), of which those at the indices known (k,) are the nodes of the passes."""
     about, first = found.about, int(known[0])
-    axis = gravity_gradient_axis(found.problem.start.rotation.orbit, time)
+    axis = mean_gradient_axis(found.problem.start.rotation.orbit, time)
     path = found.problem.process(found.shift, time)
     deviation, attitude, rate = (
         np.empty((len(time), *values.shape[1:])) for values in (about.deviation, about.attitude, about.rate)

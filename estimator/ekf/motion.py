@@ -13,8 +13,7 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quate
 from baryscope.models.attitude import INERTIA_BASIS, angular_acceleration, gravity_gradient_torque, symmetric_inverse
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.frames import quaternion_rate, rotation_from_quaternion
-from baryscope.models.keplerian import Elements, conic, true_anomaly_after
-from baryscope.models.lvlh import lvlh_attitude
+from baryscope.models.lvlh import gravity_gradient_axis
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -104,16 +103,11 @@ def integrated_noise(time: FloatArray, span: float = 1.0) -> FloatArray:
     return np.asarray(np.kron(np.concatenate([top, span * bottom], 1), np.eye(3)))
 
 
-def gravity_gradient_axis(orbit: Orbit | None, time: FloatArray) -> FloatArray:
-    """The axis of the gravity gradient amid the steps between times (n,) in s: √(3 μ/r³) û, (n - 1, 3), 1/s in C.
-
-    û is the upward vertical. Zero without an orbit.
-    """
+def mean_gradient_axis(orbit: Orbit | None, time: FloatArray) -> FloatArray:
+    """The `gravity_gradient_axis` amid the steps between times (n,) in s, (n - 1, 3), 1/s; zero without an orbit."""
     if orbit is None:
         return np.zeros((len(time) - 1, 3))
-    middle = (time[1:] + time[:-1]) / 2
-    gradient_L = _gravity_gradient_root()(middle[None, :], orbit.elements)
-    return np.asarray(lvlh_attitude(orbit, middle)[:, :, 0] * gradient_L)
+    return gravity_gradient_axis(orbit, (time[1:] + time[:-1]) / 2)
 
 
 def rotated(
@@ -148,14 +142,6 @@ def rotated(
         change = step
     assert change is not None  # noqa: S101  there is at least one step
     return matrix_from_quaternion(quaternion.T), w.T, change
-
-
-@cache
-def _gravity_gradient_root() -> ColumnFunction:
-    """The function (time, elements) → √(3 μ/r³)."""
-    time, (column, elements) = ca.SX.sym("time"), Elements.symbols()
-    place = conic(elements.ellipse, true_anomaly_after(time, elements))
-    return ColumnFunction("gravity_gradient", [time, column], ca.sqrt(3 * place.stiffness))
 
 
 @cache

@@ -13,7 +13,7 @@ from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
 from baryscope.estimator.ekf.linearised import INERTIA, RATE, TURN, Linearised, Reference, linearised, moved, points_in
-from baryscope.estimator.ekf.motion import gravity_gradient_axis
+from baryscope.estimator.ekf.motion import mean_gradient_axis
 from baryscope.estimator.ekf.problem import FAR, ROUNDING, Problem
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior, Solution, diverged, log_likelihoods, mixed, solve
@@ -151,7 +151,7 @@ def passes(problem: Problem) -> Passes:
     The hyperparameters of a smooth path are then sought anew, as a tumble tells more of the path than free attitudes.
     """
     start, time = problem.start, problem.start.nodes.time
-    axis = gravity_gradient_axis(start.rotation.orbit, time)
+    axis = mean_gradient_axis(start.rotation.orbit, time)
     shift, still = np.zeros(problem.path.size), np.zeros((len(time), 6))
     path, inertia = problem.process(shift), of_a_body(start.rotation.inertia)
     reference = Reference(path, shift, still, start.attitude, start.rate, inertia, start.points, axis)
