@@ -9,11 +9,12 @@ import numpy as np
 
 from baryscope.models.frames import (
     Symbol,
-    conjugate,
+    cross_matrix,
     quaternion_about,
     quaternion_product,
     quaternion_rate,
     rotation_about,
+    rotation_from_quaternion,
 )
 from baryscope.models.variables import AXES
 
@@ -157,32 +158,42 @@ def angular_momentum(inertia_B: Symbol, angular_rate_B: Symbol, R_I_B: Symbol) -
 
 
 def tumble_step() -> ca.Function:
-    """The function (q, ω, J, h) → (q, ω, G) of a free tumble over h s, by the classical Runge–Kutta formula.
+    """The function (q, ω, J, g, h) → (q, ω, G) of a tumble over h s, by the classical Runge–Kutta formula.
 
-    q is q_I_B (w, x, y, z), ω in B, rad/s; J (9,) by columns. G (6, 11) maps changes of attitude (a rotation vector in
-    I), rate and inertia (coefficients of INERTIA_BASIS) before the step to those of attitude and rate after it.
+    q is q_I_B (w, x, y, z), ω in B, rad/s; J (9,) by columns; g (3,) the axis of the gravity gradient in I, see
+    `gravity_gradient_axis`, zero for a free tumble. G (6, 11) maps changes of attitude (a rotation vector in I), rate
+    and inertia (coefficients of INERTIA_BASIS) before the step to those of attitude and rate after it.
     """
     q, w, inertia, h = ca.SX.sym("q", 4), ca.SX.sym("w", 3), ca.SX.sym("J", 9), ca.SX.sym("h")
+    axis_I = ca.SX.sym("g", 3)
+    J = ca.reshape(inertia, 3, 3)
+    inverse = symmetric_inverse(J)
 
-    def rates(x: Symbol, J: Symbol) -> Symbol:
-        return ca.vertcat(
-            quaternion_rate(x[:4], x[4:]), angular_acceleration(J, symmetric_inverse(J), x[4:], ca.SX(3, 1))
-        )
+    def slopes(x: Symbol, change: Symbol) -> tuple[Symbol, Symbol]:
+        """The rates of q and ω, and of their changes (6, 11) to first order: less than the formula differentiated."""
+        v, R = x[4:], rotation_from_quaternion(x[:4]) / ca.sumsqr(x[:4])
+        axis = R.T @ axis_I
+        acceleration = angular_acceleration(J, inverse, v, gravity_gradient_torque(J, axis, ca.SX(1 / 3)))
+        by_rate = _by_vector(J, v)
+        by_turn = _by_vector(J, axis) @ R.T @ cross_matrix(axis_I)
+        bases = map(Symbol, INERTIA_BASIS)
+        by_inertia = ca.horzcat(*(turned_by(E, axis) - turned_by(E, v) - E @ acceleration for E in bases))
+        pull = by_turn @ change[:3, :] - by_rate @ change[3:, :] + ca.horzcat(ca.SX(3, 6), by_inertia)
+        return ca.vertcat(quaternion_rate(x[:4], v), acceleration), ca.vertcat(R @ change[3:, :], inverse @ pull)
 
-    def stepped(x: Symbol, J: Symbol) -> Symbol:
-        one = rates(x, J)
-        two = rates(x + h / 2 * one, J)
-        three = rates(x + h / 2 * two, J)
-        four = rates(x + h * three, J)
-        after = x + h / 6 * (one + 2 * two + 2 * three + four)
-        return ca.vertcat(after[:4] / ca.norm_2(after[:4]), after[4:])
+    x, G = ca.vertcat(q, w), ca.horzcat(ca.SX.eye(6), ca.SX(6, 5))
+    one = slopes(x, G)
+    two = slopes(x + h / 2 * one[0], G + h / 2 * one[1])
+    three = slopes(x + h / 2 * two[0], G + h / 2 * two[1])
+    four = slopes(x + h * three[0], G + h * three[1])
+    after, change = (
+        start + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        for start, k1, k2, k3, k4 in zip((x, G), one, two, three, four, strict=True)
+    )
+    found = [after[:4] / ca.norm_2(after[:4]), after[4:], ca.densify(change)]
+    return ca.Function("tumble", [q, w, inertia, axis_I, h], found, {"cse": True})
 
-    turn, rate, change = ca.SX.sym("turn", 3), ca.SX.sym("rate", 3), ca.SX.sym("change", 5)
-    x, J = ca.vertcat(q, w), ca.reshape(inertia, 3, 3)
-    plain = stepped(x, J)
-    changed = ca.vertcat(quaternion_product(ca.vertcat(1, turn / 2), q), w + rate)
-    other = stepped(changed, J + ca.reshape(ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change, 3, 3))
-    apart = ca.vertcat(2 * quaternion_product(other[:4], conjugate(plain[:4]))[1:], other[4:])
-    changes = ca.vertcat(turn, rate, change)
-    G = ca.substitute(ca.jacobian(apart, changes), changes, ca.SX.zeros(11))
-    return ca.Function("tumble", [q, w, inertia, h], [plain[:4], plain[4:], ca.densify(G)], {"cse": True})
+
+def _by_vector(J: Symbol, v: Symbol) -> Symbol:
+    """The derivative (3, 3) of v × J v by v."""
+    return cross_matrix(v) @ J - cross_matrix(J @ v)

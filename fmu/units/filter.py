@@ -6,13 +6,14 @@ from functools import cache
 import casadi as ca
 
 from baryscope.models.attitude import INERTIA_BASIS, tumble_step
+from baryscope.models.lvlh import gravity_gradient_function
 from baryscope.models.relative_orbit import step_in_chaser_axes
 
 
 @cache
 def filter_functions() -> tuple[ca.Function, ...]:
-    """The steps of the relative orbit and of the tumble."""
-    return step_in_chaser_axes(), tumble_step()
+    """The steps of the relative orbit and of the tumble, and the axis of the gravity gradient."""
+    return step_in_chaser_axes(), tumble_step(), gravity_gradient_function()
 
 
 def work_of(functions: Sequence[ca.Function]) -> dict[str, int]:

@@ -104,22 +104,24 @@ int online_tumble(const Online *filter, double time, OnlineTumble *found) {
     *found = (OnlineTumble){0};
     if (!isfinite(time) || time < filter->turned) return BAD_TIME;
     if (filter->tumble.known == 0.0) return ACCEPTED;
-    int best = best_spin(&filter->tumble);
-    double factor = noise_ratio(filter);
-    Spin spin = filter->tumble.spin[best];
-    if (!spin_on(&spin, time - filter->turned, torque_of(best))) return ACCEPTED;
+    double factor = noise_ratio(filter), F[6][SPIN], Q[6][6], P[SPIN][SPIN];
+    Spin spin = filter->tumble.spin;
+    if (!spin_on(&filter->options, &spin, filter->turned, time - filter->turned, F, Q)) return ACCEPTED;
+    for (int a = 0; a < SPIN; a++)
+        for (int b = 0; b < SPIN; b++) P[a][b] = filter->tumble.P[a][b];
+    spread_on(P, F, Q, filter->tumble.torque);
     found->known = 1.0;
     matrix_of(spin.q, found->R);
     inertia_of(spin.j, found->inertia);
     for (int a = 0; a < 3; a++) {
         found->rate[a] = spin.w[a];
         for (int b = 0; b < 3; b++) {
-            found->turn[a][b] = factor * spin.P[a][b];
-            found->of_rate[a][b] = factor * spin.P[3 + a][3 + b];
+            found->turn[a][b] = factor * P[a][b];
+            found->of_rate[a][b] = factor * P[3 + a][3 + b];
         }
     }
     for (int a = 0; a < 5; a++)
-        for (int b = 0; b < 5; b++) found->of_inertia[a][b] = factor * spin.P[6 + a][6 + b];
+        for (int b = 0; b < 5; b++) found->of_inertia[a][b] = factor * P[6 + a][6 + b];
     return ACCEPTED;
 }
 

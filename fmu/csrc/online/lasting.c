@@ -100,9 +100,17 @@ static void put_right(Online *filter, double factor) {
         scale_block(stage->both[0], 9, factor);
     }
     for (int f = 0; f < (int)filter->used; f++) scale_block(filter->feature[f].information[0], 9, 1.0 / factor);
-    for (int m = 0; m < TORQUES; m++) scale_block(filter->tumble.spin[m].P[0], 11 * 11, factor);
-    scale_block(filter->tumble.N, 64, 1.0 / factor);
-    scale_block(filter->tumble.rhs, 8, 1.0 / factor);
+    Tumble *tumble = &filter->tumble;
+    for (int k = 0; k < (int)tumble->kept; k++) scale_block(tumble->attitude[k].noise[0], 9, factor);
+    scale_block(tumble->P[0], SPIN * SPIN, factor);
+    for (int c = 0; c < COURSES; c++) {
+        Course *course = &tumble->course[c];
+        scale_block(course->N, 64, 1.0 / factor), scale_block(course->rhs, 8, 1.0 / factor);
+        for (int m = 0; m < TORQUES; m++) {
+            scale_block(course->error[m].P[0], SPIN * SPIN, factor);
+            course->error[m].weight /= factor;
+        }
+    }
 }
 
 /* Before a node: how long errors last, as is known by now. */

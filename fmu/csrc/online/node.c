@@ -223,12 +223,40 @@ static double as_frame(const Online *filter, const OnlineTumble *tumble, const d
     return filter->time - node->begin - mean;
 }
 
+/* The rotation vector in B by which features went from `before`, about their centroid, the better known ones weighing more. */
+static void map_turned(const Online *filter, const double before[MOST_FEATURES][3], double turn[3]) {
+    double weight[MOST_FEATURES], sum = 0.0, centre[3] = {0}, moved[3] = {0}, N[3][3] = {{0}}, torque[3] = {0}, inverse[3][3];
+    for (int k = 0; k < 3; k++) turn[k] = 0.0;
+    for (int f = 0; f < (int)filter->used; f++) {
+        int at = BODY + 3 * f;
+        weight[f] = 1.0 / (filter->P[at][at] + filter->P[at + 1][at + 1] + filter->P[at + 2][at + 2]);
+        sum += weight[f];
+        for (int k = 0; k < 3; k++) {
+            centre[k] += weight[f] * before[f][k];
+            moved[k] += weight[f] * (filter->b[f][k] - before[f][k]);
+        }
+    }
+    for (int f = 0; f < (int)filter->used; f++) {
+        double arm[3], shift[3], pulled[3];
+        for (int k = 0; k < 3; k++) {
+            arm[k] = before[f][k] - centre[k] / sum;
+            shift[k] = filter->b[f][k] - before[f][k] - moved[k] / sum;
+        }
+        cross(arm, shift, pulled);
+        for (int a = 0; a < 3; a++) {
+            torque[a] += weight[f] * pulled[a];
+            for (int b = 0; b < 3; b++) N[a][b] += weight[f] * ((a == b ? dot(arm, arm) : 0.0) - arm[a] * arm[b]);
+        }
+    }
+    if (inverted(N, inverse)) times(inverse, torque, turn);
+}
+
 /* Give the node to the filter and begin another; with the tumble as it is foreseen now. 0 if the filter has to start again. */
 static int close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
     Frame frame;
     Pose pose;
     Sweep sweep;
-    double turn[3], before[3][3], noise[3][3];
+    double turn[3], before[3][3], noise[3][3], map[MOST_FEATURES][3];
     note_lasting(filter);
     double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
     filter->node.count = 0.0;
@@ -238,11 +266,17 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     of_pose(&pose, 3, noise);
     if (!(noise[0][0] + noise[1][1] + noise[2][2] < LOOSE * LOOSE)) return 1;
     copy(filter->R, before);
+    for (int f = 0; f < (int)filter->used; f++)
+        for (int k = 0; k < 3; k++) map[f][k] = filter->b[f][k];
     settle(filter);
     if (!update_frame(filter, &frame, &pose, lag, &sweep, noise)) return 0;
+    map_turned(filter, map, turn);
+    turn_tumble(&filter->tumble, &filter->options, turn);
+    turn_axes(turn, before);
     angle_between(filter->R, before, turn);
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
-    follow(&filter->tumble, before, turn, time - filter->turned, filter->R, noise);
+    for (int k = 0; k < 3; k++) noise[k][k] += square_of_camera(filter);
+    follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, noise);
     filter->turned = time;
     double V[6][6];
     for (int j = 0; j < 6; j++) {

@@ -3,7 +3,8 @@
 State: the target's attitude R_C_B, the centre of mass (r, v) from the chaser in C, and the features b in B, from the
 centre of mass; C has inertial axes. A feature is seen at r + R b. The attitude is free in every frame: it is registered
 against the map of the features and its error eliminated with theirs, so nothing is taken for granted of the tumble.
-Where that is a free one, further filters find rate and inertia ratios, and say where a feature will be.
+Further filters find rate and inertia ratios where it is a free one, or under the gravity gradient, with white torque, and
+say where a feature will be.
 Frames between which the target turns less than their noise are taken together first, as a node: attitudes that differ
 by noise alone would seem to show the offset of the centre of mass.
 r moves on the orbit that is given, else in a straight line, and besides with white acceleration, or one that wanders: a bank
@@ -48,7 +49,10 @@ enum {
     OF_MAP = LEVEL - OFFSET, /* of these, what is of the map: offset and scale */
     MOTION = LEVEL + 3, /* of one whose path bends: its acceleration, too */
     N_ELEMENTS = 7,
-    TORQUES = 5
+    SPIN = 11,     /* errors of a tumble: a rotation vector in C, rate in B, coefficients of the inertia */
+    TORQUES = 10,  /* densities of white torque */
+    COURSES = 2,   /* of the tumble: free, and under the gravity gradient */
+    ATTITUDES = 32 /* that are kept until it is known */
 };
 
 typedef enum { WAITING, STARTING, TRACKING, DOUBTFUL, LOST } OnlineStatus;
@@ -130,19 +134,39 @@ typedef struct {
     double white, jerk; /* densities of white acceleration and jerk, m2/s3, m2/s5 */
 } Now;
 
-/* A free tumble with white torque of one density. */
+/* Attitude (w, x, y, z) B to C, rate in B, coefficients of an inertia of trace 1; 1 if the gravity gradient acts. */
 typedef struct {
-    double q[4], w[3], j[5]; /* attitude (w, x, y, z) B to C, rate in B, coefficients of an inertia of trace 1 */
-    double P[11][11];        /* of a rotation vector in C, rate, coefficients */
-    double weight;           /* logarithm, that of the best is 0 */
+    double q[4], w[3], j[5], gradient;
 } Spin;
 
+/* What a spin is wrong by under white torque of one density. */
 typedef struct {
-    double known;           /* 1: the filters run */
-    double N[64], rhs[8];   /* normal equations of the inertia and the angular momentum in C */
-    double pairs, turned;   /* of nodes, rad */
-    double misfit;          /* running mean square of the innovations, 1 if all is well */
-    Spin spin[TORQUES];
+    double x[SPIN], P[SPIN][SPIN];
+    double weight; /* logarithm, that of the best is 0 */
+} SpinError;
+
+/* A tumble with or without the gravity gradient. */
+typedef struct {
+    double N[64], rhs[8]; /* normal equations of the inertia and of the first angular momentum in C */
+    double impulse[3][5]; /* what a torque of unit coefficients has added to that since, in C */
+    Spin spin;
+    SpinError error[TORQUES];
+} Course;
+
+/* Of a node, R_C_B, and its covariance as a rotation vector in C. */
+typedef struct {
+    double time, R[3][3], noise[3][3];
+} Attitude;
+
+typedef struct {
+    double known;                  /* 1: the filters run */
+    double pairs, turned;          /* of nodes, rad */
+    double kept, skip, waits;      /* attitudes, nodes left out after each, and nodes till the next one */
+    Attitude attitude[ATTITUDES];
+    double misfit;                 /* running mean square of the innovations, 1 if all is well */
+    Course course[COURSES];
+    Spin spin;                     /* after the last node, of the likeliest course, with the mean of all errors taken from it */
+    double P[SPIN][SPIN], torque;  /* their covariance, and the mean density */
 } Tumble;
 
 typedef struct {

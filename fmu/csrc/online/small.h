@@ -168,6 +168,13 @@ static void turn_left(const double turn[3], double R[3][3]) {
         for (int j = 0; j < 3; j++) R[i][j] = A[i][j];
 }
 
+/* R exp(-[turn]x): the attitude of axes against which the body was turned by `turn`. */
+static void turn_axes(const double turn[3], double R[3][3]) {
+    double back[3];
+    for (int k = 0; k < 3; k++) back[k] = -dot(R[k], turn);
+    turn_left(back, R);
+}
+
 /* The rotation vector in C from B to A, and its length. */
 static double angle_between(const double A[3][3], const double B[3][3], double turn[3]) {
     double change[3][3];

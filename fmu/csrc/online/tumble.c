@@ -1,52 +1,49 @@
 /* The tumble: attitude, rate and inertia ratios from the attitudes of the nodes.
 
-   Over the first turn, least squares for the inertia and the angular momentum L in C, R J R' w = L, from the rate between
-   nodes. From there Kalman filters of (attitude, rate, inertia), one for each density of white torque, weighed by their
-   likelihood. If the attitudes do not fit, it begins again. */
+   It is free or, on an orbit, may be under the gravity gradient: two courses. Over the first turn, least squares for
+   the inertia and the angular momentum in C, R J R' w = L, from the rate between nodes, finds a course. Then Kalman filters
+   of what its attitude, rate and inertia are wrong by, one for each density of white torque, take all nodes: first those that
+   are kept, linear about the course, and from there on one after the other, after each of which the course goes to their
+   mean. They are weighed by their likelihoods and, before the first node, by the root of their density: it is uniform. If the
+   attitudes do not fit, all begins again. */
 
-#define LEAST_TORQUE 1e-18 /* rad2/s3, of the angular acceleration */
-#define TORQUE_RATIO 1e3
 #define WHOLE_TURN 6.283185307179586
 #define SPHERE 0.15   /* standard deviation of the coefficients of an inertia of trace 1 from those of a sphere */
-#define WIDER 2.0     /* of the first estimate: rates are means over finite turns, and noisy */
 #define KNOWN 0.1     /* relative deviation of the rate at which the filters begin */
 #define MISFIT 4.0    /* mean square of the innovations, in units of their covariance */
-#define FINE 0.15     /* rad, a step of the integration */
-enum { FEWEST_PAIRS = 12, MOST_STEPS = 500, MEMORY = 16 };
+#define IMPOSSIBLE (-100.0)
+enum { FEWEST_PAIRS = 12, MEMORY = 16, TO_AND_FRO = 2 };
 
-static void inertia_of(const double j[5], double J[3][3]) {
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) {
-            J[a][b] = a == b ? 1.0 / 3.0 : 0.0;
-            for (int k = 0; k < 5; k++) J[a][b] += j[k] * INERTIA_BASIS[k][a][b];
-        }
-}
-
-/* Whether moments of inertia of trace 1 are possible: none is larger than the sum of the others. */
-static int possible(double J[3][3]) {
-    double half[3][3], inverse[3][3];
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) half[a][b] = (a == b ? 0.5 : 0.0) - J[a][b];
-    return inverted(J, inverse) && inverted(half, inverse);
-}
+static int course_count(const OnlineOptions *options) { return options->on_orbit != 0.0 ? 2 : 1; }
 
 static void forget_tumble(Tumble *tumble) { *tumble = (Tumble){0}; }
 
+/* The map was turned by `turn`, in B. */
+static void turn_tumble(Tumble *tumble, const OnlineOptions *options, const double turn[3]) {
+    for (int k = 0; k < (int)tumble->kept; k++) turn_axes(turn, tumble->attitude[k].R);
+    for (int c = 0; c < course_count(options) && tumble->known != 0.0; c++) turn_spin(&tumble->course[c].spin, turn);
+}
+
 /* ---- the first estimate ---- */
 
-static void add_pair(Tumble *tumble, const double before[3][3], const double turn[3], double T, double variance) {
-    double angle = sqrt(dot(turn, turn)), middle[3][3], half[3], w[3], A[3][8], target[3];
-    if (angle > 1.0) return; /* over a gap the mean rate says little */
-    for (int k = 0; k < 3; k++) half[k] = 0.5 * turn[k], w[k] = turn[k] / T;
-    copy(before, middle);
-    turn_left(half, middle);
-    double body[3], weight = 4.5 * T * T / variance; /* J is a third, and both ends are noisy */
+/* What a pair of nodes says to a course: the rate w in C from one to the other, T s, at the attitude `middle`; axis: of the
+   gravity gradient, zero if that does not act. */
+static void add_to_course(Course *course, const double middle[3][3], const double w[3], const double axis[3], double T,
+                          double weight) {
+    double body[3], up[3], A[3][8], target[3];
     transposed_times(middle, w, body);
+    transposed_times(middle, axis, up);
     for (int k = 0; k < 5; k++) {
-        double moved[3], column[3];
+        double moved[3], column[3], pulled[3], torque[3];
         times(INERTIA_BASIS[k], body, moved);
         times(middle, moved, column);
-        for (int a = 0; a < 3; a++) A[a][k] = column[a];
+        times(INERTIA_BASIS[k], up, moved);
+        cross(up, moved, pulled);
+        times(middle, pulled, torque);
+        for (int a = 0; a < 3; a++) {
+            A[a][k] = column[a] - course->impulse[a][k] - 0.5 * T * torque[a];
+            course->impulse[a][k] += T * torque[a];
+        }
     }
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < 3; b++) A[a][5 + b] = a == b ? -1.0 : 0.0;
@@ -54,181 +51,268 @@ static void add_pair(Tumble *tumble, const double before[3][3], const double tur
     }
     for (int i = 0; i < 8; i++) {
         for (int j = 0; j < 8; j++)
-            for (int a = 0; a < 3; a++) tumble->N[8 * i + j] += weight * A[a][i] * A[a][j];
-        for (int a = 0; a < 3; a++) tumble->rhs[i] += weight * A[a][i] * target[a];
+            for (int a = 0; a < 3; a++) course->N[8 * i + j] += weight * A[a][i] * A[a][j];
+        for (int a = 0; a < 3; a++) course->rhs[i] += weight * A[a][i] * target[a];
     }
+}
+
+static void add_pair(Tumble *tumble, const OnlineOptions *options, const double before[3][3], const double turn[3], double T,
+                     double end, double variance) {
+    double angle = sqrt(dot(turn, turn)), middle[3][3], half[3], w[3], axis[3];
+    for (int k = 0; k < 3; k++) half[k] = 0.5 * turn[k], w[k] = turn[k] / T;
+    copy(before, middle);
+    turn_left(half, middle);
+    gravity_gradient(options, end - 0.5 * T, axis);
+    int far = angle > 1.0; /* over a gap the mean rate says little */
+    double weight = far ? 0.0 : 4.5 * T * T / variance; /* J is a third, and both ends are noisy */
+    for (int c = 0; c < course_count(options); c++) {
+        tumble->course[c].spin.gradient = c;
+        add_to_course(&tumble->course[c], middle, w, c ? axis : NOTHING[0], T, weight);
+    }
+    if (far) return;
     tumble->pairs += 1.0;
     tumble->turned += angle;
 }
 
-static void start_filters(Tumble *tumble, const double R[3][3], double noise[3][3]) {
-    double N[64], x[8], covariance[8][8], J[3][3], inverse[3][3], T[8][8] = {{0}}, w[3], L_B[3];
-    for (int k = 0; k < 64; k++) N[k] = tumble->N[k] + (k % 9 == 0 && k < 45 ? 1.0 / (SPHERE * SPHERE) : 0.0);
-    if (tumble->turned < WHOLE_TURN || tumble->pairs < FEWEST_PAIRS || !factored(8, N)) return;
-    for (int k = 0; k < 8; k++) x[k] = tumble->rhs[k];
+/* Keep the attitude of a node; when there are too many, every other one. */
+static void keep_attitude(Tumble *tumble, const Attitude *attitude) {
+    tumble->waits -= 1.0;
+    if (tumble->waits > 0.0) return;
+    if (tumble->kept >= ATTITUDES) {
+        tumble->kept /= 2.0, tumble->skip = 2.0 * tumble->skip + 1.0;
+        for (int k = 0; k < (int)tumble->kept; k++) tumble->attitude[k] = tumble->attitude[2 * k];
+    }
+    tumble->attitude[(int)tumble->kept] = *attitude;
+    tumble->kept += 1.0, tumble->waits = tumble->skip + 1.0;
+}
+
+/* The course through the first attitude by least squares; 0 as long as it is not known well enough. */
+static int first_spin(Course *course, const double R[3][3]) {
+    double N[64], x[8], J[3][3], inverse[3][3], L[3], square = 0.0, *w = course->spin.w;
+    for (int k = 0; k < 64; k++) N[k] = course->N[k] + (k % 9 == 0 && k < 45 ? 1.0 / (SPHERE * SPHERE) : 0.0);
+    for (int k = 0; k < 8; k++) x[k] = course->rhs[k];
+    if (!factored(8, N)) return 0;
     solved(8, N, x);
-    for (int j = 0; j < 8; j++) {
-        double column[8] = {0};
-        column[j] = 1.0;
-        solved(8, N, column);
-        for (int i = 0; i < 8; i++) covariance[i][j] = WIDER * WIDER * column[i];
-    }
     inertia_of(x, J);
-    if (!possible(J) || !inverted(J, inverse)) return;
-    transposed_times(R, &x[5], L_B);
-    times(inverse, L_B, w);
-    /* (rate, inertia) by (inertia, L): J dw = R' dL - dJ w */
-    for (int k = 0; k < 5; k++) {
-        double moved[3], column[3];
-        times(INERTIA_BASIS[k], w, moved);
-        times(inverse, moved, column);
-        for (int a = 0; a < 3; a++) T[a][k] = -column[a];
-        T[3 + k][k] = 1.0;
-    }
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) T[a][5 + b] = inverse[a][0] * R[b][0] + inverse[a][1] * R[b][1] + inverse[a][2] * R[b][2];
-    Spin first = {0};
-    quaternion_of(R, first.q);
-    for (int k = 0; k < 3; k++) first.w[k] = w[k];
-    for (int k = 0; k < 5; k++) first.j[k] = x[k];
-    double square = 0.0;
-    for (int i = 0; i < 8; i++)
-        for (int j = 0; j < 8; j++)
-            for (int a = 0; a < 8; a++)
-                for (int b = 0; b < 8; b++) first.P[3 + i][3 + j] += T[i][a] * covariance[a][b] * T[j][b];
+    if (!possible(J) || !inverted(J, inverse)) return 0;
+    quaternion_of(R, course->spin.q);
+    transposed_times(R, &x[5], L);
+    times(inverse, L, w);
+    for (int k = 0; k < 5; k++) course->spin.j[k] = x[k];
+    /* J dw = R' dL - dJ w */
     for (int a = 0; a < 3; a++) {
-        square += first.P[3 + a][3 + a];
-        for (int b = 0; b < 3; b++) first.P[a][b] = noise[a][b];
+        double row[8], solution[8];
+        for (int k = 0; k < 5; k++) {
+            double moved[3];
+            times(INERTIA_BASIS[k], w, moved);
+            row[k] = -dot(inverse[a], moved);
+        }
+        for (int b = 0; b < 3; b++) row[5 + b] = dot(inverse[a], R[b]);
+        for (int k = 0; k < 8; k++) solution[k] = row[k];
+        solved(8, N, solution);
+        for (int k = 0; k < 8; k++) square += row[k] * solution[k];
     }
-    if (!(square < KNOWN * KNOWN * dot(w, w))) return;
-    for (int m = 0; m < TORQUES; m++) tumble->spin[m] = first;
-    tumble->known = 1.0;
-    tumble->misfit = 1.0;
+    return square < KNOWN * KNOWN * dot(w, w);
 }
 
 /* ---- the filters ---- */
 
-/* Over T s with white torque; 0 if that is too far. */
-static int spin_on(Spin *spin, double T, double density) {
-    double count = ceil(T * sqrt(dot(spin->w, spin->w)) / FINE), J[3][3], columns[9];
-    if (!(count <= MOST_STEPS)) return 0;
-    int steps = count < 1.0 ? 1 : (int)count;
-    double h = T / steps;
-    inertia_of(spin->j, J);
-    for (int k = 0; k < 9; k++) columns[k] = J[k % 3][k / 3];
-    for (int s = 0; s < steps; s++) {
-        double G[6][11], A[6][11], R[3][3];
-        rotation_step(spin->q, spin->w, columns, h, G);
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 11; j++) {
-                A[i][j] = 0.0;
-                for (int k = 0; k < 11; k++) A[i][j] += G[i][k] * spin->P[k][j];
-            }
-        for (int i = 0; i < 6; i++) {
-            for (int j = 0; j <= i; j++) {
-                double sum = 0.0;
-                for (int k = 0; k < 11; k++) sum += A[i][k] * G[j][k];
-                spin->P[i][j] = spin->P[j][i] = sum;
-            }
-            for (int j = 6; j < 11; j++) spin->P[i][j] = spin->P[j][i] = A[i][j];
+static int best_error(const Course *course) {
+    int best = 0;
+    for (int m = 1; m < TORQUES; m++)
+        if (course->error[m].weight > course->error[best].weight) best = m;
+    return best;
+}
+
+static int best_course(const Tumble *tumble, int count) {
+    int best = 0;
+    for (int c = 1; c < count; c++)
+        if (tumble->course[c].error[best_error(&tumble->course[c])].weight >
+            tumble->course[best].error[best_error(&tumble->course[best])].weight)
+            best = c;
+    return best;
+}
+
+/* Take the attitude of a node, T s after the last one; returns the weighted square of the likeliest innovation. */
+static double follow_course(Course *course, const OnlineOptions *options, double begin, double T, const double R[3][3],
+                            const double noise[3][3]) {
+    double F[6][SPIN], Q[6][6], foreseen[3][3], turn[3], squares[TORQUES];
+    if (!spin_on(options, &course->spin, begin, T, F, Q)) return INFINITY;
+    matrix_of(course->spin.q, foreseen);
+    angle_between(R, foreseen, turn);
+    int best = best_error(course);
+    for (int m = 0; m < TORQUES; m++) {
+        error_on(&course->error[m], F, Q, torque_of(m));
+        squares[m] = update_error(&course->error[m], turn, noise);
+    }
+    return squares[best];
+}
+
+static void refuse_impossible(Course *course) {
+    for (int m = 0; m < TORQUES; m++) {
+        double j[5], J[3][3];
+        for (int k = 0; k < 5; k++) j[k] = course->spin.j[k] + course->error[m].x[6 + k];
+        inertia_of(j, J);
+        if (!possible(J)) course->error[m].weight += IMPOSSIBLE;
+    }
+}
+
+/* Weights against the best; what is unlikely goes on from the best of its course, or from the best course. */
+static void weigh_errors(Tumble *tumble, int count) {
+    int first = best_course(tumble, count), most = best_error(&tumble->course[first]);
+    const SpinError best = tumble->course[first].error[most];
+    for (int c = 0; c < count; c++) {
+        Course *course = &tumble->course[c];
+        SpinError own = course->error[best_error(course)];
+        if (!(own.weight - best.weight > UNLIKELY)) {
+            own = best;
+            course->spin = tumble->course[first].spin;
+            course->spin.gradient = c;
+            for (int m = 0; m < TORQUES; m++) course->error[m].weight = -INFINITY;
         }
-        matrix_of(spin->q, R);
+        for (int m = 0; m < TORQUES; m++) {
+            double weight = course->error[m].weight - best.weight;
+            if (!(weight > UNLIKELY)) course->error[m] = own, weight = UNLIKELY;
+            course->error[m].weight = weight;
+        }
+    }
+}
+
+/* Every course goes to the mean of its filters. */
+static void centre_course(Course *course) {
+    double mean[SPIN] = {0}, sum = 0.0, highest = course->error[best_error(course)].weight;
+    for (int m = 0; m < TORQUES; m++) {
+        double share = exp(course->error[m].weight - highest);
+        sum += share;
+        for (int a = 0; a < SPIN; a++) mean[a] += share * course->error[m].x[a];
+    }
+    for (int a = 0; a < SPIN; a++) mean[a] /= sum;
+    for (int m = 0; m < TORQUES; m++)
+        for (int a = 0; a < SPIN; a++) course->error[m].x[a] -= mean[a];
+    correct_spin(&course->spin, mean);
+}
+
+/* The mean of all filters, their covariance, and the mean density of torque but of those that are as good as refuted. */
+static void sum_up(Tumble *tumble, int count) {
+    int first = best_course(tumble, count);
+    double apart[COURSES][SPIN], mean[SPIN] = {0}, sum = 0.0, torque = 0.0;
+    tumble->spin = tumble->course[first].spin;
+    for (int c = 0; c < count; c++) {
+        spin_between(&tumble->course[c].spin, &tumble->spin, apart[c]);
+        for (int m = 0; m < TORQUES; m++) {
+            double share = exp(tumble->course[c].error[m].weight);
+            sum += share;
+            if (tumble->course[c].error[m].weight > UNLIKELY) torque += share * torque_of(m);
+            for (int a = 0; a < SPIN; a++) mean[a] += share * (apart[c][a] + tumble->course[c].error[m].x[a]);
+        }
+    }
+    for (int a = 0; a < SPIN; a++) {
+        mean[a] /= sum;
+        for (int b = 0; b < SPIN; b++) tumble->P[a][b] = 0.0;
+    }
+    for (int c = 0; c < count; c++)
+        for (int m = 0; m < TORQUES; m++) {
+            const SpinError *error = &tumble->course[c].error[m];
+            double share = exp(error->weight) / sum, off[SPIN];
+            for (int a = 0; a < SPIN; a++) off[a] = apart[c][a] + error->x[a] - mean[a];
+            for (int a = 0; a < SPIN; a++)
+                for (int b = 0; b < SPIN; b++) tumble->P[a][b] += share * (error->P[a][b] + off[a] * off[b]);
+        }
+    correct_spin(&tumble->spin, mean);
+    tumble->torque = torque / sum;
+}
+
+/* The filters of a course take the attitudes that are kept, from the first on, and the last one; rate and inertia are known no
+   better than before them. 0 if that is too far. */
+static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
+    Course *course = &tumble->course[c];
+    const Attitude *first = &tumble->attitude[0];
+    double square = dot(course->spin.w, course->spin.w), off[3], foreseen[3][3];
+    matrix_of(course->spin.q, foreseen);
+    angle_between(first->R, foreseen, off);
+    for (int m = 0; m < TORQUES; m++) {
+        SpinError *error = &course->error[m];
+        *error = (SpinError){.weight = 0.5 * log(torque_of(m))};
         for (int a = 0; a < 3; a++) {
-            spin->P[a][a] += density * h * h * h / 3.0;
-            spin->P[3 + a][3 + a] += density * h;
-            for (int b = 0; b < 3; b++) {
-                spin->P[a][3 + b] += density * h * h / 2.0 * R[a][b];
-                spin->P[3 + b][a] = spin->P[a][3 + b];
-            }
+            for (int b = 0; b < 3; b++) error->P[a][b] = first->noise[a][b];
+            error->x[a] = off[a];
+            error->P[3 + a][3 + a] = square;
         }
+        for (int k = 0; k < 5; k++) error->P[6 + k][6 + k] = SPHERE * SPHERE, error->x[6 + k] = -course->spin.j[k];
+    }
+    double begin = first->time;
+    for (int k = 1; begin < last->time; k++) {
+        const Attitude *next = k < (int)tumble->kept ? &tumble->attitude[k] : last;
+        if (!(follow_course(course, options, begin, next->time - begin, next->R, next->noise) < INFINITY)) return 0;
+        begin = next->time;
     }
     return 1;
 }
 
-/* The update with an attitude; returns the weighted square of the innovation. */
-static double update_spin(Spin *spin, const double R[3][3], double noise[3][3]) {
-    double L[9], e[3], W[11][3], foreseen[3][3], turn[3], dx[11];
-    matrix_of(spin->q, foreseen);
-    angle_between(R, foreseen, e);
-    for (int k = 0; k < 9; k++) L[k] = spin->P[k / 3][k % 3] + noise[k / 3][k % 3];
-    if (!factored(3, L)) return INFINITY;
-    for (int k = 0; k < 3; k++) {
-        for (int j = 0; j < k; j++) e[k] -= L[3 * k + j] * e[j];
-        e[k] /= L[4 * k];
-    }
-    for (int a = 0; a < 11; a++) {
-        for (int k = 0; k < 3; k++) {
-            W[a][k] = spin->P[a][k];
-            for (int j = 0; j < k; j++) W[a][k] -= L[3 * k + j] * W[a][j];
-            W[a][k] /= L[4 * k];
+/* Begin with a course: by least squares, which the filters make better as they go to and fro. */
+static int start_course(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
+    Course *course = &tumble->course[c];
+    if (!first_spin(course, tumble->attitude[0].R)) return 0;
+    for (int round = 0; round < TO_AND_FRO; round++) {
+        Spin before = course->spin;
+        double F[6][SPIN], Q[6][6], J[3][3], back = tumble->attitude[0].time - last->time;
+        if (!take_kept(tumble, c, options, last)) return 0;
+        centre_course(course);
+        inertia_of(course->spin.j, J);
+        if (!possible(J) || !spin_on(options, &course->spin, last->time, back, F, Q)) {
+            course->spin = before;
+            break;
         }
-        dx[a] = dot(W[a], e);
     }
-    for (int a = 0; a < 11; a++)
-        for (int b = 0; b < 11; b++) spin->P[a][b] -= dot(W[a], W[b]);
-    for (int k = 0; k < 3; k++) turn[k] = dx[k], spin->w[k] += dx[3 + k];
-    for (int k = 0; k < 5; k++) spin->j[k] += dx[6 + k];
-    turn_left(turn, foreseen);
-    quaternion_of(foreseen, spin->q);
-    spin->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    return dot(e, e);
+    if (!take_kept(tumble, c, options, last)) return 0;
+    refuse_impossible(course);
+    return 1;
 }
 
-static double torque_of(int member) { return LEAST_TORQUE * pow(TORQUE_RATIO, member); }
-
-static int best_spin(const Tumble *tumble) {
-    int best = 0;
-    for (int m = 1; m < TORQUES; m++)
-        if (tumble->spin[m].weight > tumble->spin[best].weight) best = m;
-    return best;
+static void start_filters(Tumble *tumble, const OnlineOptions *options, const Attitude *last) {
+    int count = course_count(options), begun = 0, fails[COURSES] = {0};
+    if (tumble->turned < WHOLE_TURN || tumble->pairs < FEWEST_PAIRS) return;
+    for (int c = 0; c < count; c++) {
+        fails[c] = !start_course(tumble, c, options, last);
+        begun += !fails[c];
+    }
+    if (begun == 0) return;
+    for (int c = 0; c < count; c++)
+        for (int m = 0; m < TORQUES; m++)
+            if (fails[c]) tumble->course[c].error[m].weight = -INFINITY;
+    weigh_errors(tumble, count);
+    for (int c = 0; c < count; c++) centre_course(&tumble->course[c]);
+    sum_up(tumble, count);
+    tumble->known = 1.0;
+    tumble->misfit = 1.0;
 }
 
-/* Take the attitude of a node: R, `turn` from the one `before`, T s later. */
-static void follow(Tumble *tumble, const double before[3][3], const double turn[3], double T, const double R[3][3],
-                   double noise[3][3]) {
-    double variance = (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0;
-    add_pair(tumble, before, turn, T, variance);
+/* Take the attitude of a node: R, `turn` from the one `before`, from `begin` to `end`. */
+static void follow(Tumble *tumble, const OnlineOptions *options, double begin, double end, const double before[3][3],
+                   const double turn[3], const double R[3][3], const double noise[3][3]) {
+    double squares[COURSES], J[3][3];
+    int count = course_count(options);
     if (tumble->known == 0.0) {
-        start_filters(tumble, R, noise);
+        add_pair(tumble, options, before, turn, end - begin, end, (noise[0][0] + noise[1][1] + noise[2][2]) / 3.0);
+        Attitude last = {.time = end};
+        copy(R, last.R), copy(noise, last.noise);
+        keep_attitude(tumble, &last);
+        start_filters(tumble, options, &last);
         return;
     }
-    double square = INFINITY;
-    int best = best_spin(tumble), fits = 1;
-    for (int m = 0; m < TORQUES; m++) {
-        double J[3][3], found;
-        Spin *spin = &tumble->spin[m];
-        fits = fits && spin_on(spin, T, torque_of(m));
-        if (!fits) break;
-        found = update_spin(spin, R, noise);
-        if (m == best) square = found;
-        inertia_of(spin->j, J);
-        if (!possible(J)) spin->weight -= 100.0;
+    int best = best_course(tumble, count);
+    for (int c = 0; c < count; c++) {
+        squares[c] = follow_course(&tumble->course[c], options, begin, end - begin, R, noise);
+        if (!(squares[c] < INFINITY)) {
+            forget_tumble(tumble);
+            return;
+        }
+        refuse_impossible(&tumble->course[c]);
     }
-    best = best_spin(tumble);
-    double highest = tumble->spin[best].weight, J[3][3];
-    for (int m = 0; m < TORQUES; m++) {
-        tumble->spin[m].weight -= highest;
-        if (!(tumble->spin[m].weight > UNLIKELY)) tumble->spin[m] = tumble->spin[best], tumble->spin[m].weight = UNLIKELY;
-    }
-    tumble->misfit += (square / 3.0 - tumble->misfit) / MEMORY;
-    inertia_of(tumble->spin[best].j, J);
-    if (!fits || !(tumble->misfit < MISFIT) || !possible(J)) forget_tumble(tumble);
-}
-
-/* The angular acceleration in the axes of R of a free tumble `back` s ago; zero if none is known. */
-static void swing_of(const OnlineTumble *now, double back, double swing[3]) {
-    double inverse[3][3], R[3][3], w[3], momentum[3], torque[3], change[3] = {0}, turn[3];
-    for (int k = 0; k < 3; k++) swing[k] = 0.0;
-    if (now->known == 0.0 || !inverted(now->inertia, inverse)) return;
-    copy(now->R, R);
-    times(R, now->rate, turn);
-    for (int k = 0; k < 3; k++) turn[k] *= -back;
-    turn_left(turn, R);
-    for (int round = 0; round < 2; round++) {
-        for (int k = 0; k < 3; k++) w[k] = now->rate[k] - back * change[k];
-        times(now->inertia, w, momentum);
-        cross(momentum, w, torque);
-        times(inverse, torque, change);
-    }
-    times(R, change, swing);
+    weigh_errors(tumble, count);
+    for (int c = 0; c < count; c++) centre_course(&tumble->course[c]);
+    sum_up(tumble, count);
+    tumble->misfit += (squares[best] / 3.0 - tumble->misfit) / MEMORY;
+    inertia_of(tumble->spin.j, J);
+    if (!(tumble->misfit < MISFIT) || !possible(J)) forget_tumble(tumble);
 }

@@ -1,4 +1,4 @@
-/* The online estimator, after `relative` and `tumble`, the generated steps of orbit and attitude. */
+/* The online estimator, after `relative`, `tumble` and `gradient_axis`, the generated steps of orbit and attitude. */
 #include <math.h>
 #include <stddef.h>
 
@@ -19,12 +19,22 @@ static void relative_step(double begin, double end, const double *elements, doub
         for (int j = 0; j < 6; j++) F[i][j] = columns[6 * j + i];
 }
 
-/* A step of a tumble in place, and its Jacobian. */
-static void rotation_step(double q[4], double w[3], const double inertia[9], double h, double G[6][11]) {
+/* The axis of the gravity gradient in C at a time, 1/s; zero without an orbit. */
+static void gravity_gradient(const OnlineOptions *options, double time, double axis[3]) {
+    double work[gradient_axis_SZ_W];
+    for (int k = 0; k < 3; k++) axis[k] = 0.0;
+    if (options->on_orbit == 0.0) return;
+    const double *arguments[gradient_axis_SZ_ARG] = {&time, options->elements};
+    double *results[gradient_axis_SZ_RES] = {axis};
+    gradient_axis(arguments, results, (int[gradient_axis_SZ_IW + 1]){0}, work, 0);
+}
+
+/* A step of a tumble in place, under the gravity gradient of an axis, and its Jacobian. */
+static void rotation_step(double q[4], double w[3], const double inertia[9], const double axis[3], double h, double G[6][11]) {
     double q0[4], w0[3], columns[66], work[tumble_SZ_W];
     for (int k = 0; k < 4; k++) q0[k] = q[k];
     for (int k = 0; k < 3; k++) w0[k] = w[k];
-    const double *arguments[tumble_SZ_ARG] = {q0, w0, inertia, &h};
+    const double *arguments[tumble_SZ_ARG] = {q0, w0, inertia, axis, &h};
     double *results[tumble_SZ_RES] = {q, w, columns};
     tumble(arguments, results, (int[tumble_SZ_IW + 1]){0}, work, 0);
     for (int i = 0; i < 6; i++)
@@ -42,6 +52,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], dou
 #include "again.c"
 #include "update.c"
 #include "features.c"
+#include "spin.c"
 #include "tumble.c"
 #include "lasting.c"
 #include "node.c"
