@@ -39,6 +39,7 @@ static void level_again(const Stage *stage, const double wrong[3], double P[3][3
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) spread[a][b] += off[a] * off[b], T[a][b] = dot(stage->both[a], K[b]);
     of_cross(level->turn, spread, more);
+    add_arc(level->turn, spread, more);
     for (int a = 0; a < 3; a++) {
         level->c[a] = stage->c[a], level->scale[a] = stage->scale[a];
         for (int b = 0; b < 3; b++) level->noise[a][b] = stage->noise[a][b] + more[a][b] - T[a][b] - T[b][a];

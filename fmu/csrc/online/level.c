@@ -38,8 +38,30 @@ static void of_camera(const Online *filter, const Pose *pose, double found[3][3]
         for (int k = 0; k < 3; k++) found[j][k] += variance * ((j == k ? square : 0.0) - pose->c[j] * pose->c[k]);
 }
 
+/* What an error of an attitude, a rotation vector t, does to a place besides t x place: (t t' - t.t) place / 2, on an arc, as if
+   its mean were noise, too; added. With one t for both, the square of t x (t x place) is three times that of two. */
+static void add_arc(const double turn[3][3], double place[3][3], double found[3][3]) {
+    double once[3][3], twice[3][3];
+    of_cross(turn, place, once);
+    of_cross(turn, once, twice);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) found[j][k] += 0.75 * twice[j][k];
+}
+
+/* Of what a node shows by itself: the camera's attitude, and the arc on which its attitude moves the centre of mass. */
+static void of_itself(const Online *filter, const Frame *frame, const Pose *pose, const Level *level, double found[3][3]) {
+    double mean[3] = {0}, arm[3], place[3][3];
+    for (int i = 0; i < frame->count; i++)
+        for (int k = 0; k < 3 && frame->fits[i]; k++) mean[k] += filter->b[frame->slot[i]][k] / pose->count;
+    times(pose->R, mean, arm);
+    for (int j = 0; j < 3; j++)
+        for (int k = 0; k < 3; k++) place[j][k] = arm[j] * arm[k];
+    add_arc(level->turn, place, found);
+    of_camera(filter, pose, found);
+}
+
 /* What moves all points of a frame together: the camera's attitude, and what is of second order, the error of the
-   attitude times that of the offset. */
+   attitude times that of the offset, and the arc of its own. */
 static void common_noise(const Online *filter, const Frame *frame, const Pose *pose, const Level *level,
                          double found[3][3]) {
     double offset[3][3] = {{0}};
@@ -51,7 +73,8 @@ static void common_noise(const Online *filter, const Frame *frame, const Pose *p
     }
     turned(pose->R, offset);
     of_cross(level->turn, offset, found);
-    of_camera(filter, pose, found);
+    add_arc(level->turn, offset, found);
+    of_itself(filter, frame, pose, level, found);
 }
 
 /* What an error of a rotation does to one of a place, added with a factor; covariances of both, of the place in B. */

@@ -38,7 +38,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     level_of(filter, frame, pose, lag, sweep, share, &level);
     common_noise(filter, frame, pose, &level, common);
     bare = level;
-    of_camera(filter, pose, bare.noise);
+    of_itself(filter, frame, pose, &level, bare.noise);
     copy(level.turn, turn);
     for (int k = 0; k < 3; k++)
         free[k][k] = fmin(1.0, FREE * (turn[0][0] + turn[1][1] + turn[2][2]));
