@@ -24,7 +24,7 @@ class Options(ctypes.Structure):
     """`OnlineOptions` of online.h."""
 
     _fields_ = (
-        *((name, _double) for name in ("sigma", "offset", "speed", "attitude_noise", "on_orbit")),
+        *((name, _double) for name in ("sigma", "offset", "speed", "attitude_noise", "longest_gap", "on_orbit")),
         ("elements", _double * N_ELEMENTS),
     )
 

@@ -20,12 +20,14 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SYMMETRIC = 1e-9  # of the greatest element: what a matrix may differ from its transpose by, by rounding
+LONGEST_GAP = 86400.0  # s, a day
 MAGIC = b"baryscope online\n"
 HEAD = struct.Struct("<17s32sI")  # what stands before the memory of a saved filter: MAGIC, its build, its checksum
 REFUSED = {
     1: "time: found {time!r} s, expected a time after that of the last frame",
     3: "covariance: found one that is not symmetric positive definite",
     4: "names: found the same twice, expected each feature once",
+    8: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last frame",
 }
 
 
@@ -105,6 +107,8 @@ class OnlineEstimator:
             axis, in units of these features' rms distance from it.
         speed_std: of its velocity before the first frame, per axis, m/s.
         attitude_noise: of the camera's attitude, per axis and frame, rad.
+        longest_gap: from one frame to the next, s. A later frame is refused: after one whose time stamp is wrong all
+            others would be too early.
 
     Raises:
         InputError: a value is out of range.
@@ -119,6 +123,7 @@ class OnlineEstimator:
         offset_radii: float = 5.0,
         speed_std: float = 10.0,
         attitude_noise: float = 0.0,
+        longest_gap: float = LONGEST_GAP,
     ) -> None:
         if orbit is not None and (orbit.j2 is not None or orbit.ephemeris is not None):
             raise InputError("orbit: found one with J2 or an ephemeris, expected Keplerian elements alone")
@@ -127,6 +132,7 @@ class OnlineEstimator:
             _within("offset_radii", offset_radii, 0.1, 1e3, "radii"),
             _within("speed_std", speed_std, FINEST, COARSEST, "m/s"),
             _within("attitude_noise", attitude_noise, 0.0, 1.0, "rad"),
+            _within("longest_gap", longest_gap, FINEST, LATEST, "s"),
             float(orbit is not None),
             (ctypes.c_double * N_ELEMENTS)(*(() if orbit is None else orbit.elements)),
         )
@@ -147,7 +153,7 @@ class OnlineEstimator:
         """Take a frame.
 
         Args:
-            time: in s, after that of the last frame.
+            time: in s, after that of the last frame, by `longest_gap` at most.
             points: (m, 3), where features are in C, m.
             seen: (m,), which of them are seen; None: those that are not NaN.
             names: (m,), whole numbers that tell the features from each other; None: 0 to m − 1. A feature that
@@ -189,7 +195,8 @@ class OnlineEstimator:
             _numbers(push),
         )
         if result:
-            raise InputError(REFUSED[result].format(time=time))
+            gap = Options.from_buffer(self._memory).longest_gap  # a restored filter has its own
+            raise InputError(REFUSED[result].format(time=time, gap=gap))
         return self.predict(time)
 
     def predict(self, time: float, acceleration: ArrayLike | None = None) -> OnlineState:

@@ -61,27 +61,46 @@ static void remove_formats(char *message)
         if (*c == '%') *c = '_';
 }
 
-static Status refuse(const Instance *instance, const char *format, ...)
+static const char *const CATEGORIES[N_CATEGORIES] = {
+    [ON_EVENTS] = "logEvents",
+    [ON_WARNINGS] = "logStatusWarning",
+    [ON_ERRORS] = "logStatusError",
+};
+
+static void say(const Instance *instance, Category category, Status status, const char *format, va_list arguments)
 {
     char message[MESSAGE_SIZE + NAME_SIZE];
-    if (!instance->log_errors) return ERROR;
+    if (!instance->logs[category]) return;
+    vsnprintf(message, sizeof message, format, arguments);
+    remove_formats(message);
+    instance->log(instance, status, CATEGORIES[category], message);
+}
+
+static Status refuse(const Instance *instance, const char *format, ...)
+{
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(message, sizeof message, format, arguments);
+    say(instance, ON_ERRORS, ERROR, format, arguments);
     va_end(arguments);
-    remove_formats(message);
-    instance->log(instance, ERROR, "logStatusError", message);
     return ERROR;
+}
+
+static void remark(const Instance *instance, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    say(instance, ON_WARNINGS, WARNING, format, arguments);
+    va_end(arguments);
 }
 
 static void report(const Instance *instance, const char *event)
 {
     char message[MESSAGE_SIZE];
-    if (!instance->log_events) return;
+    if (!instance->logs[ON_EVENTS]) return;
     const Unit *unit = &instance->core.unit;
     const int length = snprintf(message, sizeof message, "%s at %.17g s", event, unit->time);
     if (unit->tolerance > 0.0) snprintf(message + length, sizeof message - (size_t)length, ", tolerance %g", unit->tolerance);
-    instance->log(instance, OK, "logEvents", message);
+    instance->log(instance, OK, CATEGORIES[ON_EVENTS], message);
 }
 
 static Instance *enter(void *component, Call call, const char *function)
@@ -115,8 +134,8 @@ static Instance *instance_create(const char *name, Interface interface, const ch
     instance->log = log;
     instance->logger = logger;
     instance->environment = environment;
-    instance->log_errors = true;
-    instance->log_events = log_events;
+    instance->logs[ON_ERRORS] = instance->logs[ON_WARNINGS] = true;
+    instance->logs[ON_EVENTS] = log_events;
     const char *fault = creation_fault(name, interface, token);
     if (fault) {
         refuse(instance, "instantiation: %s", fault);
@@ -146,17 +165,19 @@ static Status instance_set_logging(void *component, const char *function, bool o
     Instance *instance = enter(component, SET_LOGGING, function);
     if (!instance) return ERROR;
     if (count && !categories) return refuse(instance, "%s: found a null pointer, expected %zu categories", function, count);
-    bool errors = count == 0, events = count == 0;
+    bool meant[N_CATEGORIES];
+    for (int k = 0; k < N_CATEGORIES; k++) meant[k] = count == 0;
     for (size_t i = 0; i < count; i++) {
         const char *name = categories[i] ? categories[i] : "(null)";
-        const bool is_error = strcmp(name, "logStatusError") == 0, is_event = strcmp(name, "logEvents") == 0;
-        if (!is_error && !is_event)
-            return refuse(instance, "%s: found category \"%s\", expected logStatusError or logEvents", function, name);
-        errors |= is_error;
-        events |= is_event;
+        int found = 0;
+        while (found < N_CATEGORIES && strcmp(name, CATEGORIES[found]) != 0) found++;
+        if (found == N_CATEGORIES)
+            return refuse(instance, "%s: found category \"%s\", expected %s, %s or %s", function, name, CATEGORIES[ON_EVENTS],
+                          CATEGORIES[ON_WARNINGS], CATEGORIES[ON_ERRORS]);
+        meant[found] = true;
     }
-    if (errors) instance->log_errors = on;
-    if (events) instance->log_events = on;
+    for (int k = 0; k < N_CATEGORIES; k++)
+        if (meant[k]) instance->logs[k] = on;
     return OK;
 }
 

@@ -13,7 +13,10 @@
 #define NAME_SIZE 128
 #define MARK 0x62617279u /* tells an instance from most other pointers */
 
-typedef enum { OK = 0, DISCARD = 2, ERROR = 3 } Status;
+typedef enum { OK = 0, WARNING = 1, DISCARD = 2, ERROR = 3 } Status;
+
+/* Categories of messages, that of the description at their places in CATEGORIES. */
+typedef enum { ON_EVENTS, ON_WARNINGS, ON_ERRORS, N_CATEGORIES } Category;
 /* Importers that compile the sources define the names without FOR_ as macros. */
 typedef enum { FOR_MODEL_EXCHANGE, FOR_CO_SIMULATION } Interface;
 
@@ -36,7 +39,7 @@ struct Instance {
     Log *log;
     void (*logger)(void); /* the importer's, of the version's type */
     void *environment;
-    bool log_events, log_errors;
+    bool logs[N_CATEGORIES];
     Core core;
 };
 
@@ -58,6 +61,9 @@ static Instance *enter(void *component, Call call, const char *function);
 
 /* Log why a call is refused; the instance is unchanged. Returns ERROR. */
 static Status refuse(const Instance *instance, const char *format, ...);
+
+/* Log what a call that succeeds has left out. The call returns OK all the same: many importers stop at a warning. */
+static void remark(const Instance *instance, const char *format, ...);
 
 static Status instance_set_logging(void *component, const char *function, bool on, size_t count, const char *const *categories);
 static Status instance_setup(Instance *instance, const char *function, bool tolerance_defined, double tolerance, double start,

@@ -1,6 +1,7 @@
 #include "unit.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -77,11 +78,52 @@ static void write_quaternion(const double R[3][3], double *quaternion)
     unit_attitude(rows, results, NULL, NULL, 0);
 }
 
-/* Hand the points that are seen to the filter, in C. A sample that is older than the last, or that it refuses, changes nothing. */
-static void take_sample(Model *model, const double *values)
+/* Say that something is left out, unless it was said of a fault of this kind before. */
+static void leave_out(Model *model, Fault fault, char *message, const char *format, ...)
+{
+    const size_t length = strlen(message);
+    if (model->told[fault]) return;
+    model->told[fault] = true;
+    va_list arguments;
+    va_start(arguments, format);
+    if (length > 0) snprintf(message + length, MESSAGE_SIZE - length, "; ");
+    vsnprintf(message + strlen(message), MESSAGE_SIZE - strlen(message), format, arguments);
+    va_end(arguments);
+}
+
+/* Whether a sample's number and time are news, and not of the future; a sample of that waits for its time. */
+static bool is_due(Model *model, const double *values, double next, char *message)
+{
+    const double number = values[AT_SAMPLE_NUMBER], time = values[AT_SAMPLE_TIME], last = model->filter.time + model->started;
+    if (number < model->taken)
+        leave_out(model, OLD_NUMBER, message, "sample.number is %.17g, expected at least that of the last one, %.17g: not taken",
+                  number, model->taken);
+    if (!(number > model->taken)) return false;
+    if (time > next) {
+        leave_out(model, TIME_AHEAD, message, "sample.time is %.17g s, expected at most the end of the step, %.17g s: not taken "
+                  "before its time", time, next);
+        return false;
+    }
+    model->taken = number;
+    if (model->samples == 0.0 || time - model->started > model->filter.time) return true;
+    leave_out(model, OLD_TIME, message, "sample.time is %.17g s, expected more than that of the last one, %.17g s: not taken", time, last);
+    return false;
+}
+
+/* Whether any of the points that are seen has a covariance other than 0. */
+static bool has_covariances(const double *values)
+{
+    for (int k = 0; k < 6 * N_FEATURES; k++)
+        if (values[AT_SEEN + k / 6] != 0.0 && values[AT_COVARIANCES + k] != 0.0) return true;
+    return false;
+}
+
+/* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one. */
+static void take_sample(Model *model, const double *values, char *message)
 {
     long long names[N_FEATURES];
-    double points[N_FEATURES][3], covariances[N_FEATURES][6], push[3], largest = 0.0;
+    double points[N_FEATURES][3], covariances[N_FEATURES][6], full[3][3], push[3];
+    const bool own = has_covariances(values);
     int count = 0;
     for (int feature = 0; feature < N_FEATURES; feature++) {
         if (values[AT_SEEN + feature] == 0.0) continue;
@@ -89,14 +131,20 @@ static void take_sample(Model *model, const double *values)
         const double *arguments[] = {values + AT_ATTITUDE, values + AT_LEVER_ARM, values + AT_POINTS + 3 * feature, covariance};
         double *results[] = {points[count], covariances[count]};
         unit_point(arguments, results, NULL, NULL, 0);
-        for (int k = 0; k < 6; k++) largest = fmax(largest, fabs(covariance[k]));
-        names[count++] = feature;
+        if (own && !covariance_of(covariances[count], full))
+            leave_out(model, SINGULAR, message, "the covariance of point %d at %.17g s is not positive definite: the point is left out",
+                      feature + 1, values[AT_SAMPLE_TIME]);
+        else
+            names[count++] = feature;
     }
+    if (count == 0) return;
     const double time = values[AT_SAMPLE_TIME] - model->started;
-    if (count == 0 || (model->samples > 0.0 && !(time > model->filter.time))) return;
     go_through(model, &model->filter, time);
     mean_push(model, model->filter.time, time, push);
-    if (online_update(&model->filter, time, count, names, points[0], largest > 0.0 ? covariances[0] : NULL, push) != ACCEPTED) return;
+    if (online_update(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, push) != ACCEPTED) {
+        leave_out(model, UNUSABLE, message, "the sample at %.17g s is not finite in frame C: not taken", values[AT_SAMPLE_TIME]);
+        return;
+    }
     model->samples += 1.0;
     if (model->filter.frames == 0.0 || model->filter.registered != time) return;
     write_quaternion(model->filter.attitude, model->attitude);
@@ -181,7 +229,8 @@ static bool write_outputs(const Model *model, double *values, double time)
 
 static void model_start(Model *model, double *values, double time)
 {
-    OnlineOptions options = {values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE], values[AT_ON_ORBIT], {0.0}};
+    OnlineOptions options = {values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE],
+                             INFINITY, values[AT_ON_ORBIT], {0.0}}; /* the end of the step bounds the time of a sample */
     memcpy(options.elements, values + AT_ORBIT, sizeof options.elements);
     online_start(&model->filter, &options);
     model->started = time;
@@ -199,10 +248,7 @@ static bool model_step(Model *model, double *values, double time, double next, c
     double outputs[N_OUTPUTS];
     memcpy(outputs, values + AT_OUTPUTS, sizeof outputs);
     remember(model, values, time - model->started, next - model->started);
-    if (values[AT_SAMPLE_NUMBER] > model->taken && values[AT_SAMPLE_TIME] <= next) {
-        model->taken = values[AT_SAMPLE_NUMBER];
-        take_sample(model, values);
-    }
+    if (is_due(model, values, next, message)) take_sample(model, values, message);
     if (write_outputs(model, values, next - model->started)) return true;
     *model = before;
     memcpy(values + AT_OUTPUTS, outputs, sizeof outputs);

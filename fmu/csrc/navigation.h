@@ -12,11 +12,15 @@ typedef struct {
     double time, change[3]; /* s; m/s in C since the start, by commands */
 } Past;
 
+/* Why a sample, or a point of one, is left out. */
+typedef enum { OLD_NUMBER, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, N_FAULTS } Fault;
+
 typedef struct {
     Online filter;
     double started; /* s: all other times here are since then, as the orbit's anomaly is that of the start */
     double taken;   /* number of the last sample */
     double samples;
+    bool told[N_FAULTS]; /* that so was the first one of them */
     double attitude[4]; /* (w, x, y, z), of the last one that fits */
     int count;
     Past past[MOST_PAST]; /* the oldest first */

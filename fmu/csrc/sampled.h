@@ -20,7 +20,8 @@ static void model_start(Model *model, double *values, double time);
 /* Tunable parameters have changed in mid-run. */
 static void model_tune(Model *model, const double *values);
 
-/* Step from `time` to `next`, s, and write the outputs. On failure, `message` holds the reason, and nothing has changed. */
+/* Step from `time` to `next`, s, and write the outputs. On failure, `message`, empty before, holds the reason, and nothing has
+   changed; else it may hold which inputs were left out. */
 static bool model_step(Model *model, double *values, double time, double next, char *message);
 
 #endif

@@ -18,6 +18,8 @@ static Status instance_step(void *component, const char *function, double point,
         return refuse(instance, "%s: the step ends at %.17g, expected at most the stop time, %.17g", function, next, stop);
     if (!(next > time))
         return refuse(instance, "%s: communicationStepSize is %g, too small to move the time %.17g", function, step, time);
-    char message[MESSAGE_SIZE];
-    return unit_advance(unit, next, message) ? OK : refuse(instance, "%s: %s", function, message);
+    char message[MESSAGE_SIZE] = "";
+    if (!unit_advance(unit, next, message)) return refuse(instance, "%s: %s", function, message);
+    if (*message) remark(instance, "%s: %s", function, message);
+    return OK;
 }

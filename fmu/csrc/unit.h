@@ -69,8 +69,8 @@ static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE]);
 /* Take over parameters that were set during a run. On failure, `message` holds the reason; the caller restores them. */
 static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE]);
 
-/* Advance to `time` with the inputs held, or changing at their rates. On failure the unit is unchanged and `message` holds the
-   reason. */
+/* Advance to `time` with the inputs held, or changing at their rates. On failure the unit is unchanged and `message`, empty before,
+   holds the reason; else it may hold what was left out. */
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
 /* ---- of units with continuous states ---- */

@@ -17,6 +17,7 @@ from baryscope.models.variables import DISPLAY_UNITS, UNITS
 
 LOG_CATEGORIES = {
     "logStatusError": "Why a call was refused or failed; on by default",
+    "logStatusWarning": "What a step has left out, as of bad samples, the first time of each kind; on by default",
     "logEvents": "Initialisation, reset and termination",
 }
 

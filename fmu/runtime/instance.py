@@ -5,6 +5,7 @@ hold the differences between FMI 2.0 and 3.0, so that a session is independent o
 """
 
 import ctypes
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -271,5 +272,8 @@ class Instance:
         return UnitError(text)
 
     def _log(self, status: int, message: bytes) -> None:
+        text = message.decode("utf-8", "replace")
         if status > _WARNING:
-            self._messages.append(message.decode("utf-8", "replace"))
+            self._messages.append(text)
+        elif status == _WARNING:
+            warnings.warn(text, stacklevel=2)

@@ -1,5 +1,6 @@
 """A master for systems of FMI 2.0 units: all step at once, then outputs become inputs (Jacobi), by fmpy."""
 
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ from baryscope.models.files import temporary_folder
 FloatArray = NDArray[np.float64]
 EXPECTED = "a system of FMI 2.0 units, SSP 1.0, made by `baryscope system`"
 SHORTEST_STEP = 1e-6  # s
-ERROR = 3  # FMI's statuses from here on are errors
+WARNING, ERROR = 1, 3  # of FMI's statuses; from the second on they are errors
 
 
 @dataclass(eq=False)
@@ -260,12 +261,15 @@ def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit
 
 
 def _instantiated(name: str, description: Any, folder: Path) -> tuple[Any, list[str]]:
-    """An instance of an unpacked unit, and the list to which it adds the errors that it logs, a line each."""
+    """An instance of an unpacked unit, and the list to which it adds the errors that it logs; warnings go on."""
     messages: list[str] = []
 
     def log(*call: Any) -> None:
+        text = " ".join(call[4].decode("utf-8", "replace").split())
         if call[2] >= ERROR:
-            messages.append(" ".join(call[4].decode("utf-8", "replace").split()))
+            messages.append(text)
+        elif call[2] == WARNING:
+            warnings.warn(f"{name}: {text}", stacklevel=2)
 
     callbacks = fmi2CallbackFunctions()
     callbacks.logger = fmi2CallbackLoggerTYPE(log)

@@ -46,6 +46,9 @@ _EQUATIONS = (
     "A sample is taken in the step that begins with a sample.number greater than before, as of sample.time. What the "
     "command changed since then is in the outputs, which are of the step's end; of more than 64 steps since the last "
     "sample, neighbours are taken together.",
+    "Left out, and logged as a warning, are a sample.time that is not after that of the last sample, a sample.number "
+    "less than before, and points whose covariance is not positive definite where others have one; a sample.time "
+    "after the step's end waits.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
     "the filter begins with another map. It holds up to 32 features.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "

@@ -8,25 +8,33 @@ void online_start(Online *filter, const OnlineOptions *options) {
     filter->options = *options;
 }
 
+/* A variance over what is left of it where the two other coordinates are known: more is rounding of a singular covariance. */
+static const double SINGULAR_BEYOND = 1e13;
+
+/* A covariance (3, 3) of its upper triangle; 0 if it is not positive definite. */
+static int covariance_of(const double upper[6], double P[3][3]) {
+    static const int UPPER[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
+    double inverse[3][3];
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) P[a][b] = upper[UPPER[a][b]];
+    if (!inverted(P, inverse)) return 0;
+    for (int k = 0; k < 3; k++)
+        if (!(P[k][k] * inverse[k][k] < SINGULAR_BEYOND)) return 0;
+    return 1;
+}
+
 /* The frame of what is given, or why it is refused. */
 static int read_frame(const Online *filter, const double R[3][3], int count, const long long *names, const double *points,
                       const double *covariances, Frame *frame) {
     if (count < 0 || count > MOST_FEATURES) return TOO_MANY;
+    const double square = filter->options.sigma * filter->options.sigma, alike[6] = {square, 0.0, 0.0, square, 0.0, square};
     frame->count = count;
     for (int i = 0; i < count; i++) {
         if (!are_finite(points + 3 * i, 3)) return BAD_POINT;
         for (int j = 0; j < i; j++)
             if (names[j] == names[i]) return BAD_NAME;
-        double inverse[3][3];
-        for (int a = 0; a < 3; a++) {
-            frame->y[i][a] = points[3 * i + a];
-            for (int b = 0; b < 3; b++) {
-                static const int UPPER[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
-                double own = a == b ? filter->options.sigma * filter->options.sigma : 0.0;
-                frame->noise[i][a][b] = covariances ? covariances[6 * i + UPPER[a][b]] : own;
-            }
-        }
-        if (!inverted(frame->noise[i], inverse)) return BAD_COVARIANCE;
+        for (int k = 0; k < 3; k++) frame->y[i][k] = points[3 * i + k];
+        if (!covariance_of(covariances ? covariances + 6 * i : alike, frame->noise[i])) return BAD_COVARIANCE;
         frame->name[i] = names[i];
         frame->slot[i] = slot_of(filter, names[i]);
         weigh(filter, frame, i, R, 1.0, NOTHING);
@@ -84,6 +92,7 @@ int online_update(Online *filter, double time, int count, const long long *names
     double R[3][3], turn[3];
     int sound = 1;
     if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
+    if (filter->frames > 0.0 && !(time - filter->time <= filter->options.longest_gap)) return TOO_LATE;
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     foresee(filter, time, &tumble, &foreseen);
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);

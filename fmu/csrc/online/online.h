@@ -57,13 +57,16 @@ enum {
 
 typedef enum { WAITING, STARTING, TRACKING, DOUBTFUL, LOST } OnlineStatus;
 
-typedef enum { ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY, NO_SUCH } OnlineResult;
+typedef enum {
+    ACCEPTED, BAD_TIME, BAD_POINT, BAD_COVARIANCE, BAD_NAME, BAD_ACCELERATION, TOO_MANY, NO_SUCH, TOO_LATE
+} OnlineResult;
 
 typedef struct {
     double sigma;          /* standard deviation of a coordinate, m, where a point has no covariance of its own */
     double offset;         /* of the centre of mass from the features before the first frame, in radii of these */
     double speed;          /* of its velocity, per axis, m/s */
     double attitude_noise; /* of the camera, rad, per axis and frame */
+    double longest_gap;    /* from one frame to the next, s: a later one has a wrong time */
     double on_orbit;       /* 1: on the orbit of the elements; 0: in a straight line */
     double elements[N_ELEMENTS];
 } OnlineOptions;

@@ -205,11 +205,19 @@ def test_many_frames_cost_no_memory_and_keep_the_covariance_definite():
     assert errors(states[-1:], straight(time[-1:]))[1][0] < chi2.ppf(1 - ALPHA, 3)
 
 
+def flat():
+    """A covariance of rank 2 in axes that are not its own, so that its determinant is rounding, above 0."""
+    R = Rotation.from_quat([0.3, -0.3, 0.1, 0.9]).as_matrix()
+    covariance = R @ np.diag([1e-4, 1e-4, 0.0]) @ R.T
+    return (covariance + covariance.T) / 2
+
+
 @pytest.mark.parametrize(
     "change, message",
     [
         ({"time": np.nan}, "time: found nan"),
         ({"time": 4.0}, "after that of the last frame"),
+        ({"time": 1e9}, r"found 1000000000.0 s, expected one at most 86400 s, longest_gap, after that of the last"),
         ({"points": np.zeros((8, 2))}, r"points has the shape \(8, 2\)"),
         ({"points": np.full((8, 3), np.inf)}, "expected numbers within"),
         ({"seen": [True]}, "seen and names"),
@@ -217,6 +225,7 @@ def test_many_frames_cost_no_memory_and_keep_the_covariance_definite():
         ({"names": np.zeros(8)}, "expected whole numbers"),
         ({"covariance": np.zeros((8, 3, 3))}, "not symmetric positive definite"),
         ({"covariance": np.tile(np.eye(3) + np.tri(3, k=-1), (8, 1, 1))}, "not symmetric positive definite"),
+        ({"covariance": np.tile(flat(), (8, 1, 1))}, "not symmetric positive definite"),
         ({"covariance": np.zeros((3, 3))}, "covariance has the shape"),
         ({"covariance": np.full((8, 3, 3), np.nan)}, "not symmetric positive definite"),
         ({"acceleration": [np.nan, 0, 0]}, "three finite numbers"),
@@ -238,11 +247,11 @@ def test_what_is_wrong_is_refused_and_changes_nothing(change, message):
 
 @pytest.mark.parametrize(
     "arguments",
-    [{"sigma": 0.0}, {"sigma": np.nan}, {"sigma": 1.0, "speed_std": -1.0}, {"sigma": 1.0, "offset_radii": 0}],
+    [{"sigma": 0.0}, {"sigma": np.nan}, {"speed_std": -1.0}, {"offset_radii": 0}, {"longest_gap": np.inf}],
 )
 def test_settings_out_of_range_are_refused(arguments):
     with pytest.raises(InputError, match="expected"):
-        OnlineEstimator(**arguments)
+        OnlineEstimator(**({"sigma": 1.0} | arguments))
 
 
 def test_orbits_that_it_cannot_hold_are_refused():

@@ -35,3 +35,15 @@ def test_what_is_no_saved_filter_is_refused(change, message):
     assert OnlineEstimator.restored(content).save() == content
     with pytest.raises(InputError, match=f"^a saved filter: .*{message}"):
         OnlineEstimator.restored(change(content))
+
+
+def test_a_longer_gap_is_one_that_was_asked_for():
+    """A saved filter keeps it."""
+    time = np.array([0.0, 1.0, 2e5])
+    seen = tracks(np.random.default_rng(14), time, straight(time))
+    filter = OnlineEstimator(SIGMA, longest_gap=3e5)
+    run(filter, time[:2], seen[:2])
+    filter = OnlineEstimator.restored(filter.save())
+    with pytest.raises(InputError, match="at most 300000 s, longest_gap"):
+        filter.update(4e5, seen[2])
+    assert filter.update(time[2], seen[2]).time == time[2]

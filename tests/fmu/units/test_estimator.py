@@ -6,7 +6,7 @@ from fmpy.validation import validate_fmu
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.online import OnlineEstimator
-from baryscope.fmu import build_fmu
+from baryscope.fmu import UnitSession, build_fmu
 from baryscope.fmu.check import check_unit
 from baryscope.fmu.units import blueprint_of
 from baryscope.models.directions import axes_along
@@ -214,3 +214,79 @@ def test_while_it_is_lost_nothing_is_valid_and_another_map_goes_on_with_the_path
     assert said[115] == said[-1] == ("tracking", True)
     assert np.linalg.norm(unit["target.position"] - [0.0, 0.0, 20.0]) < 0.01  # that of a point, of which there are many
     assert all(valid == (status == "tracking") for status, valid in said)
+
+
+BAD = 3
+
+
+def fly_by(started, spoil, rows=40):
+    """Two estimators see the same tumbling body; `spoil` changes the second one's inputs of a row, by names."""
+    rng, body = np.random.default_rng(3), np.random.default_rng(2).uniform(-2, 2, (COUNT, 3))
+    units = [started("estimator", onOrbit=False) for _ in range(2)]
+    for k in range(rows):
+        R = Rotation.from_rotvec(0.1 * k * np.array([0.6, 0.0, 0.8])).as_matrix()
+        points = [0.0, 0.0, 20.0] + body @ R.T + 0.01 * rng.normal(size=(COUNT, 3))
+        covariances = np.tile([1e-4, 0, 0, 1e-4, 0, 1e-4], (COUNT, 1))
+        sample = {"points": points, "covariances": covariances, "seen": np.ones(COUNT, dtype=bool)}
+        sample |= {"sample.time": float(k), "sample.number": k + 1, "camera.attitude": [0.9, 0.3, -0.3, 0.1]}
+        for unit, told in zip(units, (sample, sample | spoil(k, sample)), strict=True):
+            for name, value in told.items():
+                unit[name] = value
+            unit.step()
+    return units
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [[1e-4, 0, 0, 1e-4, 0, 0], [0, 0, 0, 0, 0, 0], [1e-4, 2e-4, 0, 1e-4, 0, 1e-4], [-1e-4, 0, 0, 1e-4, 0, 1e-4]],
+    ids=["singular", "zero", "indefinite", "negative"],
+)
+def test_a_point_without_a_proper_covariance_is_left_out_alone_and_said_once(started, wrong):
+    """As if it were not seen; the other points of the sample count. An importer is told by a warning, once."""
+
+    def unseen(k, sample):
+        return {"seen": np.arange(COUNT) != BAD} if k >= 10 else {}
+
+    def spoilt(k, sample):
+        covariances = sample["covariances"].copy()
+        if k >= 10:
+            covariances[BAD] = wrong
+        return {"covariances": covariances}
+
+    (_, without), (_, unit) = fly_by(started, unseen), fly_by(started, spoilt)
+    for name in ("target.position", "target.positionCovariance", "status", "samples"):
+        np.testing.assert_array_equal(unit[name], without[name])
+    assert unit["samples"] == 40
+    assert unit.messages == [
+        f"fmi2DoStep: the covariance of point {BAD + 1} at 10 s is not positive definite: the point is left out"
+    ]
+
+
+@pytest.mark.parametrize(
+    "spoil, words",
+    [
+        (lambda k: {"sample.time": 1e9} if k == 20 else {}, "sample.time is 1000000000 s, expected at most the end"),
+        (lambda k: {"sample.time": 3.0} if k == 20 else {}, "sample.time is 3 s, expected more than that of the last"),
+        (lambda k: {"sample.number": 2.0} if k == 20 else {}, "sample.number is 2, expected at least that of the last"),
+        (lambda k: {"points": np.full((COUNT, 3), 1.7e308)} if k == 20 else {}, "is not finite in frame C: not taken"),
+    ],
+    ids=["future", "past", "number", "points"],
+)
+def test_a_sample_that_cannot_be_is_said_and_spoils_no_other(started, spoil, words):
+    """Where it is not taken, the state goes on as if nothing had been seen."""
+    (_, without), (_, unit) = (
+        fly_by(started, lambda k, sample: {"seen": np.zeros(COUNT)} if k == 20 else {}),
+        fly_by(started, lambda k, sample: spoil(k)),
+    )
+    for name in ("target.position", "target.positionCovariance", "status", "samples"):
+        np.testing.assert_array_equal(unit[name], without[name])
+    (message,) = unit.messages
+    assert words in message
+
+
+def test_python_warns_of_what_a_unit_has_left_out(units):
+    sample = {"points": np.ones((COUNT, 3)), "seen": np.ones(COUNT), "sample.number": 1.0, "sample.time": 1e9}
+    with UnitSession(units["estimator"]) as unit:
+        with pytest.warns(UserWarning, match=r"sample.time is 1000000000 s, expected at most the end of the step, 1 s"):
+            unit.step(1.0, sample)
+        unit.step(1.0)
