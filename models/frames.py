@@ -6,6 +6,8 @@ B target body, origin at the centre of mass (CoM); C chaser, origin at the chase
 Quaternions are scalar first (w, x, y, z), Hamilton, unit; `q_I_B` stands for `R_I_B`.
 """
 
+from dataclasses import dataclass
+
 import casadi as ca
 
 Symbol = ca.SX
@@ -87,3 +89,41 @@ def quaternion_I_P(raan: Symbol, inclination: Symbol, argument_of_periapsis: Sym
 def rotation_I_L(R_I_P: Symbol, true_anomaly: Symbol) -> Symbol:
     """R_I_L = R_I_P R3(θ), the true anomaly θ in rad."""
     return R_I_P @ rotation_about(2, true_anomaly)
+
+
+def moved(position: Symbol, R: Symbol, points: Symbol, directions: Symbol) -> tuple[Symbol, Symbol]:
+    """Points and directions of a body, both (n, 3), in the axes in which it stands at a position, turned by R."""
+    return ca.repmat(position.T, points.shape[0], 1) + points @ R.T, directions @ R.T
+
+
+def pose(position: Symbol, R: Symbol) -> Symbol:
+    """A position and a rotation in one column, (12,), as `Sight` takes them."""
+    return ca.vertcat(position, ca.vec(R))
+
+
+@dataclass(frozen=True)
+class Sight:
+    """`moved` for one point and its direction, (6,), and its derivatives.
+
+    Attributes:
+        function: pose, body → seen.
+        forward: pose, body, seed of both → its image in what is seen.
+        reverse: pose, body, seed of what is seen → its image in (pose, body).
+    """
+
+    function: ca.Function
+    forward: ca.Function
+    reverse: ca.Function
+
+
+def sights(name: str) -> Sight:
+    """The functions by their common name."""
+    z, body = ca.SX.sym("z", 12), ca.SX.sym("body", 6)
+    place, direction = moved(z[:3], ca.reshape(z[3:], 3, 3), body[:3].T, body[3:].T)
+    seen, knowns = ca.vertcat(place.T, direction.T), ca.vertcat(z, body)
+    forth, back = ca.SX.sym("seed", knowns.numel()), ca.SX.sym("seed", seen.numel())
+    return Sight(
+        ca.Function(name, [z, body], [seen]),
+        ca.Function(f"{name}_forward", [z, body, forth], [ca.jtimes(seen, knowns, forth)]),
+        ca.Function(f"{name}_reverse", [z, body, back], [ca.jtimes(seen, knowns, back, True)]),
+    )

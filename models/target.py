@@ -15,9 +15,11 @@ that are called often take c.
 The Taylor series of the attitude under torques is that of q_P_D and ω_D: from the perifocal axes P (with forces, I) to
 the target's principal axes D, in which J is diagonal and the direction of gravity stays in a plane: that takes less
 time. Its constants are s = series_constants(p).
+
+C has functions of one feature, `sight`, for a loop, and all else without them: y_r is y without features and normals.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -35,12 +37,16 @@ from baryscope.models.attitude import (
 )
 from baryscope.models.checks import CheckSet, parameter_checks, state_checks
 from baryscope.models.frames import (
+    Sight,
     Symbol,
     conjugate,
+    moved,
+    pose,
     quaternion_product,
     quaternion_rate,
     rotation_from_quaternion,
     rotation_I_L,
+    sights,
 )
 from baryscope.models.keplerian import Conic, Elements, Ellipse, conic
 from baryscope.models.quadratic import QuadraticForm, quadratic_form
@@ -60,8 +66,7 @@ class TumblingTarget:
         variables: the table, in the order of the flat vectors.
         place_size: number of states that tell where the target is, shared by attitude and orbit.
         initial: p → x.
-        rhs: x, u, p → ẋ.
-        outputs: x, p → y.
+        rhs, outputs: x, u, p → ẋ; and x, p → y.
         nominals: p → nominal size of each state, to which the relative tolerance refers.
         constants: p → c.
         free_attitude_rates: (q, ω, place), u, c → their rates without torques but the input, with the place at rest.
@@ -73,12 +78,14 @@ class TumblingTarget:
         series_rates: (q_P_D, ω_D, place), torque in D, s, ‖q‖⁻² → their rates as in `attitude_rates`, for series over a
             step: ‖q‖ is constant.
         orbit_rates: (place, ρ, ρ̇), u, c → their rates.
-        run_outputs: x, p, c → y.
-        run_forward: x, u, p, c, seed of (u, p, x) → the seed's image in (y, ẋ), with c held: exact for tunable Reals,
-            on which c does not depend.
-        run_reverse: x, u, p, c, seed of (y, ẋ) → its image in (u, p, x), with c held.
-        initial_forward: u, p, seed of (u, p) → its image in (y, x, ẋ) at the start.
-        initial_reverse: u, p, seed of (y, x, ẋ) → its image in (u, p).
+        pose: x, c → z, position in C and R_I_B by columns.
+        sight: z, a feature's place and normal in the body → in C; and its derivatives.
+        run_outputs: x, c → y_r, z.
+        run_forward: x, u, p, c, seed of (u, p, x) → its image in (y_r, ẋ) and in z, with c held: exact for tunable
+            Reals, on which c does not depend.
+        run_reverse: x, u, p, c, seed of (y_r, ẋ), of z → its image in (u, p, x), before and behind the features.
+        initial_forward: u, p, seed of (u, p) → its image in (y_r, x, ẋ) and in z at the start.
+        initial_reverse: u, p, seed of (y_r, x, ẋ), of z → its image in (u, p), before and behind the features.
         checks: the conditions on p.
         state_checks: the conditions on x.
     """
@@ -99,6 +106,8 @@ class TumblingTarget:
     from_series: ca.Function
     series_rates: ca.Function
     orbit_rates: ca.Function
+    pose: ca.Function
+    sight: Sight
     run_outputs: ca.Function
     run_forward: ca.Function
     run_reverse: ca.Function
@@ -136,17 +145,19 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
     turning = turned if Force.EDDY_CURRENTS in forces else free + gravity_gradient * (turned - free)
     rates = ca.vertcat(attitude["free"][:4], turning, orbit)
     values = _output_values(x, parameters, constants, forces)
-    y = ca.vertcat(*(_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT))
+    every = [_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT]
+    y, y_rest = ca.vertcat(*every), ca.vertcat(*every[2:])  # features and normals are the first
+    z = pose(values["target.position"], rotation_from_quaternion(_unit(x[:4])))
 
     def of_parameters(expression: Symbol) -> Symbol:
         return ca.substitute(expression, c, constants_of_p(p))
 
     x0 = _initial_state(parameters, forces)
-    start = ca.vertcat(y, x, rates)
-    start = ca.substitute(of_parameters(start), x, x0)
-    run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, p, x), ca.vertcat(y, rates))
+    start, start_pose = (ca.substitute(of_parameters(part), x, x0) for part in (ca.vertcat(y_rest, x, rates), z))
+    features = _features_in(table, u.numel())
+    run = _derivatives("target_run", [x, u, p, c], ca.vertcat(u, p, x), features, (ca.vertcat(y_rest, rates), z))
     series = _series(part, u, inputs["target.torque"], _series_constants(parameters, forces), forces)
-    beginning = _derivatives("target_initial", [u, p], ca.vertcat(u, p), start)
+    beginning = _derivatives("target_initial", [u, p], ca.vertcat(u, p), features, (start, start_pose))
     return TumblingTarget(
         forces=forces,
         variables=table,
@@ -164,7 +175,9 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
         ),
         **series,
         orbit_rates=_part("target_orbit_rates", x[orbit_part], u, c, orbit),
-        run_outputs=ca.Function("target_run_outputs", [x, p, c], [ca.cse(y)], ["x", "p", "c"], ["y"]),
+        pose=ca.Function("target_pose", [x, c], [ca.cse(z)]),
+        sight=sights("target_sight"),
+        run_outputs=ca.Function("target_run_outputs", [x, c], ca.cse([y_rest, z])),
         run_forward=run[0],
         run_reverse=run[1],
         initial_forward=beginning[0],
@@ -179,16 +192,30 @@ def _part(name: str, x: Symbol, u: Symbol, c: Symbol, rates: Symbol) -> ca.Funct
 
 
 def _derivatives(
-    name: str, arguments: list[Symbol], knowns: Symbol, unknowns: Symbol
+    name: str, arguments: list[Symbol], knowns: Symbol, left_out: slice, unknowns: Sequence[Symbol]
 ) -> tuple[ca.Function, ca.Function]:
-    """Products of the Jacobian of `unknowns` with a seed: forward J s and reverse Jᵀ s, exact, without forming J."""
-    forth, back = ca.SX.sym("seed", knowns.numel()), ca.SX.sym("seed", unknowns.numel())
+    """Products of the Jacobian of `unknowns` with a seed: forward J s and reverse Jᵀ s, exact, without forming J.
+
+    A range of the knowns is left out: of the forward seed it is ignored, and the reverse image has two parts.
+    """
+    before, behind = range(left_out.start), range(left_out.stop, knowns.numel())
+    forth, back = ca.SX.sym("seed", knowns.numel()), [ca.SX.sym("seed", part.numel()) for part in unknowns]
+    places = [*before, *behind]
+    images = [ca.jtimes(part, knowns[places], forth[places]) for part in unknowns]
+    image = ca.jtimes(ca.vertcat(*unknowns), knowns[places], ca.vertcat(*back), True)
+    parts = ca.vertsplit(ca.densify(image), [0, len(before), len(places)])
     return (
-        ca.Function(f"{name}_forward", [*arguments, forth], [ca.cse(ca.densify(ca.jtimes(unknowns, knowns, forth)))]),
-        ca.Function(
-            f"{name}_reverse", [*arguments, back], [ca.cse(ca.densify(ca.jtimes(unknowns, knowns, back, True)))]
-        ),
+        ca.Function(f"{name}_forward", [*arguments, forth], ca.cse([ca.densify(part) for part in images])),
+        ca.Function(f"{name}_reverse", [*arguments, *back], ca.cse(parts)),
     )
+
+
+def _features_in(table: tuple[Variable, ...], inputs: int) -> slice:
+    """Where features and normals stand in (u, p), one behind the other."""
+    own = [variable for variable in table if variable.kind == Kind.PARAMETER]
+    first = [variable.name for variable in own].index("target.features")
+    start = inputs + sum(variable.size for variable in own[:first])
+    return slice(start, start + 2 * own[first].size)
 
 
 def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol], Symbol]:
@@ -347,12 +374,11 @@ def _output_values(
     q_I_B = _unit(q_I_B)
     R_I_B = rotation_from_quaternion(q_I_B)
     motion = perturbed.outputs(part, constants, forces) if forces else _motion_outputs(part, constants)
-    features_C = ca.repmat(motion["target.position"], 1, parameters["target.features"].shape[0]) + (
-        R_I_B @ parameters["target.features"].T
-    )
+    features, normals = (parameters[f"target.{name}"] for name in ("features", "normals"))
+    features_C, normals_C = moved(motion["target.position"], R_I_B, features, normals)
     return motion | {
-        "features": features_C.T,
-        "normals": (R_I_B @ parameters["target.normals"].T).T,
+        "features": features_C,
+        "normals": normals_C,
         "target.attitude": q_I_B,
         "target.angularRate": rate_B,
         "target.rotationalEnergy": rotational_energy(J, rate_B),

@@ -96,9 +96,11 @@ static void update_rates(Unit *unit)
 
 static void update_outputs(Unit *unit)
 {
-    const double *arguments[] = {unit->values + AT_STATES, unit->values + AT_PARAMETERS, unit->constants};
-    double *results[] = {unit->values + AT_OUTPUTS};
+    double pose[POSE_SIZE];
+    const double *arguments[] = {unit->values + AT_STATES, unit->constants};
+    double *results[] = {unit->values + AT_OUTPUTS + N_SEEN, pose};
     target_run_outputs(arguments, results, NULL, NULL, 0);
+    see_features(pose, unit->values + AT_BODY, unit->values + AT_OUTPUTS);
     unit->outputs_current = true;
 }
 
@@ -174,7 +176,7 @@ static void start_ramps(Unit *unit)
     memcpy(inputs + AT_TORQUE, ramp, 3 * sizeof *inputs);
     const double *of_ramp[] = {at_rest, inputs, unit->series_constants};
     const double *of_rate[] = {at_rest, unit->input_rates, unit->series_constants};
-    double *to_ramp[] = {NULL, ramp}, *to_rate[] = {NULL, unit->series_torque_rate};
+    double ignored[ATTITUDE_SIZE], *to_ramp[] = {ignored, ramp}, *to_rate[] = {ignored, unit->series_torque_rate};
     target_to_series(of_ramp, to_ramp, NULL, NULL, 0);
     target_to_series(of_rate, to_rate, NULL, NULL, 0);
 }
