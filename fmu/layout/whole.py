@@ -7,6 +7,7 @@ SIGBUS, without a message. The loaders of Windows and macOS refuse such a file t
 import struct
 from pathlib import Path
 
+from baryscope.fmu.layout.platforms import library_of_this_machine
 from baryscope.models.errors import InputError
 
 MAGIC, CLASS_64 = b"\x7fELF", 2
@@ -25,6 +26,17 @@ def refuse_cut(library: Path, place: str) -> None:
         expected = _length(content)
         if len(content) < expected:
             raise InputError(f"{place}: is cut off, found {len(content)} bytes, expected {expected} as in its header")
+
+
+def refuse_cut_unit(folder: Path, model_identifier: str, source: str) -> None:
+    """Check the library of an unpacked unit of FMI 2 that this machine would load; `source` names the unit in errors.
+
+    Raises:
+        InputError: it is cut off.
+    """
+    library = library_of_this_machine(folder, model_identifier, 2)
+    if library is not None:
+        refuse_cut(library, f"{source}: {library.relative_to(folder).as_posix()}")
 
 
 def _length(content: bytes) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 import fmpy
 
 from baryscope.fmu.layout.archive import unpack
+from baryscope.fmu.layout.whole import refuse_cut_unit
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, temporary_folder
 from baryscope.models.variables import Kind, Variable
@@ -65,7 +66,7 @@ def read_guest(path: AnyPath) -> Guest:
     """The unit in a file.
 
     Raises:
-        InputError: it cannot be read, is unsafe, or is no FMU of FMI 2.0 for Co-Simulation.
+        InputError: it cannot be read, is unsafe, is cut off, or is no FMU of FMI 2.0 for Co-Simulation.
     """
     path = Path(path)
     with temporary_folder() as folder:
@@ -74,8 +75,9 @@ def read_guest(path: AnyPath) -> Guest:
             description = fmpy.read_model_description(str(folder), validate=False)
         except Exception as error:  # fmpy raises bare Exceptions
             raise InputError(f"{path}: {' '.join(str(error).split())}, expected {EXPECTED}") from error
-    if description.fmiVersion != "2.0" or description.coSimulation is None:
-        how = "" if description.coSimulation else ", without Co-Simulation"
-        raise InputError(f"{path}: is of FMI {description.fmiVersion}{how}, expected {EXPECTED}")
+        if description.fmiVersion != "2.0" or description.coSimulation is None:
+            how = "" if description.coSimulation else ", without Co-Simulation"
+            raise InputError(f"{path}: is of FMI {description.fmiVersion}{how}, expected {EXPECTED}")
+        refuse_cut_unit(folder, description.coSimulation.modelIdentifier, str(path))
     scalars = {variable.name: (variable.causality, variable.type) for variable in description.modelVariables}
     return Guest(path, description.description or description.modelName, scalars)

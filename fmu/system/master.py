@@ -1,5 +1,6 @@
 """A master for systems of FMI 2.0 units: all step at once, then outputs become inputs (Jacobi), by fmpy."""
 
+import os
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -15,8 +16,7 @@ from fmpy.ssp.ssd import Component, read_ssd
 from numpy.typing import NDArray
 
 from baryscope.fmu.layout.archive import unpack
-from baryscope.fmu.layout.platforms import library_of_this_machine
-from baryscope.fmu.layout.whole import refuse_cut
+from baryscope.fmu.layout.whole import refuse_cut_unit
 from baryscope.fmu.runtime.instance import UnitError
 from baryscope.fmu.runtime.loading import loaded
 from baryscope.fmu.system.structure import NAMESPACES, STRUCTURE
@@ -241,9 +241,7 @@ def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit
         raise InputError(f"{source}: {' '.join(str(error).split())}, expected {EXPECTED}") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise InputError(f"{path}: {component.name} is of FMI {description.fmiVersion}, expected {EXPECTED}")
-    library = library_of_this_machine(place, description.coSimulation.modelIdentifier, 2)
-    if library is not None:
-        refuse_cut(library, f"{source}: {library.relative_to(place).as_posix()}")
+    refuse_cut_unit(place, description.coSimulation.modelIdentifier, source)
     references = {variable.name: variable.valueReference for variable in description.modelVariables}
     parameters = _parameters(path, component, references)
     fmu, messages = _instantiated(component.name, description, place)
@@ -283,7 +281,8 @@ def _instantiated(name: str, description: Any, folder: Path) -> tuple[Any, list[
         )
         fmu.instantiate(callbacks=callbacks, loggingOn=True)  # fmpy keeps a reference to the callbacks
     except Exception as error:  # fmpy raises bare Exceptions
-        raise UnitError(f"{name}: {'; '.join(messages) or error}") from error
+        text = str(error).replace(f"{folder}{os.sep}", "")  # a temporary one
+        raise UnitError(f"{name}: {'; '.join(messages) or text}") from error
     return fmu, messages
 
 

@@ -120,3 +120,34 @@ def test_the_command(envisat_fmu3, controller_fmu, tmp_path, capsys):
     assert main(["fly", "--controller", str(stays), "--duration", "30", "-o", str(tmp_path / "flight"), "-q"]) == 0
     assert "from its place" in capsys.readouterr().out
     assert json.loads((tmp_path / "flight" / "flight.json").read_text())["options"]["controller"] == str(stays)
+
+
+def with_libraries(unit, path, change):
+    """A copy whose libraries are changed."""
+    with zipfile.ZipFile(unit) as archive, zipfile.ZipFile(path, "w") as copy:
+        for name in archive.namelist():
+            content = archive.read(name)
+            copy.writestr(name, change(content) if name.startswith("binaries/") else content)
+    return path
+
+
+CUT = r"guest\.fmu: binaries/\S+: is cut off, found 5000 bytes, expected \d+ as in its header"
+NO_LIBRARY = r"controller: (?!.*(chain\.ssp|/tmp)).*binaries/\S+/ApproachController"
+
+
+@pytest.mark.parametrize(
+    "command, change, message",
+    [
+        (["system"], lambda content: content[:5000], CUT),
+        (["fly", "--duration", "5"], lambda content: content[:5000], CUT),
+        (["fly", "--duration", "5"], lambda content: b"no library", NO_LIBRARY),
+    ],
+)
+def test_a_library_that_cannot_be_loaded_is_named_without_temporary_folders(
+    command, change, message, controller_fmu, tmp_path, capsys
+):
+    """What is cut is told by the user's file, before a system is written; what else is wrong, only loading tells."""
+    guest, output = with_libraries(controller_fmu, tmp_path / "guest.fmu", change), tmp_path / "chain.ssp"
+    assert main([*command, "--controller", str(guest), "-o", str(output)]) in (1, 2)
+    assert re.search(message, capsys.readouterr().err)
+    assert not output.exists()
