@@ -1,4 +1,4 @@
-"""Charts that several reports share: errors with what a covariance expects of them, NEES, and what shades them."""
+"""Charts that several reports share: errors with what a covariance expects of them, and NEES."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from baryscope.report.document import Chart, Series
 from baryscope.report.thinning import extremes
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
 
 BAND = 0.95
 TAIL = (1 - BAND) / 2
@@ -18,12 +18,31 @@ SIGMAS = float(np.sqrt(chdtri(1, 1 - BAND)))  # of one axis
 
 
 def curve(
-    label: str, x: FloatArray, y: FloatArray, band: tuple[FloatArray, FloatArray] | None = None, **how: Any
+    label: str,
+    x: FloatArray,
+    y: FloatArray,
+    band: tuple[FloatArray, FloatArray] | None = None,
+    *,
+    gaps: IntArray | None = None,
+    **how: Any,
 ) -> Series:
-    """A curve with its band, thinned out; how: other fields of `Series`."""
-    keep = extremes(y)
-    low, high = (None, None) if band is None else (band[0][keep], band[1][keep])
-    return Series(label, x[keep], y[keep], low=low, high=high, **how)
+    """A curve with its band, thinned out.
+
+    Args:
+        label: in the legend.
+        x: of its points, (n,).
+        y: of its points, (n,).
+        band: around it, two (n,) arrays.
+        gaps: indices (k,) of the points after which it is broken off.
+        how: other fields of `Series`.
+    """
+    lines = [x, y, *(band or ())]
+    if gaps is not None and len(gaps):
+        middle = (x[gaps] + x[gaps + 1]) / 2
+        lines = [np.insert(one, gaps + 1, middle if one is x else np.nan) for one in lines]
+    keep = extremes(lines[1])
+    x, y, low, high, *_ = *(one[keep] for one in lines), None, None
+    return Series(label, x, y, low=low, high=high, **how)
 
 
 def expected_error(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -49,13 +68,6 @@ def nees_of(error: FloatArray, covariance: FloatArray) -> FloatArray:
         solved = np.linalg.solve(covariance[known], error[known][..., None])[..., 0]
         found[known] = np.einsum("ki,ki->k", error[known], solved)
     return found
-
-
-def blackouts(time: FloatArray, seen: BoolArray) -> tuple[tuple[float, float], ...]:
-    """Intervals, s, in which nothing is seen (n, m), from a first frame without an observation to the next with one."""
-    dark = ~seen.any(axis=1)
-    edges = np.flatnonzero(np.diff(dark.astype(int), prepend=0, append=0)).reshape(-1, 2)
-    return tuple((float(time[start]), float(time[min(stop, len(time) - 1)])) for start, stop in edges[:400].tolist())
 
 
 def nees_chart(series: tuple[Series, ...], about: str, **how: Any) -> Chart:

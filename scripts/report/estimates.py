@@ -11,6 +11,7 @@ from baryscope.estimator.prose import summary, verdict
 from baryscope.estimator.result import Estimate, Status
 from baryscope.report.charts import SIGMAS, curve
 from baryscope.report.document import Chart, Facts, Part, Series, Sheet, Timeline, Words
+from baryscope.report.gaps import gaps_of
 from baryscope.report.scene import MOST_FEATURES
 from baryscope.report.thinning import evenly, shares
 
@@ -109,6 +110,9 @@ def coverage(time: FloatArray, labels: tuple[str, ...], seen: BoolArray, rejecte
     most = slice(MOST_FEATURES)
     share = 100 * seen.mean()
     words = f"{share:.0f} % of {len(labels)} features × {len(time)} frames are seen"
+    gaps = gaps_of(time)
+    if len(gaps):
+        words += f"; for {(time[gaps + 1] - time[gaps]).sum():.3g} s in between there are no frames"
     about = words + ("; red: observations that the estimate rejects." if rejected is not None else ".")
     return Timeline(
         "Which feature is seen when",
@@ -160,13 +164,13 @@ def _text(value: Any) -> str:
 
 def path_chart(result: Estimate, **how: Any) -> Chart:
     """The estimated path in C with its ±95 % band."""
-    series = []
+    series, gaps = [], gaps_of(result.time)
     for k, name in enumerate("xyz"):
         position, band = result.position[:, k], None
         if result.covariance is not None:
             width = SIGMAS * np.sqrt(np.maximum(result.covariance[:, k, k], 0.0))
             band = (position - width, position + width)
-        series.append(curve(name, result.time, position, band, colour=(5, 4, 2)[k]))
+        series.append(curve(name, result.time, position, band, gaps=gaps, colour=(5, 4, 2)[k]))
     about = "The centre of mass in frame C: origin at the chaser, axes that do not turn."
     return Chart("Path", about, "m", tuple(series), **how)
 
@@ -177,9 +181,10 @@ def deviation_chart(result: Estimate, **how: Any) -> Chart | None:
         return None
     greatest = np.sqrt(np.maximum(np.linalg.eigvalsh(result.covariance)[:, -1], 0.0))
     total = np.sqrt(np.trace(result.covariance, axis1=1, axis2=2))
+    gaps = gaps_of(result.time)
     series = (
-        curve("rms of the three axes together", result.time, 1e3 * total, colour=5),
-        curve("worst direction", result.time, 1e3 * greatest, colour=3, style="dashed"),
+        curve("rms of the three axes together", result.time, 1e3 * total, gaps=gaps, colour=5),
+        curve("worst direction", result.time, 1e3 * greatest, gaps=gaps, colour=3, style="dashed"),
     )
     return Chart(
         "What the method claims", "±1σ of the centre of mass by its covariance.", "mm", series, log=True, **how

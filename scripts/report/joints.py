@@ -11,6 +11,7 @@ from baryscope.models.words import counted
 from baryscope.report.charts import SIGMAS, curve
 from baryscope.report.document import Chart, Facts, Part, Report, Series, Sheet, Timeline, Words
 from baryscope.report.estimates import Verdict, coverage, millimetres
+from baryscope.report.gaps import gaps_of
 from baryscope.report.thinning import evenly
 
 FloatArray = NDArray[np.float64]
@@ -64,7 +65,7 @@ def verdict_of_joint(found: Joint) -> Verdict:
 
 def side_charts(found: Joint, pair: Pair, time: FloatArray) -> list[Chart]:
     """Where the other body has the centre, in the axes of each, less where it is on the whole; time (n,), s, of all
-    frames: there are gaps where a body is not shown.
+    frames: there are gaps where a body is not shown, or where there are no frames.
     """
     shown = np.isin(time, found.time)
     R_T_P, c = pair.parent_pose
@@ -74,7 +75,7 @@ def side_charts(found: Joint, pair: Pair, time: FloatArray) -> list[Chart]:
         ("child", "parent", R_T_P, in_room - c, found.in_parent, slice(0, 3)),
         ("parent", "child", pair.child.rotation, back - pair.child.place, found.in_child, slice(3, 6)),
     )
-    charts = []
+    charts, gaps = [], gaps_of(time)
     for other, own, R, arm, mean, block in sides:
         apart = np.full((len(time), 3), np.nan)
         apart[shown] = 1e3 * (np.einsum("kji,kj->ki", R, arm) - mean)
@@ -86,7 +87,7 @@ def side_charts(found: Joint, pair: Pair, time: FloatArray) -> list[Chart]:
                 f"Where the {other} has the joint's centre, in the {own}'s axes, less the centre that was found. What "
                 f"is left is slack of the joint and skin that slides. The centre's own 95 % interval: {told} mm.",
                 "mm",
-                tuple(curve(name, time, apart[:, k], colour=COLOURS[k]) for k, name in enumerate("xyz")),
+                tuple(curve(name, time, apart[:, k], gaps=gaps, colour=COLOURS[k]) for k, name in enumerate("xyz")),
             )
         )
     return charts

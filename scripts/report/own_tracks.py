@@ -8,9 +8,9 @@ from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.orbit import Orbit
 from baryscope.models.words import counted
-from baryscope.report.charts import blackouts
 from baryscope.report.document import Part, Report
 from baryscope.report.estimates import coverage, deviation_chart, parts_of, path_chart, verdict_of
+from baryscope.report.gaps import blackouts
 from baryscope.report.scene import Body, Shown, scene_of
 
 FloatArray = NDArray[np.float64]

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.report.gaps import gaps_of
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
@@ -41,15 +43,20 @@ def extremes(y: FloatArray, most: int = CURVE) -> IntArray:
 def shares(time: FloatArray, flags: BoolArray, bins: int = BINS) -> tuple[str, ...]:
     """For each column of flags (n, m) a text of a digit a bin of time: the share of its frames that have the flag, 0–9.
 
-    A share above zero is at least 1, and one below one at most 8. Bins without a frame have that of the frame before.
+    A share above zero is at least 1, and one below one at most 8. Bins without a frame have that of the frame before,
+    but in gaps 0.
     """
     edges = np.linspace(time[0], time[-1], bins + 1)[1:-1]
     place = np.searchsorted(edges, time, side="right")
     total = np.bincount(place, minlength=bins)
     filled = np.maximum.accumulate(np.where(total > 0, np.arange(bins), 0))
+    gaps = gaps_of(time)
+    first, last = place[gaps] + 1, place[gaps + 1]  # bins of each gap, the last excluded
+    inside = np.cumsum(np.bincount(first, minlength=bins + 1) - np.bincount(last, minlength=bins + 1))[:bins] > 0
     rows = []
     for column in flags.T:
         share = np.bincount(place, weights=column, minlength=bins) / np.maximum(total, 1)
         digit = np.where(share <= 0, 0, np.where(share >= 1, 9, np.clip(np.round(9 * share), 1, 8)))[filled]
+        digit[inside] = 0
         rows.append("".join(map(str, digit.astype(int).tolist())))
     return tuple(rows)

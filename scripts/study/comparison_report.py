@@ -8,9 +8,10 @@ from baryscope import __version__
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
 from baryscope.report import Report
-from baryscope.report.charts import axis_errors, blackouts, curve, expected_error, nees_chart, nees_of
+from baryscope.report.charts import axis_errors, curve, expected_error, nees_chart, nees_of
 from baryscope.report.document import Chart, Facts, Part, Scene, Series, Sheet, Tabs, Words
 from baryscope.report.estimates import coverage, parts_of
+from baryscope.report.gaps import blackouts
 from baryscope.report.own_tracks import in_tracks
 from baryscope.report.scene import Body, Shown, scene_of
 from baryscope.study.comparison import Comparison, Outcome

@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
 from baryscope.report import Report
-from baryscope.report.charts import axis_errors, blackouts, curve, expected_error, nees_chart
+from baryscope.report.charts import axis_errors, curve, expected_error, nees_chart
 from baryscope.report.document import Chart, Facts, Part, Scene
 from baryscope.report.estimates import coverage
+from baryscope.report.gaps import blackouts
 from baryscope.report.scene import Body, Shown, body_points, scene_of
 from baryscope.study.loop import Loop
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, replacing
 from baryscope.models.words import length
-from baryscope.report.charts import blackouts, expected_error
+from baryscope.report.charts import expected_error
+from baryscope.report.gaps import blackouts
 from baryscope.report.page import palette
 from baryscope.study.comparison import Comparison, Outcome
 from baryscope.study.flight import Flight
