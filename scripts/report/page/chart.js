@@ -17,13 +17,15 @@ function chartOf(part) {
     picture.setAttribute("aria-label", spoken(part));
     reset.hidden = !state.zoom;
     const [from, to] = state.zoom || whole;
+    axes.y = axisOf(...heights(from, to), size.height - size.bottom, size.top, part.log);
+    const ticks = axes.y.ticks(6);
+    size.left = 30 + Math.max(5, ...ticks.map(({ text }) => text.length)) * LETTER;
     axes.x = axisOf(from, to, size.left, size.width - size.right, part.log_x);
-    const [low, high] = heights(from, to);
-    axes.y = axisOf(low, high, size.height - size.bottom, size.top, part.log);
     const clip = newId("clip");
     const inside = draw("g", { "clip-path": `url(#${clip})` }, ...shades(), ...levels(), ...part.series.map(band), ...part.series.map(curve), ...marks(), now, pointer);
     const frame = { x: size.left, y: size.top, width: size.width - size.left - size.right, height: size.height - size.top - size.bottom };
-    picture.replaceChildren(draw("clipPath", { id: clip }, draw("rect", frame)), ...grid(), inside, draw("rect", { class: "axis", ...frame }), ...words());
+    const wider = { ...frame, x: frame.x - 4, width: frame.width + 8 }; // points of the first and last frame are whole
+    picture.replaceChildren(draw("clipPath", { id: clip }, draw("rect", wider)), ...grid(ticks), inside, draw("rect", { class: "axis", ...frame }), ...words());
     for (const line of [now, pointer]) { line.setAttribute("y1", size.top); line.setAttribute("y2", size.height - size.bottom); }
     moveNow(clock.time);
   }
@@ -60,7 +62,8 @@ function chartOf(part) {
       const x = axes.x.at(one.x[k]).toFixed(1), y = yAt(one.y[k]).toFixed(1);
       if (one.style === "points") path += `M${x} ${y}h0`;
       else if (one.style === "cross") path += `M${x} ${y}m-3-3l6 6m0-6l-6 6`;
-      else path += `${pen ? "L" : "M"}${x} ${y}`;
+      else if (pen) path += `L${x} ${y}`;
+      else path += k + 1 === one.x.length || one.y[k + 1] === null ? `M${x - 1.5} ${y}h3` : `M${x} ${y}`;
       pen = true;
     }
     return draw("path", { class: `curve ${one.style}`, style: key(one.colour), d: path });
@@ -90,19 +93,19 @@ function chartOf(part) {
   }));
   const levels = () => part.levels.flatMap(([value, text]) => [
     draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) }),
-    draw("text", { x: size.width - size.right - 6, y: yAt(value) - 4, "text-anchor": "end", text }),
+    draw("text", { x: size.width - size.right - 6, y: yAt(value) + (yAt(value) < size.top + 16 ? 14 : -4), "text-anchor": "end", text }),
   ]);
   const marks = () => part.marks.flatMap(([value, text], k) => [
     draw("line", { class: "mark", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom }),
     draw("text", { x: axes.x.at(value) + 5, y: size.top + 14 + 15 * k, text }),
   ]);
 
-  function grid() {
-    const vertical = axes.x.ticks(9).flatMap(({ value, text }) => [
-      draw("line", { class: "grid", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom }),
-      draw("text", { x: axes.x.at(value), y: size.height - size.bottom + 17, "text-anchor": "middle", text }),
+  function grid(ticks) {
+    const vertical = ticksBelow(axes.x, 9, size.width).flatMap(({ x, middle, text }) => [
+      draw("line", { class: "grid", x1: x, x2: x, y1: size.top, y2: size.height - size.bottom }),
+      draw("text", { x: middle, y: size.height - size.bottom + 17, "text-anchor": "middle", text }),
     ]);
-    const horizontal = axes.y.ticks(6).flatMap(({ value, text }) => [
+    const horizontal = ticks.flatMap(({ value, text }) => [
       draw("line", { class: "grid", x1: size.left, x2: size.width - size.right, y1: axes.y.at(value), y2: axes.y.at(value) }),
       draw("text", { x: size.left - 7, y: axes.y.at(value) + 4, "text-anchor": "end", text }),
     ]);

@@ -15,8 +15,15 @@ function add(node, attributes, children) {
 const el = (tag, attributes, ...children) => add(document.createElement(tag), attributes, children);
 const draw = (tag, attributes, ...children) => add(document.createElementNS(SVG, tag), attributes, children);
 
-// In units of a picture's own: fewer on a narrow screen, so that its words stay legible.
-const pictureWidth = () => Math.min(1000, Math.max(480, window.innerWidth));
+// In units of a picture's own: on a narrow screen as many as it has pixels beside margins, so that its words stay legible.
+const pictureWidth = () => Math.min(1000, Math.max(280, window.innerWidth - 72));
+const LETTER = 7.2; // the width of a digit in a picture's words
+
+// A name of so many letters at most, without its middle: names often differ at their ends alone.
+function shortened(text, most) {
+  const letters = [...text];
+  return letters.length > most ? [...letters.slice(0, (most - 1) >> 1), "…", ...letters.slice(letters.length - (most >> 1))].join("") : text;
+}
 
 let numbers = 0;
 const newId = (stem) => `${stem}-${++numbers}`;
@@ -47,8 +54,10 @@ function linearTicks(low, high, count) {
   const ticks = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k += 1) ticks.push(k * step);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const far = Math.max(Math.abs(low), Math.abs(high)) >= 1e11;
-  return ticks.map((value) => ({ value, text: far ? value.toExponential(1) : value.toFixed(Math.min(digits, 9)) }));
+  const most = Math.max(Math.abs(low), Math.abs(high));
+  const far = most >= 1e11 || (most < 1e-3 && most > 0);
+  const text = (value) => (far ? String(Number(value.toPrecision(2)).toExponential()) : value.toFixed(Math.min(digits, 9)));
+  return ticks.map((value) => ({ value, text: text(value) }));
 }
 
 function logTicks(low, high) {
@@ -75,6 +84,18 @@ function axisOf(low, high, from, to, log) {
     value: (pixel) => back(a + ((pixel - from) / (to - from)) * (b - a)),
     ticks: (count) => (log ? logTicks(low, high) : linearTicks(low, high, count)),
   };
+}
+
+// The ticks of a horizontal axis, at most `most` or so, whose words do not touch, and where each word has its middle.
+function ticksBelow(axis, most, width) {
+  const half = (text) => (text.length * LETTER) / 2;
+  const placed = (count) => axis.ticks(count).map(({ value, text }) => ({ value, text, x: axis.at(value), middle: Math.min(axis.at(value), width - half(text)) }));
+  const fits = (one, next) => next.middle - half(next.text) >= one.middle + half(one.text) + 6;
+  for (let count = most; count > 1; count -= 1) {
+    const ticks = placed(count);
+    if (ticks.every((one, k) => k === 0 || fits(ticks[k - 1], one))) return ticks;
+  }
+  return placed(1).reduce((kept, one) => (kept.length && !fits(kept[kept.length - 1], one) ? kept : [...kept, one]), []);
 }
 
 // The index of the value nearest to x in ascending numbers.

@@ -1,12 +1,12 @@
 // Bars over time, a row for each feature: seen, and rejected in its lower part.
 
 function Timeline(part) {
-  const row = 18, width = pictureWidth(), left = 130, right = 18, foot = 40;
+  const row = 18, width = pictureWidth(), left = Math.min(130, 0.36 * width), right = 18, foot = 40;
   const height = part.rows.length * row + foot, bottom = height - foot;
   const axis = axisOf(part.begin, part.end > part.begin ? part.end : part.begin + 1, left, width - right, false);
   const now = draw("line", { class: "now", y1: 0, y2: bottom, visibility: "hidden" });
   const bars = part.rows.flatMap((label, k) => [
-    draw("text", { x: left - 8, y: k * row + 13, "text-anchor": "end", text: label.length > 17 ? `${label.slice(0, 16)}…` : label }, draw("title", { text: label })),
+    draw("text", { x: left - 8, y: k * row + 13, "text-anchor": "end", text: shortened(label, Math.floor((left - 8) / LETTER)) }, draw("title", { text: label })),
     ...runs(part.seen[k]).map((run) => bar("seen", run, k * row + 3, row - 6)),
     ...runs(part.rejected[k] || "").map((run) => bar("rejected", run, k * row + row - 7, 5)),
   ]);
@@ -27,9 +27,9 @@ function Timeline(part) {
     return found;
   }
 
-  const ticks = axis.ticks(9).flatMap(({ value, text }) => [
-    draw("line", { class: "grid", x1: axis.at(value), x2: axis.at(value), y1: 0, y2: bottom }),
-    draw("text", { x: axis.at(value), y: bottom + 17, "text-anchor": "middle", text }),
+  const ticks = ticksBelow(axis, 9, width).flatMap(({ x, middle, text }) => [
+    draw("line", { class: "grid", x1: x, x2: x, y1: 0, y2: bottom }),
+    draw("text", { x: middle, y: bottom + 17, "text-anchor": "middle", text }),
   ]);
   const share = (digits) => Math.round((100 * [...digits].reduce((sum, digit) => sum + Number(digit) / 9, 0)) / Math.max(digits.length, 1));
   const spokenRows = part.rows.slice(0, 40).map((label, k) => `${label} ${share(part.seen[k])} %`);

@@ -1,0 +1,90 @@
+"""Reports are legible: on a phone as on a desk, with long names, long numbers, and points at the edges."""
+
+import json
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from baryscope.report import Report, write_report
+from baryscope.report.charts import nees_chart
+from baryscope.report.document import Chart, Series, Timeline
+from browser import PROGRAM, Browser
+
+pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium (Debian's package chromium)")
+
+TIME = 1.7e9 + np.arange(0.0, 100.0)
+NAMES = tuple(f"Subject of the first session: marker number {k}" for k in range(12))
+
+
+def report():
+    """Charts of times since 1970, of tiny numbers, of numbers that differ in their eighth digit, and of long names."""
+    small = Series("small", TIME, 2e-5 + 1e-7 * (TIME - TIME[0]), 5)
+    alike = Series("alike", TIME, 10 + 1e-6 * (TIME - TIME[0]), 4)
+    points = Series("points", TIME, np.full(100, 3.0), 5, "points", of=np.arange(100) % 12)
+    alone = Series("alone", np.arange(5.0), np.array([1.0, np.nan, 2.0, np.nan, 1.0]), 3)
+    parts = (
+        Chart("Small", "", "mm", (small,)),
+        Chart("Alike", "", "m", (alike,)),
+        Chart("Points", "", "mm", (points,), filter=NAMES),
+        nees_chart((Series("nees", TIME, np.full(100, 3.0), 5),), ""),
+        Chart("Alone", "", "m", (alone,)),
+        Timeline("Bars", "", float(TIME[0]), float(TIME[-1]), NAMES, ("9" * 400,) * 12),
+    )
+    return Report("Centre of mass from " + "a" * 80 + ".csv", "", "0", parts)
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """A browser, and the report's file."""
+    folder = tmp_path_factory.mktemp("legible")
+    browser = Browser(folder / "profile")
+    yield browser, write_report(report(), folder / "report.html")
+    complaints = browser.complaints
+    browser.close()
+    assert complaints == []
+
+
+def words_of(browser, title):
+    """The words of a part's picture and their boxes, (left, top, right, bottom), and the picture's own."""
+    return browser.value(
+        f"""(() => {{ const picture = document.querySelector('section[aria-label={json.dumps(title)}] svg');
+        const box = (one) => {{ const b = one.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; }};
+        return {{ words: [...picture.querySelectorAll('text')].map((one) => [one.textContent, box(one)]),
+            picture: box(picture), size: picture.getBoundingClientRect().width / picture.viewBox.baseVal.width }}; }})()"""
+    )
+
+
+@pytest.mark.parametrize("width", [360, 768, 1280])
+def test_nothing_is_wider_than_the_screen_and_words_are_apart(page, width):
+    browser, path = page
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False)
+    browser.open(path)
+    assert browser.value("document.documentElement.scrollWidth") == width
+    for title in ("Small", "Alike", "Points", "NEES of the centre of mass", "Bars"):
+        found = words_of(browser, title)
+        assert found["size"] > 0.95  # letters are 12 px high
+        left, top, right, bottom = found["picture"]
+        for text, box in found["words"]:
+            assert box[0] > left - 1, text
+            assert box[1] > top - 1, text
+            assert box[2] < right + 1, text
+            assert box[3] < bottom + 1, text
+        for (one, a), (other, b) in combinations(found["words"], 2):
+            apart = a[2] < b[0] + 1 or b[2] < a[0] + 1 or a[3] < b[1] + 4 or b[3] < a[1] + 4
+            assert apart, (title, one, other)
+
+
+def test_names_that_differ_at_their_ends_are_told_apart(page):
+    browser, path = page
+    browser.open(path)
+    names = [text for text, _ in words_of(browser, "Bars")["words"]]
+    assert len(set(names[:12]) | set(names)) == len(names)
+
+
+def test_single_points_of_a_curve_are_drawn(page):
+    """A frame between two gaps, and the first and last."""
+    browser, path = page
+    browser.open(path)
+    length = "document.querySelector('section[aria-label=Alone] path.curve').getTotalLength()"
+    assert browser.value(length) == pytest.approx(9, abs=0.2)
