@@ -8,7 +8,7 @@ import pytest
 
 from baryscope.report import Report, write_report
 from baryscope.report.charts import nees_chart
-from baryscope.report.document import Chart, Series, Timeline
+from baryscope.report.document import Chart, Series, Sheet, Timeline
 from browser import PROGRAM, Browser
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium (Debian's package chromium)")
@@ -29,6 +29,7 @@ def report():
         Chart("Points", "", "mm", (points,), filter=NAMES),
         nees_chart((Series("nees", TIME, np.full(100, 3.0), 5),), ""),
         Chart("Alone", "", "m", (alone,)),
+        Sheet("Table", ("scenario", *["middle"] * 12), (("a", *["1"] * 12),)),
         Timeline("Bars", "", float(TIME[0]), float(TIME[-1]), NAMES, ("9" * 400,) * 12),
     )
     return Report("Centre of mass from " + "a" * 80 + ".csv", "", "0", parts)
@@ -51,7 +52,7 @@ def words_of(browser, title):
         f"""(() => {{ const picture = document.querySelector('section[aria-label={json.dumps(title)}] svg');
         const box = (one) => {{ const b = one.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; }};
         return {{ words: [...picture.querySelectorAll('text')].map((one) => [one.firstChild.textContent, box(one)]),
-            picture: box(picture), size: picture.getBoundingClientRect().width / picture.viewBox.baseVal.width }}; }})()"""
+            picture: box(picture), size: picture.getScreenCTM().a }}; }})()"""
     )
 
 
@@ -80,6 +81,14 @@ def test_names_that_differ_at_their_ends_are_told_apart(page):
     browser.open(path)
     names = [text for text, _ in words_of(browser, "Bars")["words"]]
     assert len(set(names)) == len(names)
+
+
+def test_words_of_headings_are_whole(page):
+    browser, path = page
+    browser.open(path)
+    rows = """[...document.querySelectorAll('th')].map((one) => { const range = document.createRange();
+        range.selectNodeContents(one); return new Set([...range.getClientRects()].map((box) => box.top)).size })"""
+    assert set(browser.value(rows)) == {1}
 
 
 def test_single_points_of_a_curve_are_drawn(page):
