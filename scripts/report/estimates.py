@@ -59,10 +59,13 @@ def residual_chart(result: Estimate, shades: tuple[tuple[float, float], ...] = (
         _points("used", result, length, known & ~result.rejected, MOST_RESIDUALS),
         _points("rejected", result, length, known & result.rejected, MOST_REJECTED),
     )
+    words = f"{_count(result.rejected)} of {_count(result.used)} are rejected as outliers."
+    lost = result.rejected & ~known
+    if lost.any():
+        words += f" {_count(lost)} of these have no residual, in frames whose attitude is not known without them."
     return Chart(
         "Residuals",
-        "How far each observation is from where the estimate has its feature. "
-        f"{_count(known & result.rejected)} of {_count(known)} are rejected as outliers.",
+        f"How far each observation is from where the estimate has its feature. {words}",
         "mm",
         tuple(one for one in series if len(one.x)),
         log=True,

@@ -72,6 +72,23 @@ def test_own_tracks_tell_what_was_rejected_and_when(hostile):
     assert data_of(hostile)["verdict"][0] == "good"
 
 
+def test_rejected_observations_without_a_residual_are_counted():
+    """Without the one that is rejected, two features are left, which have no attitude: the chart had "0 of" as many."""
+    time = np.arange(100.0)
+    com = np.stack([8 + 0.01 * time, -18 + 0.005 * time, 6 - 0.002 * time], axis=1)
+    R = attitude(np.diag([2.0, 3.0, 4.0]), np.array([0.04, 0.03, 0.02]), time)
+    clusters = [(0, 30, [0, 1, 2]), (30, 101, [0, 1, 2, 3, 4])]
+    case = make_case(time, R, com, box_features(5, (2, 2, 3), 1), noise=0.005, clusters=clusters)
+    position = case.tracks.position.copy()
+    position[[10, 50], 1] += 1.0
+    tracks = FeatureTracks(time, position, "abcde")
+    result = estimate(tracks)
+    assert np.argwhere(result.rejected).tolist() == [[10, 1], [50, 1]]
+    parts = {part.title: part for part in report_of_estimate(result, tracks, None, "few.csv").parts}
+    assert f"2 of {result.used.sum()} are rejected as outliers. 1 of these have no residual" in parts["Residuals"].about
+    assert sum(int(row[2]) for row in parts["Features"].rows) == 2
+
+
 @pytest.mark.parametrize("method, verdict", [("score", "good"), ("screw-gpa", "warn")])
 def test_methods_that_do_not_test_their_models_are_never_good(method, verdict):
     """Not even where they are right, with a centre of mass at rest and the status good."""
