@@ -10,11 +10,14 @@ from baryscope.study.campaign.summary import CampaignSummary
 
 MOST_REMARKS = 60  # draws to list
 LEGEND = (
-    "RMSE is that of the path over all frames and draws, predicted RMSE the same as the covariances of the methods",
-    "predict it. CRB is the Cramér–Rao bound on path RMSE of the same draws without outliers, \"CRB, inliers\" that of",
-    "the observations that outliers leave. RMSE/CRB has ± as its standard error; target is what it should be at most.",
+    "RMSE is that of the path over all frames of the draws that gave a result, predicted RMSE the same as the",
+    "covariances of the methods predict it. CRB is the Cramér–Rao bound on path RMSE of all draws without outliers,",
+    "\"CRB, inliers\" that of the observations that outliers leave. RMSE/CRB is by the bound of those draws that gave",
+    "a result, ± its standard error; target is what it should be at most.",
     "NEES is the mean of eᵀ P⁻¹ e of the position at the first, the middle and the last frame, and of the centre of",
     "mass in body axes (those that the features of the longest cluster hold).",
+    "failed: how many draws gave no result, + how many were announced as not to be trusted.",
+    "time is the median, with one thread.",
 )  # fmt: skip
 
 
@@ -43,8 +46,6 @@ def write_summary(summary: CampaignSummary, path: Path) -> None:
     lines += [
         *LEGEND,
         summary.about_nees(),
-        "failed: how many draws gave no result, + how many were announced as not to be trusted.",
-        "time is the median, with one thread.",
         "",
         *_remark_lines(summary.remarks, summary.remark_count),
     ]
