@@ -58,5 +58,5 @@ def bound_figure(name: str, cells: Sequence[Cell]) -> "Figure":
     for panel in panels[::columns]:
         panel.set_ylabel("path RMSE in m")
     panels[0].legend(title="range", fontsize=8, title_fontsize=8)
-    figure.suptitle(f"Cramér–Rao bound of the centre of mass: {name}", fontsize=10)
+    figure.suptitle(f"Cramér–Rao bound of the centre of mass: {name}", fontsize=10, parse_math=False)
     return figure

@@ -1,6 +1,7 @@
 """Pictures of a comparison, as matplotlib figures: a notebook shows them, `save` writes them."""
 
 from importlib.util import find_spec
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,7 +70,8 @@ def outcome_figure(flight: Flight, outcome: Outcome) -> "Figure":
         panel.grid(alpha=0.25)
     named = {word: handle for panel in panels for handle, word in zip(*panel.get_legend_handles_labels(), strict=True)}
     figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=5, frameon=False)
-    figure.suptitle(f"{flight.scenario.name}: centre of mass by {outcome.title} (frame C; blackouts shaded)")
+    title = f"{flight.scenario.name}: centre of mass by {outcome.title} (frame C; blackouts shaded)"
+    figure.suptitle(fill(title, 90), parse_math=False)
     return figure
 
 
@@ -105,7 +107,8 @@ def comparison_figure(comparison: Comparison) -> "Figure":
     panel.set_ylabel("error of the centre of mass in m")
     panel.grid(alpha=0.25)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
-    panel.set_title(f"{scenario.name}: {scenario.description}\nBands: 95 % by each method's covariance", fontsize=10)
+    title = f"{fill(f'{scenario.name}: {scenario.description}', 110)}\nBands: 95 % by each method's covariance"
+    panel.set_title(title, fontsize=10, parse_math=False)
     return figure
 
 

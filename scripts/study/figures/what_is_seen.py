@@ -33,7 +33,8 @@ def bars(run: PaperRun) -> "Figure":
             for a, b in runs_of(tracks.seen[:, row]).tolist()
         ]
         panel.broken_barh(spans, (row - 0.35, 0.7), color=PALETTE[5])
-        panel.text(-0.01, row, label, transform=panel.get_yaxis_transform(), ha="right", va="center", fontsize=9)
+        where = {"transform": panel.get_yaxis_transform(), "ha": "right", "va": "center"}
+        panel.text(-0.01, row, label, fontsize=9, parse_math=False, **where)
     panel.set_yticks([])
     panel.set_ylim(len(tracks.labels) - 0.5, -0.5)
     shade_blackouts(panel, tracks.time, tracks.seen)

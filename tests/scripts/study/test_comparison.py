@@ -93,6 +93,19 @@ def test_a_table_in_markdown_and_in_columns(comparison):
     assert table._repr_markdown_() == f"{title}\n\n{table.markdown()}"
 
 
+def test_words_in_figures_are_no_formulas(comparison, tmp_path):
+    """A description with dollars ended the command with an internal error, when all was estimated."""
+    words = r"a body for \$3 or $\foo$, which is told in so many words that they do not fit into one line of a title"
+    of = comparison.flight.scenario.model_copy(update={"description": words, "name": "$x_1$"})
+    flight = replace(comparison.flight, scenario=of)
+    figure = comparison_figure(replace(comparison, flight=flight))
+    figure.savefig(tmp_path / "all.png")
+    width = figure.axes[0].title.get_window_extent().width
+    assert width < figure.bbox.width
+    assert words in figure.axes[0].title.get_text().replace("\n", " ")
+    outcome_figure(flight, comparison["pivot"]).savefig(tmp_path / "one.png")
+
+
 def test_figures_show_all_methods(comparison):
     legend = comparison_figure(comparison).axes[0].get_legend_handles_labels()[1]
     methods = ["pivot, relative-orbit", "screw-gpa, inertial axes", "screw-gpa, lvlh axes"]
