@@ -106,7 +106,7 @@ async function live() {
 
   function start() {
     let last = performance.now();
-    play.textContent = "⏸ pause"; play.setAttribute("aria-pressed", "true");
+    play.textContent = "‖ pause"; play.setAttribute("aria-pressed", "true");
     const tick = (stamp) => {
       state.playing = requestAnimationFrame(tick);
       attempt(() => {
@@ -134,7 +134,7 @@ async function live() {
   const scene = part("Scene",
     el("div", { class: "controls", role: "group", "aria-label": "View" }, ...stage.controls, ...stage.legend),
     el("div", { class: "stages" }, stage.canvas, errors.canvas), reading,
-    el("p", { class: "about", text: "The cross is the true centre of mass, the point with its 3σ ellipsoid the estimate, enlarged on the right. Filled features are seen, hollow ones are not." }), timing);
+    el("p", { class: "about", text: "The cross is the true centre of mass, the point with its 3σ ellipsoid the estimate, enlarged in a picture of its own. Filled features are seen, hollow ones are not." }), timing);
   const curves = part("Error of the centre of mass", el("p", { class: "about", text: "95 % of errors are in the band, by the estimator's covariance." }), ...drawn.nodes);
   const found = part("The estimator", status, numbers);
   const chosen = part("Settings", el("p", { class: "about", text: "A change of the body or the orbit starts the run again." }), settings.node, el("div", { class: "controls" }, ...settings.buttons));

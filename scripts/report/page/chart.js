@@ -21,11 +21,15 @@ function chartOf(part) {
     const ticks = axes.y.ticks(6);
     size.left = 30 + Math.max(5, ...ticks.map(({ text }) => text.length)) * LETTER;
     axes.x = axisOf(from, to, size.left, size.width - size.right, part.log_x);
-    const clip = newId("clip");
-    const inside = draw("g", { "clip-path": `url(#${clip})` }, ...shades(), ...levels(), ...part.series.map(band), ...part.series.map(curve), ...marks(), now, pointer);
     const frame = { x: size.left, y: size.top, width: size.width - size.left - size.right, height: size.height - size.top - size.bottom };
-    const wider = { ...frame, x: frame.x - 4, width: frame.width + 8 }; // points of the first and last frame are whole
-    picture.replaceChildren(draw("clipPath", { id: clip }, draw("rect", wider)), ...grid(ticks), inside, draw("rect", { class: "axis", ...frame }), ...words());
+    const within = (box, ...nodes) => { const clip = newId("clip"); return [draw("clipPath", { id: clip }, draw("rect", box)), draw("g", { "clip-path": `url(#${clip})` }, ...nodes)]; };
+    const curves = part.series.map(curve), pointed = (node, index) => ["points", "cross"].includes(part.series[index].style);
+    picture.replaceChildren(
+      ...grid(ticks),
+      ...within(frame, ...shades(), ...lines(), ...part.series.map(band), ...curves.filter((node, index) => !pointed(node, index))),
+      ...within({ ...frame, x: frame.x - 4, width: frame.width + 8 }, ...curves.filter(pointed)), // those of the first and last frame are whole
+      ...within(frame, ...names(), now, pointer), draw("rect", { class: "axis", ...frame }), ...words(),
+    );
     for (const line of [now, pointer]) { line.setAttribute("y1", size.top); line.setAttribute("y2", size.height - size.bottom); }
     moveNow(clock.time);
   }
@@ -45,7 +49,8 @@ function chartOf(part) {
     let [low, high] = extent(values, part.log);
     if (part.log) {
       low = Math.max(low, high * 1e-8);
-      return low * 1.5 > high ? [low / 3, high * 3] : [low / 1.25, high * 1.25];
+      const above = part.levels.length ? Math.max(1.25, (high / low) ** 0.08) : 1.25; // room for the words of the highest level
+      return low * 1.5 > high ? [low / 3, high * 3] : [low / 1.25, high * above];
     }
     const margin = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
     return [low - margin, high + margin];
@@ -91,14 +96,18 @@ function chartOf(part) {
   const shades = () => part.shades.map(([begin, end]) => draw("rect", {
     class: "shade", x: axes.x.at(begin), width: Math.max(0, axes.x.at(end) - axes.x.at(begin)), y: size.top, height: size.height - size.top - size.bottom,
   }));
-  const levels = () => part.levels.flatMap(([value, text]) => [
-    draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) }),
-    draw("text", { x: size.width - size.right - 6, y: yAt(value) + (yAt(value) < size.top + 16 ? 14 : -4), "text-anchor": "end", text }),
-  ]);
-  const marks = () => part.marks.flatMap(([value, text], k) => [
-    draw("line", { class: "mark", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom }),
-    draw("text", { x: axes.x.at(value) + 5, y: size.top + 14 + 15 * k, text }),
-  ]);
+  const lines = () => [
+    ...part.levels.map(([value]) => draw("line", { class: "level", x1: size.left, x2: size.width - size.right, y1: yAt(value), y2: yAt(value) })),
+    ...part.marks.map(([value]) => draw("line", { class: "mark", x1: axes.x.at(value), x2: axes.x.at(value), y1: size.top, y2: size.height - size.bottom })),
+  ];
+  // Of levels and marks: over the curves, and inside of the frame.
+  const names = () => [
+    ...part.levels.map(([value, text]) => draw("text", { x: size.width - size.right - 6, y: yAt(value) - 4, "text-anchor": "end", text })),
+    ...part.marks.map(([value, text], k) => {
+      const x = axes.x.at(value), before = x + 5 + text.length * LETTER > size.width - size.right;
+      return draw("text", { x: before ? x - 5 : x + 5, y: size.top + 14 + 15 * k, "text-anchor": before ? "end" : "start", text });
+    }),
+  ];
 
   function grid(ticks) {
     const vertical = ticksBelow(axes.x, 9, size.width).flatMap(({ x, middle, text }) => [
@@ -200,7 +209,8 @@ function chartOf(part) {
     },
   }));
   const controls = el("div", { class: "controls", role: "group", "aria-label": `Curves of ${part.title}` }, ...legend);
-  if (part.shades.length && part.shade) controls.append(el("span", { class: "soft", text: `shaded: ${part.shade}` }));
+  const [earliest, latest] = extent(part.series.flatMap((one) => limits(one.x)), false);
+  if (part.shade && part.shades.some(([begin, end]) => end > earliest && begin < latest)) controls.append(el("span", { class: "soft", text: `shaded: ${part.shade}` }));
   if (part.filter.length > 1) controls.append(choice("feature", ["all", ...part.filter], (index) => { state.only = index - 1; render(); }));
   controls.append(reset);
   render();

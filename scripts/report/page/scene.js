@@ -73,7 +73,7 @@ function Scene(part) {
   function toggle() { if (state.playing === null) start(); else stop(); }
 
   function start() {
-    play.textContent = "⏸ pause"; play.setAttribute("aria-pressed", "true");
+    play.textContent = "‖ pause"; play.setAttribute("aria-pressed", "true");
     const begin = part.time[0], end = part.time[count - 1];
     let last = performance.now(), time = state.k >= count - 1 ? begin : part.time[state.k];
     const tick = (stamp) => {

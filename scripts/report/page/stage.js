@@ -71,7 +71,8 @@ function Stage(what, view = 0) {
   function word(view, text, x, y, paint) {
     view.pen.font = "12px system-ui, sans-serif";
     view.pen.fillStyle = paint;
-    view.pen.fillText(text, x, y);
+    const inside = x > 0 && x < view.width; // what is far out stays there
+    view.pen.fillText(text, inside ? Math.max(2, Math.min(x, view.width - view.pen.measureText(text).width - 2)) : x, y);
   }
 
   // Where the chaser has been, and where the estimates have been, as seen from the centre of mass in the chosen axes.

@@ -269,7 +269,7 @@ def test_play_moves_on_and_stops_and_keys_do_too(page):
 def test_it_begins_by_itself_unless_the_reader_likes_it_still(browser, file):
     browser.open(file)
     browser.value(UNTIL_IT_MOVES)
-    assert text_of(browser, "button.play") == "⏸ pause"
+    assert text_of(browser, "button.play") == "‖ pause"
 
 
 def test_what_a_unit_refuses_is_told(page):

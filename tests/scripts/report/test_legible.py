@@ -27,8 +27,16 @@ def report():
         Chart("Small", "", "mm", (small,)),
         Chart("Alike", "", "m", (alike,)),
         Chart("Points", "", "mm", (points,), filter=NAMES),
-        nees_chart((Series("nees", TIME, np.full(100, 3.0), 5),), ""),
-        Chart("Alone", "", "m", (alone,)),
+        nees_chart((Series("nees", TIME, np.geomspace(1e-3, 5.0, 100), 5),), ""),
+        Chart(
+            "Alone",
+            "",
+            "m",
+            (alone,),
+            marks=((0.1, "early"), (3.95, "a mark that is late")),
+            shades=((-2.0, 0.0),),
+            shade="dark",
+        ),
         Sheet("Table", ("scenario", *["middle"] * 12), (("a", *["1"] * 12),)),
         Timeline("Bars", "", float(TIME[0]), float(TIME[-1]), NAMES, ("9" * 400,) * 12),
     )
@@ -62,7 +70,7 @@ def test_nothing_is_wider_than_the_screen_and_words_are_apart(page, width):
     browser.call("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False)
     browser.open(path)
     assert browser.value("document.documentElement.scrollWidth") == width
-    for title in ("Small", "Alike", "Points", "NEES of the centre of mass", "Bars"):
+    for title in ("Small", "Alike", "Points", "NEES of the centre of mass", "Alone", "Bars"):
         found = words_of(browser, title)
         assert found["size"] > 0.95  # letters are 12 px high
         left, top, right, bottom = found["picture"]
@@ -81,6 +89,12 @@ def test_names_that_differ_at_their_ends_are_told_apart(page):
     browser.open(path)
     names = [text for text, _ in words_of(browser, "Bars")["words"]]
     assert len(set(names)) == len(names)
+
+
+def test_what_is_shaded_is_told_where_something_is(page):
+    browser, path = page
+    browser.open(path)
+    assert "shaded" not in browser.value("document.querySelector('section[aria-label=Alone]').textContent")
 
 
 def test_words_of_headings_are_whole(page):
