@@ -54,6 +54,8 @@ def compare(
     for outcome in comparison.outcomes:
         if outcome.failure:
             show.remark(f"{outcome.label}: {outcome.failure}")
+        if outcome.doubt:
+            show.remark(f"{outcome.label}: {outcome.doubt}: not to be trusted, for what {summary} notes")
     if comparison.no_bound:
         show.remark(f"no bound: {comparison.no_bound}")
     if not pictures_possible():

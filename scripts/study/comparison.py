@@ -83,6 +83,11 @@ class Outcome:
         return None if self.estimate is None else self.estimate.coverage
 
     @property
+    def doubt(self) -> str:
+        """The status of an estimate that announces itself as not to be trusted; else nothing."""
+        return "" if self.estimate is None or self.estimate.status.trustworthy else str(self.estimate.status)
+
+    @property
     def wall_time(self) -> float | None:
         """How long the estimate took, s."""
         return None if self.estimate is None else self.estimate.wall_time
@@ -131,6 +136,12 @@ class Comparison:
             return None
         return float(np.sqrt(np.trace(self.bound.position_covariance, axis1=1, axis2=2).max()))
 
+    @property
+    def doubts(self) -> str:
+        """Which methods announce that they are not to be trusted, in a sentence; nothing if none does."""
+        doubtful = [f"{one.label} ({one.doubt})" for one in self.outcomes if one.doubt]
+        return f"Not to be trusted, as they say themselves: {', '.join(doubtful)}." if doubtful else ""
+
     def table(self) -> Table:
         """A row for each method, the bound's last; a notebook shows it as a table."""
         rows = [_cells(outcome) for outcome in self.outcomes]
@@ -158,6 +169,7 @@ class Comparison:
                     "predicted_rmse": outcome.predicted_rmse,
                     "coverage": outcome.coverage,
                     "wall_time": outcome.wall_time,
+                    "status": None if outcome.estimate is None else str(outcome.estimate.status),
                     "failure": outcome.failure or None,
                 }
                 for outcome in self.outcomes

@@ -80,6 +80,8 @@ def summary_text(comparison: Comparison, pictures: list[str]) -> str:
         "RMSE and max are those of the error over all frames. The predicted RMSE is what the method's covariance says. "
         "Coverage is the share of the frames at which the method has an attitude to go by.",
     ]
+    if comparison.doubts:
+        lines += ["", comparison.doubts]
     for outcome in comparison.outcomes:
         lines += ["", f"## {outcome.title}", "", *_details(outcome, pictures)]
     return "\n".join(lines) + "\n"

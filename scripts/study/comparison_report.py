@@ -53,6 +53,7 @@ def report_of_comparison(comparison: Comparison) -> Report:
 def _reading(comparison: Comparison) -> str:
     failed = [outcome.label for outcome in comparison.outcomes if outcome.failure]
     words = f" Could not be carried out: {', '.join(failed)}." if failed else ""
+    words += f" {comparison.doubts}" if comparison.doubts else ""
     return (
         "RMSE and max are those of the error over all frames; the predicted RMSE is what the method's covariance says; "
         f"coverage is the share of the frames at which it has an attitude.{words}"

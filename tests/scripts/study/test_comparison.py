@@ -22,6 +22,7 @@ from baryscope.study import (
     report_of_comparison,
     write_flight,
 )
+from baryscope.study.comparison_files import summary_text
 from malformed import GOOD_SCENARIO
 
 
@@ -91,6 +92,22 @@ def test_a_table_in_markdown_and_in_columns(comparison):
     assert title == "Error of the centre of mass, small, 100 s"
     assert [tuple(re.split(r" {2,}", line.strip())) for line in columns] == [table.headings, *table.rows]
     assert table._repr_markdown_() == f"{title}\n\n{table.markdown()}"
+
+
+def test_methods_that_are_not_to_be_trusted_are_named(comparison, scenario):
+    """score, for which the chaser's drift is none, stood in the tables with a narrow claim like all others."""
+    drifting = scenario.read_text(encoding="utf-8").replace(
+        "[0.0, -10.0, 0.0]", "[0.0, -10.0, 0.0]\nvelocity = [0.1, 0, 0]"
+    )
+    path = scenario.with_name("drifting.toml")
+    path.write_text(drifting, encoding="utf-8")
+    drift = compare(path, methods=["score", "pivot"])
+    assert [one.doubt for one in drift.outcomes] == ["model does not fit", ""]
+    assert [one["status"] for one in drift.to_json()["methods"]] == ["model does not fit", "good"]
+    sentence = "Not to be trusted, as they say themselves: score (model does not fit)."
+    assert report_of_comparison(drift).parts[0].about.endswith(sentence)
+    assert sentence in summary_text(drift, [])
+    assert comparison.doubts == ""
 
 
 def test_words_in_figures_are_no_formulas(comparison, tmp_path):
