@@ -14,6 +14,7 @@ function chartOf(part) {
   function render() {
     const whole = extent(part.series.flatMap((one) => limits(one.x)), part.log_x);
     if (whole[0] === whole[1]) whole[1] += 1;
+    if (part.log_x) { const aside = (whole[1] / whole[0]) ** 0.03; whole[0] /= aside; whole[1] *= aside; } // steps at the ends are seen
     picture.setAttribute("aria-label", spoken(part));
     reset.hidden = !state.zoom;
     const [from, to] = state.zoom || whole;

@@ -9,8 +9,14 @@ function Sheet(part) {
   const head = el("thead", {}, el("tr", {}, ...part.headings.map((text, k) => el("th", { scope: "col", class: side(k), text }))));
   const rows = part.rows.map((row) => el("tr", {}, ...row.map((text, k) => el("td", { class: side(k), text }))));
   const table = el("table", { "aria-label": part.title }, head, el("tbody", {}, ...rows));
-  const tall = part.rows.length > 16;
-  return [el("div", { class: tall ? "scroll tall" : "scroll", tabindex: tall ? "0" : null, role: tall ? "group" : null, "aria-label": tall ? part.title : null }, table)];
+  const box = el("div", { class: part.rows.length > 16 ? "scroll tall" : "scroll" }, table);
+  new ResizeObserver(() => {
+    const hides = box.scrollWidth > box.clientWidth || box.scrollHeight > box.clientHeight; // then keys can scroll it
+    for (const [name, value] of Object.entries({ tabindex: "0", role: "group", "aria-label": part.title })) {
+      if (hides) box.setAttribute(name, value); else box.removeAttribute(name);
+    }
+  }).observe(box);
+  return [box];
 }
 
 function Facts(part) {

@@ -23,6 +23,7 @@ def report():
     alike = Series("alike", TIME, 10 + 1e-6 * (TIME - TIME[0]), 4)
     points = Series("points", TIME, np.full(100, 3.0), 5, "points", of=np.arange(100) % 12)
     alone = Series("alone", np.arange(5.0), np.array([1.0, np.nan, 2.0, np.nan, 1.0]), 3)
+    steps = Series("steps", np.repeat([1.0, 3.0, 30.0], 2), np.repeat(np.arange(4.0), 2)[1:-1] / 3, 5)
     parts = (
         Chart("Small", "", "mm", (small,)),
         Chart("Alike", "", "m", (alike,)),
@@ -37,6 +38,7 @@ def report():
             shades=((-2.0, 0.0),),
             shade="dark",
         ),
+        Chart("Steps", "", "share", (steps,), x_label="mm", log_x=True, timed=False),
         Sheet("Table", ("scenario", *["middle"] * 12), (("a", *["1"] * 12),)),
         Timeline("Bars", "", float(TIME[0]), float(TIME[-1]), NAMES, ("9" * 400,) * 12),
     )
@@ -89,6 +91,33 @@ def test_names_that_differ_at_their_ends_are_told_apart(page):
     browser.open(path)
     names = [text for text, _ in words_of(browser, "Bars")["words"]]
     assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("width, hides", [(360, True), (1280, False)])
+def test_keys_scroll_a_table_that_is_wider_than_the_screen(page, width, hides):
+    browser, path = page
+    browser.call("Emulation.setDeviceMetricsOverride", width=width, height=800, deviceScaleFactor=1, mobile=False)
+    browser.open(path)
+    browser.value("new Promise(requestAnimationFrame)")
+    box = "document.querySelector('.scroll')"
+    assert browser.value(f"[{box}.getAttribute('tabindex'), {box}.ariaLabel]") == (
+        ["0", "Table"] if hides else [None] * 2
+    )
+    browser.value(f"{box}.focus()")
+    browser.key("ArrowRight", 39)
+    browser.value("new Promise((done) => setTimeout(done, 300))")
+    assert (browser.value(f"{box}.scrollLeft") > 0) == hides
+
+
+def test_steps_at_the_ends_of_a_distribution_are_inside_of_the_frame(page):
+    browser, path = page
+    browser.open(path)
+    picture = "document.querySelector('section[aria-label=Steps] svg')"
+    frame, curve = (
+        browser.value(f"(({{ x, width }}) => [x, x + width])({picture}.querySelector('{one}').getBBox())")
+        for one in ("rect.axis", "path.curve")
+    )
+    assert frame[0] + 5 < curve[0] < curve[1] < frame[1] - 5
 
 
 def test_what_is_shaded_is_told_where_something_is(page):
