@@ -121,7 +121,7 @@ def rigid(run: PaperRun) -> "Figure":
     lower.plot(time[shown], between[shown], color=PALETTE[2], lw=0.7)
     lower.axhline(np.linalg.norm(shape[0] - shape[1]), color=PALETTE[5], lw=1.5)
     names = run.flight.tracks.labels
-    lower.set_ylabel(f"{names[one]} to {names[two]}, m", fontsize=8)
+    lower.set_ylabel(f"{names[one]} to {names[two]}, m", fontsize=8, parse_math=False)
     lower.set_xlabel("time in s")
     lower.set_xlim(*time[shown][[0, -1]])
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2, fontsize=8, frameon=False)
