@@ -158,7 +158,11 @@ def options_of(result: Estimate) -> Facts:
 def millimetres(metres: float) -> str:
     """A length's digits, without an exponent; - where there is none."""
     size = 1e3 * abs(metres)
-    return "-" if not np.isfinite(size) else f"{1e3 * metres:.3g}" if size < 1e3 else f"{1e3 * metres:.0f}"
+    if not np.isfinite(size):
+        return "-"
+    if size >= 1e3:
+        return f"{1e3 * metres:.0f}"
+    return np.format_float_positional(1e3 * metres, 3, fractional=False, trim="-")
 
 
 def _text(value: Any) -> str:

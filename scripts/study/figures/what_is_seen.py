@@ -1,6 +1,6 @@
 """Figures of what the chaser sees: the features that it follows, the relative trajectory, and a cluster made rigid."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ def bars(run: PaperRun) -> "Figure":
             for a, b in runs_of(tracks.seen[:, row]).tolist()
         ]
         panel.broken_barh(spans, (row - 0.35, 0.7), color=PALETTE[5])
-        where = {"transform": panel.get_yaxis_transform(), "ha": "right", "va": "center"}
+        where: dict[str, Any] = {"transform": panel.get_yaxis_transform(), "ha": "right", "va": "center"}
         panel.text(-0.01, row, label, fontsize=9, parse_math=False, **where)
     panel.set_yticks([])
     panel.set_ylim(len(tracks.labels) - 0.5, -0.5)

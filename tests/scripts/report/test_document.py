@@ -11,6 +11,7 @@ from baryscope.estimator.details import TumbleDetails
 from baryscope.report import html_of, report_of_estimate
 from baryscope.report.charts import expected_error, nees_of
 from baryscope.report.document import data_of, plain
+from baryscope.report.estimates import millimetres
 from baryscope.report.page import page_file, palette
 from baryscope.report.scene import Body, Shown, scene_of
 from baryscope.report.thinning import evenly, extremes, shares
@@ -186,6 +187,14 @@ def test_numbers_are_short_and_gaps_are_null():
     assert plain(np.array([1.23456789, np.nan, 2.0, 1e-12])) == [1.2346, None, 2, 1e-12]
     assert plain({"x": 1}) == {"x": 1}
     json.dumps(plain((np.inf, "a", (1.5,))), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    "metres, digits",
+    [(3.54321e-8, "0.0000354"), (0.0, "0"), (1.23456e-4, "0.123"), (-0.016, "-16"), (12.3456, "12346"), (np.nan, "-")],
+)
+def test_millimetres_have_no_exponent(metres, digits):
+    assert millimetres(metres) == digits
 
 
 def test_every_method_has_its_own_colour_in_pictures():
