@@ -39,7 +39,7 @@ def report():
             shade="dark",
         ),
         Chart("Steps", "", "share", (steps,), x_label="mm", log_x=True, timed=False),
-        Sheet("Table", ("scenario", *["middle"] * 12), (("a", *["1"] * 12),)),
+        Sheet("Table", ("scenario", *["middle"] * 12), (("a" * 120, *["1"] * 12),)),
         Timeline("Bars", "", float(TIME[0]), float(TIME[-1]), NAMES, ("9" * 400,) * 12),
     )
     return Report("Centre of mass from " + "a" * 80 + ".csv", "", "0", parts)
