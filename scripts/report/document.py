@@ -129,7 +129,8 @@ class Scene:
     path (k, 3): the CoM that all else is measured from, truly or as estimated (`path_label`); features (k, m, 3) and
     faces (f, 3), indices of features; state: for each time a text of m digits, 0 not seen, 1 seen, 2 rejected.
     attitude, orbit (k, 4): quaternions (w, x, y, z) that turn body and LVLH axes into C.
-    every: how many frames of the tracks one of these stands for.
+    every: how many frames of the tracks one of these stands for. gaps: places of times after which there are no frames
+    for long.
     """
 
     time: FloatArray = field(metadata=MOMENTS)
@@ -143,6 +144,7 @@ class Scene:
     attitude: FloatArray | None = None
     orbit: FloatArray | None = None
     every: float = 1.0
+    gaps: tuple[int, ...] = ()
     about: str = ""
     title: str = "Scene"
     kind: Literal["scene"] = "scene"

@@ -11,6 +11,7 @@ from baryscope.estimator.tables.tracks import UPPER
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
 from baryscope.report.document import Ghost, Scene
+from baryscope.report.gaps import gaps_of
 from baryscope.report.thinning import evenly
 
 FloatArray = NDArray[np.float64]
@@ -77,6 +78,7 @@ def scene_of(body: Body, estimates: tuple[Shown, ...], orbit: Orbit | None, abou
         attitude=None if body.attitude is None else quaternions(body.attitude[keep]),
         orbit=None if orbit is None else quaternions(lvlh_attitude(orbit, body.time[keep])),
         every=len(body.time) / len(keep),
+        gaps=tuple(gaps_of(body.time[keep]).tolist()),
         about=about,
     )
 

@@ -79,6 +79,8 @@ function Scene(part) {
     const tick = (stamp) => {
       time = Math.min(time + (Math.max(stamp - last, 0) / 1e3) * ((end - begin) / state.seconds), end);
       last = stamp;
+      const gap = part.gaps.find((k) => part.time[k] < time && time < part.time[k + 1]);
+      if (gap !== undefined) time = part.time[gap + 1]; // how it turned there nobody knows
       state.playing = requestAnimationFrame(tick);
       showAt(time);
       if (time >= end) stop();
