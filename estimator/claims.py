@@ -28,7 +28,7 @@ BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
 def claimed(result: Estimate) -> Estimate:
     """The result with its departure and the frames it leaves out named, and as wide as its misfits show."""
     named = replace(result, findings=result.findings + _departure(result) + _left_out(result))
-    return _widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
+    return widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
 
 
 def _departure(result: Estimate) -> tuple[Departure, ...]:
@@ -77,7 +77,8 @@ def _widening(result: Estimate) -> Widening:
     return Widening(factor, variance, variance * (2 * np.pi / span) ** 2 if span > 0 else 0.0)
 
 
-def _widened(result: Estimate, by: Widening) -> Estimate:
+def widened(result: Estimate, by: Widening) -> Estimate:
+    """The result with covariances that are wider by so much, if it has any."""
     if result.covariance is None or result.observability is None:
         return result
     clusters = tuple(_widened_cluster(cluster, by) for cluster in result.clusters)

@@ -139,6 +139,17 @@ class WrongSigma:
 
 
 @dataclass(frozen=True)
+class ChangingNoise:
+    """The noise changes: from each of the times `begins` in s on it has one of the `deviations` of a coordinate, m.
+
+    Every frame is weighed by its own.
+    """
+
+    begins: tuple[float, ...]
+    deviations: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class FreeAttitudes:
     """`ml` or `ekf` has no tumble to tell, for a reason: the estimate is that of `pivot`, whose attitudes are free."""
 
@@ -157,6 +168,7 @@ Finding = (
     | WrongOrbit
     | UnknownBurn
     | WrongSigma
+    | ChangingNoise
     | FreeAttitudes
 )
 UNCHECKED = FewFrames | FollowsRotation | Extrapolated

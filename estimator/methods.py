@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from baryscope.estimator.a_priori import with_credible_sigma
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.claims import claimed
 from baryscope.estimator.consider import considered
 from baryscope.estimator.ekf.method import estimate_by_filter
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.ml.method import estimate_by_likelihood
+from baryscope.estimator.noise.following import with_noise_of_time
 from baryscope.estimator.options import Options, PathOptions, ScrewOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.plausibility import refuse_implausible
@@ -48,10 +48,10 @@ class Method:
         if not isinstance(chosen, self.options):
             raise InputError(f"{self.name} takes {self.options.__name__}, found {type(chosen).__name__}")
 
-        def fit(told: Options) -> Estimate:
-            return self.run(tracks, orbit, told, progress)
+        def fit(own: FeatureTracks, told: Options) -> Estimate:
+            return self.run(own, orbit, told, progress)
 
-        found = with_credible_sigma(fit, chosen) if isinstance(chosen, PathOptions) else fit(chosen)
+        found = with_noise_of_time(fit, tracks, chosen) if isinstance(chosen, PathOptions) else fit(tracks, chosen)
         found = claimed(considered(found, tracks))
         covariance = None if found.covariance is None else made_definite(found.covariance)
         return replace(found, covariance=covariance, epoch=tracks.epoch or (None if orbit is None else orbit.epoch))

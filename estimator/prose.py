@@ -7,6 +7,7 @@ from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.dynamics.extended import Factor
 from baryscope.estimator.findings import (
     FREE_TUMBLE,
+    ChangingNoise,
     Departure,
     DifferentPoints,
     ExcessResiduals,
@@ -99,6 +100,12 @@ def sentence(finding: Finding) -> str:
         case WrongSigma():
             return f"sigma is {finding.given:.3g}, but the residuals show {finding.found:.3g}: " + (
                 "claims are made of that" if finding.found > finding.given else "claims may be too wide"
+            )
+        case ChangingNoise():
+            later = zip(finding.begins[1:], finding.deviations[1:], strict=True)
+            then = ", ".join(f"{size:.2g} m from {moment:.1f} s on" for moment, size in later)
+            return (
+                f"the noise changes: {finding.deviations[0]:.2g} m at first, {then}; every frame is weighed by its own"
             )
         case FreeAttitudes():
             return f"{finding.reason}: this is the estimate with free attitudes, as of pivot"

@@ -31,7 +31,7 @@ LAYERS = [
     ["estimator.consider"],
     ["estimator.ml"],
     ["estimator.ekf"],
-    ["estimator.a_priori"],
+    ["estimator.noise"],
     ["estimator.methods", "estimator.bound"],
     ["estimator", "fmu"],
     ["report"],

@@ -55,6 +55,24 @@ def screen(position: FloatArray, seen: BoolArray, covariance: FloatArray | None 
     return inliers
 
 
+def distances_off(position: FloatArray, seen: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """By how much the distances of pairs of features are off their typical ones, (n, k), and these, (k,), in m.
+
+    position (n, m, 3) in m; seen (n, m). Of pairs with a typical distance; NaN where not both are seen.
+    """
+    pairs = _pairs(seen.shape[1])
+    rows = np.unique(np.linspace(0, len(seen) - 1, min(len(seen), SAMPLE)).astype(int))
+    typical, _ = _typical_distances(_Seen.of(position, seen, None, rows), pairs, 0.0)
+    known = np.isfinite(typical)
+    pairs, typical = pairs[known], typical[known]
+    off = np.full((len(seen), len(pairs)), np.nan)
+    for part in _chunks(len(seen), len(pairs)):
+        distance = _Seen.of(position, seen, None, part).distances(pairs)[0]
+        both = seen[part][:, pairs[:, 0]] & seen[part][:, pairs[:, 1]]
+        off[part] = np.where(both, np.abs(distance - typical), np.nan)
+    return off, typical
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """Some frames: position (n, m, 3) in m, 0 where nothing is seen; seen (n, m); covariance (n, m, 3, 3) in m²."""

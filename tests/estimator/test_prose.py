@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.findings import (
+    ChangingNoise,
     Departure,
     DifferentPoints,
     ExcessResiduals,
@@ -80,6 +81,10 @@ def test_verdict_names_a_skew_axis():
         ),
         (WrongSigma(0.01, 0.0204), "sigma is 0.01, but the residuals show 0.0204: claims are made of that"),
         (WrongSigma(0.02, 0.0104), "sigma is 0.02, but the residuals show 0.0104: claims may be too wide"),
+        (
+            ChangingNoise((0.0, 9.62), (0.0003, 0.00312)),
+            "the noise changes: 0.0003 m at first, 0.0031 m from 9.6 s on; every frame is weighed by its own",
+        ),
         (
             FreeAttitudes("the steps to a tumble do not converge"),
             "the steps to a tumble do not converge: this is the estimate with free attitudes, as of pivot",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from baryscope.estimator import PathOptions, estimate
-from baryscope.estimator.a_priori import with_credible_sigma
 from baryscope.estimator.findings import ExcessResiduals, WrongSigma
+from baryscope.estimator.noise.a_priori import with_credible_sigma
 from baryscope.estimator.result import Noise, Status
 from baryscope.models.errors import ComputationError, Reason
 from free_paths import FEATURES, NOISE, at_rest, on_parabola, turning
