@@ -26,7 +26,9 @@ def frames_per_independent_one(series: Sequence[FloatArray]) -> tuple[float, int
     return 1.0 + 2.0 * float(rho[: lag - 1].sum()), lag
 
 
-def growth_by_lasting(series: Sequence[FloatArray], values: float, frames: float, share: float = 1.0) -> float:
+def growth_by_lasting(
+    series: Sequence[FloatArray], values: float, frames: float, share: float = 1.0, clear: float = LASTING
+) -> float:
     """By how much the variance of a sum over frames is more than that of white noise: 1 + 2 Σ ρ, at least 1.
 
     It is 1 unless it is significant, and corrected for the mean as by Wolff (Comput. Phys. Commun. 156, 2004).
@@ -36,8 +38,9 @@ def growth_by_lasting(series: Sequence[FloatArray], values: float, frames: float
         values: how many independent ones the series would have if they were white.
         frames: in how many frames each of what the series tell of is seen.
         share: of the squares, that hangs together; the other part is white, and in the squares only.
+        clear: standard deviations of it for white noise, above which it is significant.
     """
     lasting, lag = frames_per_independent_one(series)
     total = 1 + share * (lasting - 1)
     by_chance = 2 * share * np.sqrt(lag / values)
-    return float(total * (1 + (2 * lag + 1) / frames)) if total > 1 + LASTING * by_chance else 1.0
+    return float(total * (1 + (2 * lag + 1) / frames)) if total > 1 + clear * by_chance else 1.0

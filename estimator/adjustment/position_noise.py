@@ -23,6 +23,9 @@ FloatArray = NDArray[np.float64]
 RANGE = (1e-4, 1e8)  # of the variance, over that with which the frames' median shift is known
 SCAN, SWEEPS = 41, 4  # values of its logarithm, and how often the range is narrowed to two of its steps
 SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there is none
+CLEAR = 1.0  # standard deviations, from which slips last: to take those that do for white costs far more than to err
+UNKNOWNS = 2  # of a coordinate: the place at rest, and the offset that turns with the body
+MOST_EXPLAINED = 0.8  # share of the slips' variance
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +75,8 @@ def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
     """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m².
 
     Where a frame tells its shift poorly, as across the lever to a far tip, which its attitude moves, it counts little.
-    What the frames are wrong by is white: only the slips' part of the squares hangs together.
+    What the frames are wrong by is white: only the slips' part of the squares hangs together. Place and offset follow
+    slips that last, and leave less of their variance to see: of n frames, two of the n / (1 + 2 Σ ρ) that are new.
     """
     weights = [slip / (slip + one.variance) for one in series]
     shifts = [
@@ -80,4 +84,6 @@ def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
     ]
     values = sum(float((weight**2).sum()) for weight in weights)
     observed = sum(float(np.vdot(shift, shift)) for shift in shifts) / (values * slip)
-    return growth_by_lasting(shifts, values, values / 3, observed)
+    frames = values / 3
+    growth = growth_by_lasting(shifts, values, frames, observed, CLEAR)
+    return growth / (1 - min(UNKNOWNS * growth / frames, MOST_EXPLAINED)) if growth > 1 else growth
