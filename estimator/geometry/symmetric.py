@@ -140,17 +140,18 @@ def inverted_sums(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def made_definite(covariance: FloatArray) -> FloatArray:
-    """Covariances (n, 3, 3) that are positive definite in double precision, wider by what rounding lost where it did.
+    """Covariances (n, p, p) that are positive definite in double precision, wider by what rounding lost where it did.
 
     Kilometres along one axis and micrometres across cannot stand in one matrix. Of terms that cancel, rounding may be
     more than that of what is left.
     """
+    unit = np.eye(covariance.shape[-1])
     rounding = DIGITS * np.trace(covariance, axis1=1, axis2=2)
     try:
-        np.linalg.cholesky(covariance - rounding[:, None, None] * np.eye(3) / 2)
+        np.linalg.cholesky(covariance - rounding[:, None, None] * unit / 2)
     except np.linalg.LinAlgError:
         missing = np.maximum(rounding - np.linalg.eigvalsh(covariance)[:, 0], 0.0)
-        return np.asarray(covariance + missing[:, None, None] * np.eye(3))
+        return np.asarray(covariance + missing[:, None, None] * unit)
     return covariance
 
 

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from baryscope.estimator.adjustment.autocorrelation import frames_per_independent_one
+from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.tracks import FloatArray, IntArray
 
@@ -173,7 +174,7 @@ def joint_of(pair: Pair, method: Method, centre: Centre, ratio: float, axis: Hin
         pair=pair,
         in_parent=u,
         in_child=v,
-        covariance=centre.covariance,
+        covariance=made_definite((centre.covariance + centre.covariance.T)[None] / 2)[0],
         position=(R_T_P @ u + c + pair.child.rotation @ v + pair.child.place) / 2,
         residual=residual,
         correlation_time=frames * float(np.median(np.diff(pair.time))),

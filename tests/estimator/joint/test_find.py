@@ -147,3 +147,18 @@ def test_a_ball_that_hardly_turns_is_no_hinge(method):
     assert not found.observable
     assert not found.hinge
     assert found.hinge_axis is None
+
+
+@pytest.mark.parametrize("method", ["ml", "score"])
+def test_a_covariance_of_few_frames_has_no_negative_variance(method):
+    """A child that hardly turns in 5 frames: terms of the covariance cancel, and left a variance of -1e-5 m²."""
+    k = np.arange(5)[:, None]
+    tilt = Rotation.from_rotvec(0.2 * np.sin(0.1 * k) * [1, 0, 0])
+    R = (tilt * Rotation.from_rotvec(0.01 * np.sin(0.3 * k) * [0, 0, 1])).as_matrix()
+    for seed in range(20):
+        points = 0.1 * np.random.default_rng(seed).normal(size=(4, 3))
+        tracks = FeatureTracks(
+            0.1 * k[:, 0], np.sin(0.05 * k)[:, None] * [1, 2, 3] + points @ np.swapaxes(R, 1, 2), tuple("abcd")
+        )
+        found = joint(None, tracks, method=method)
+        assert np.linalg.eigvalsh(found.covariance)[0] > 0
