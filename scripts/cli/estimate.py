@@ -150,7 +150,8 @@ def estimate_file(
         The target's orbit: a TOML file with a table [orbit], which `baryscope simulate` writes beside its tracks, or a
         TLE, OMM or OEM. The axes of the tracks are those of the orbit: TEME for a TLE or OMM.
     epoch
-        UTC of time 0, for a TLE, OMM, OEM or an orbit with an epoch. Default: that of tracks with UTC times.
+        UTC of time 0, for a TLE, OMM, OEM, an orbit with an epoch, or a camera's attitude at UTC times. Default: that
+        of tracks with UTC times.
     camera
         The camera's attitude, for tracks in camera axes: a CSV file with the columns time,qw,qx,qy,qz (s or UTC, unit
         quaternions, the scalar first) that turn camera axes into inertial ones. Rows span the tracks without gaps.
@@ -178,8 +179,11 @@ def estimate_file(
         raise InputError("--rig: needs the camera's attitude, expected --camera ATTITUDE.csv")
     if epoch is not None:
         utc_of(epoch, "--epoch")
-        if orbit is None and forces.acceleration is None:
-            raise InputError("--epoch: needs something that has a UTC, expected --orbit ORBIT or --acceleration A.csv")
+        if orbit is None and forces.acceleration is None and camera is None:
+            raise InputError(
+                "--epoch: needs something that has a UTC, expected --orbit ORBIT, --acceleration A.csv or "
+                "--camera ATTITUDE.csv"
+            )
     read = [tracks, *(file for file in (orbit, camera, rig, forces.acceleration) if file is not None)]
     prediction = prediction or PredictionChoices()
     prediction.check(method)
@@ -193,6 +197,8 @@ def estimate_file(
             epoch = _epoch(data, epoch)
             known_orbit = None if orbit is None else load_orbit(orbit, epoch)
             turned = None if camera is None else Camera.load(_csv(camera), rig)
+            if turned is not None and turned.attitude.epoch is not None:
+                data = replace(data, epoch=epoch)
             options, point = forces.read_into(options, epoch, turned), prediction.point_of(data)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, camera=turned, progress=share)

@@ -83,7 +83,7 @@ CHOICES = [
     (["--torque", "gravity-gradient", "--method", "pivot"], "--torque: found with --method pivot, expected one of ml"),
     (["--torque", "gravity-gradient", "--method", "ekf"], "--torque gravity-gradient: needs the target's orbit"),
     (["--epoch", "foo"], "--epoch: found 'foo'"),
-    (["--epoch", "2000-06-28"], "--epoch: needs something that has a UTC, expected --orbit ORBIT or --acceleration A"),
+    (["--epoch", "2000-06-28"], "--epoch: needs something that has a UTC, expected --orbit ORBIT, --acceler"),
 ]
 
 

@@ -47,6 +47,27 @@ def test_the_camera_is_turned_and_its_errors_are_told(files, capsys):
     assert np.all(deviation > 0.02)  # the scale's: 1e-3 of 20 m, which a fixed point does not tell
 
 
+def test_an_epoch_dates_tracks_in_seconds_for_a_camera_at_utc_times(files, capsys):
+    """The attitude begins 5 s before the tracks; they were refused as being in seconds, and --epoch for the camera."""
+    rows = (files / "attitude.csv").read_text(encoding="utf-8").splitlines()
+    begin = np.datetime64("2026-03-01T00:00:00")
+    dated = [f"{begin + np.timedelta64(second, 's')}Z,{row.split(',', 1)[1]}" for second, row in enumerate(rows[1:])]
+    (files / "utc.csv").write_text("\n".join([rows[0], *dated]), encoding="utf-8")
+    tracks = FeatureTracks.read_csv(files / "tracks.csv")
+    FeatureTracks(tracks.time[5:] - 5, tracks.position[5:], tracks.labels).write_csv(files / "tracks.csv")
+    camera = ("--camera", files / "utc.csv", "--rig", files / "rig.toml")
+    assert run(files, *camera, "--epoch", "2026-03-01T00:00:05Z") == 0
+    path = np.loadtxt(files / "tracks.estimate.csv", delimiter=",", skiprows=1)
+    error, deviation = np.linalg.norm(path[:, 1:4] - CENTRE, axis=1), np.sqrt(path[:, [4, 7, 9]].sum(axis=1))
+    assert np.all(error < 4 * deviation)
+    assert json.loads((files / "tracks.estimate.json").read_text(encoding="utf-8"))["epoch"] == "2026-03-01T00:00:05Z"
+    capsys.readouterr()
+    assert run(files, *camera) == 2
+    assert "UTC times of the attitude, but seconds of the tracks" in capsys.readouterr().err
+    undated = ("--camera", files / "attitude.csv", "--epoch", "2026-03-01")
+    assert run(files, *undated, "--rig", files / "rig.toml") in (0, 3)  # seconds of both go on as they are
+
+
 def test_a_camera_that_is_forgotten_does_not_pass(files, capsys):
     assert run(files) == 3
     assert "does not fit" in capsys.readouterr().out
