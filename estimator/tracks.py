@@ -2,7 +2,7 @@
 
 import csv
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
@@ -69,6 +69,19 @@ class FeatureTracks:
     def seen(self) -> BoolArray:
         """Which features are seen in which frames, (n, m)."""
         return np.asarray(~np.isnan(self.position[..., 0]))
+
+    def of_features(self, labels: Sequence[str]) -> "FeatureTracks":
+        """The tracks of some features at all times, in the order of the labels.
+
+        Raises:
+            InputError: there is no feature of a label, or one stands twice.
+        """
+        missing = next((label for label in labels if label not in self.labels), None)
+        if missing is not None:
+            raise InputError(f"label {missing!r}: expected some of {', '.join(self.labels)}")
+        columns = [self.labels.index(label) for label in labels]
+        covariance = None if self.covariance is None else self.covariance[:, columns]
+        return replace(self, position=self.position[:, columns], labels=tuple(labels), covariance=covariance)
 
     @classmethod
     def read_csv(cls, path: AnyPath) -> "FeatureTracks":

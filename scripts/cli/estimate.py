@@ -25,6 +25,7 @@ from baryscope.progress import stage
 from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
+from baryscope.scripts.cli.joint import chosen
 from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
 from baryscope.scripts.cli.whole import Whole
 
@@ -37,6 +38,7 @@ BEARING = {
     "torque": TURNING,
     "torque_noise": TURNING,
 }
+LEAST_FEATURES = 2
 ON_ORBIT = {"axes": "lvlh", "trajectory": "relative-orbit", "torque": "gravity-gradient"}
 
 
@@ -114,6 +116,7 @@ def estimate_file(
     /,
     *,
     units: Unit | None = None,
+    features: str | None = None,
     method: str | None = None,
     orbit: Path | None = None,
     epoch: str | None = None,
@@ -140,6 +143,8 @@ def estimate_file(
         a .nc file or .zarr folder of xarray with position(time, feature, axis).
     units
         Of the lengths in that file. Default: what a .trc, .c3d, .nc or .zarr file says; metres.
+    features
+        Labels of those that are used, a,b,c: those of one body in a file of several. Default: all.
     method
         pivot: least squares of path and points, attitudes free. ml: maximum a posteriori estimate of path, points and
         free tumble. ekf: iterated Kalman filter, smoothed. score: symmetrical centre of rotation, for a centre of mass
@@ -193,6 +198,8 @@ def estimate_file(
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)
+            if features is not None:
+                data = chosen(data, features, "--features", LEAST_FEATURES)
             refuse_implausible(data, str(tracks))
             epoch = _epoch(data, epoch)
             known_orbit = None if orbit is None else load_orbit(orbit, epoch)

@@ -20,6 +20,8 @@ from baryscope.report import html_of, report_of_joint
 from baryscope.scripts.cli.console import Show
 from baryscope.table import Table
 
+LEAST = 3  # markers of a body
+
 
 def find_joint(
     tracks: Path,
@@ -66,8 +68,8 @@ def find_joint(
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)
-        moving = chosen(data, child, "child")
-        ground = None if parent is None else chosen(data, parent, "parent")
+        moving = chosen(data, child, "child", LEAST, "marker")
+        ground = None if parent is None else chosen(data, parent, "parent", LEAST, "marker")
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
             raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
         with stage(progress, "finding the joint"):
@@ -89,22 +91,23 @@ def find_joint(
             show.remark(f"report, for a browser: {written[1]}")
 
 
-def chosen(data: FeatureTracks, text: str, option: str) -> FeatureTracks:
-    """The tracks of the markers that an option names.
+def chosen(data: FeatureTracks, text: str, option: str, least: int, what: str = "feature") -> FeatureTracks:
+    """The tracks of the features that an option names, a,b,c, in that order.
+
+    least: how many it has to name; what: what a feature is called there.
 
     Raises:
-        InputError: there is no such marker, one is named twice, or they are fewer than three.
+        InputError: there is no such feature, one is named twice, or they are fewer.
     """
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name not in data.labels:
             raise InputError(f"{option}: found {name!r}, expected some of {', '.join(data.labels)}")
         if names.count(name) > 1:
-            raise InputError(f"{option}: found {name!r} twice, expected each marker once")
-    if len(names) < 3:
-        raise InputError(f"{option}: found {len(names)} markers, expected three at least")
-    columns = [data.labels.index(name) for name in names]
-    return FeatureTracks(data.time, data.position[:, columns], tuple(names), epoch=data.epoch)
+            raise InputError(f"{option}: found {name!r} twice, expected each {what} once")
+    if len(names) < least:
+        raise InputError(f"{option}: found {counted(len(names), what)}, expected at least {least}")
+    return data.of_features(names)
 
 
 def _write_path(found: Joint, stream: TextIO) -> None:

@@ -83,6 +83,9 @@ CHOICES = [
     (["--torque", "gravity-gradient", "--method", "pivot"], "--torque: found with --method pivot, expected one of ml"),
     (["--torque", "gravity-gradient", "--method", "ekf"], "--torque gravity-gradient: needs the target's orbit"),
     (["--epoch", "foo"], "--epoch: found 'foo'"),
+    (["--features", "a"], "--features: found 1 feature, expected at least 2"),
+    (["--features", "a,x"], "--features: found 'x', expected some of a"),
+    (["--features", "a, a"], "--features: found 'a' twice, expected each feature once"),
     (["--epoch", "2000-06-28"], "--epoch: needs something that has a UTC, expected --orbit ORBIT, --acceler"),
 ]
 

@@ -31,6 +31,23 @@ def test_one_of_anything_is_singular(tracks, capsys):
     assert "60 positions from 1 cluster, 100 % of the times covered" in capsys.readouterr().out
 
 
+def test_features_of_one_body_in_a_file_of_several(tracks, tmp_path, capsys):
+    """The same estimate as of a file of these alone, to the digit, with their covariances and in the order given."""
+    read = FeatureTracks.read_csv(tracks)
+    other = read.position + np.sin(read.time)[:, None, None] * [3.0, 40.0, 1.0]
+    labels = (*read.labels, *(f"other {label}" for label in read.labels))
+    covariance = np.broadcast_to(np.diag([1e-4, 4e-4, 1e-4]), (60, 10, 3, 3))
+    FeatureTracks(
+        read.time, np.concatenate([other, read.position], axis=1), labels[5:] + labels[:5], covariance
+    ).write_csv(tmp_path / "both.csv")
+    FeatureTracks(read.time, read.position, read.labels, covariance[:, :5]).write_csv(tmp_path / "one.csv")
+    options = ["--trajectory", "fixed", "--no-report"]
+    assert app.main(["estimate", str(tmp_path / "both.csv"), "--features", "F0, F1,F2,F3,F4", *options]) == 0
+    assert app.main(["estimate", str(tmp_path / "one.csv"), *options]) == 0
+    one, both = ((tmp_path / f"{name}.estimate.csv").read_text(encoding="utf-8") for name in ("one", "both"))
+    assert one == both
+
+
 def test_tracks_in_millimetres_and_in_another_form(tracks, tmp_path, capsys):
     """The same estimate to rounding, in metres."""
     rows = polars.read_csv(tracks).with_columns(polars.col("x", "y", "z") * 1e3)

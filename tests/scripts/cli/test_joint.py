@@ -66,7 +66,7 @@ def test_a_hinge_is_named(recorded, capsys):
 
 @pytest.mark.parametrize("arguments, words", [
     (["--child", "ca,cb,xx"], "child: found 'xx', expected some of pa, pb"),
-    (["--child", "ca,cb"], "child: found 2 markers, expected three at least"),
+    (["--child", "ca,cb"], "child: found 2 markers, expected at least 3"),
     (["--child", "ca,cb,cb"], "child: found 'cb' twice"),
     (["--child", CHILD, "--parent", "ca,pb,pc"], "parent and child: found ca in both"),
     (["--child", CHILD, "-o", "out.txt"], "out.txt: expected a name that ends in .csv"),
