@@ -45,7 +45,7 @@ ARGUMENTS = {
     "compare": ["--scenario", "mine.toml", "--methods", "pivot,screw-gpa", "-o", "compared"],
     "estimate": ["mine.csv", "--orbit", "mine.orbit.toml"],
     "figures": ["--scenario", "mine.toml", "-o", "figures"],
-    "fly": ["--scenario", "mine.toml", "--duration", "20", "-o", "flown"],
+    "fly": ["--scenario", "mine.toml", "--duration", "60", "-o", "flown"],
     "joint": ["recorded.csv", "--parent", "pa,pb,pc,pd", "--child", "ca,cb,cc,cd"],
     "scenarios": [],
     "simulate": ["--scenario", "mine.toml", "--fmu", "mine.fmu", "-o", "other.csv"],
