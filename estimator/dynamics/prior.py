@@ -94,8 +94,9 @@ class Prior:
 
     @classmethod
     def known(cls, variance: FloatArray) -> "Prior":
-        """A prior of given variances (p,)."""
-        return cls(np.log(variance), np.zeros((len(variance), 0)))
+        """A prior of given variances (p,): one of 0 holds its unknown at 0."""
+        with np.errstate(divide="ignore"):
+            return cls(np.log(variance), np.zeros((len(variance), 0)))
 
     @cached_property
     def free(self) -> BoolArray:
