@@ -20,6 +20,7 @@ import casadi as ca
 
 from baryscope.models.frames import Symbol
 
+ROOM = 0.1  # m, about a goal in the corridor, for what the chaser is off
 TINY = 1e-9  # m, keeps lengths and their derivatives from a division by zero
 
 
@@ -101,9 +102,13 @@ def _entry(goal: Goal, limits: Limits) -> Symbol:
 
 
 def in_corridor(position: Symbol, goal: Goal, limits: Limits) -> Symbol:
-    """Whether the sphere may be entered: in front of the grapple point of a goal that turns, or without a sphere."""
-    seen = position - goal.apex
-    inside = ca.dot(seen, goal.axis) >= limits.cosine * ca.norm_2(seen)
+    """Whether the sphere may be entered: in front of the grapple point of a goal that turns, or without a sphere.
+
+    Where the cone leaves less than ROOM beside the goal, as at its apex, it begins farther back, rounded off.
+    """
+    seen, standoff = position - goal.apex, ca.dot(goal.position - goal.apex, goal.axis)
+    back = ca.fmax(0, limits.cosine * ca.sqrt(standoff**2 + ROOM**2) - standoff)
+    inside = ca.dot(seen, goal.axis) + back >= limits.cosine * ca.norm_2(seen)
     return ca.logic_or(limits.radius == 0, ca.logic_and(goal.turns, inside))
 
 

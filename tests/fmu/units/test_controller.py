@@ -167,6 +167,16 @@ def test_an_approach_to_a_grapple_point(fly, told):
     np.testing.assert_allclose(off, np.linalg.norm(flight["offset"][-400:], axis=1), atol=1e-9)
 
 
+@pytest.mark.parametrize("standoff", [0.0, 0.05])
+def test_a_goal_at_the_grapple_point_itself_is_kept(fly, standoff):
+    """The corridor has room about the goal: where it is a point, each millimetre aside would lead out of the sphere."""
+    flight = fly([0.0, -20.0, 0.0], 1100, synchronised=True, grapple__standoff=standoff)
+    off = np.linalg.norm(flight["feature"] + standoff * flight["normal"], axis=1)[-600:]
+    assert flight["inside"][-600:].all()
+    assert off.max() < 0.02
+    assert off[-100:].max() < 3e-3
+
+
 @pytest.mark.parametrize("unknown", ["target.inertia", "grapple.point"])
 def test_before_the_tumble_is_known_it_waits(controller_fmu, tmp_path, unknown):
     """An estimator tells zeros till then."""
