@@ -103,14 +103,14 @@ static void terminate(Slot *slot)
 
 static void set_logging(Slot *slot)
 {
-    static const char *const names[] = {"logStatusError", "logEvents", "logAll", NULL};
+    static const char *const names[] = {"logStatusError", "logStatusWarning", "logEvents", "logAll", NULL};
     const char *chosen[3];
     const size_t count = below(4);
     bool good = true;
     for (size_t i = 0; i < count; i++) {
-        const unsigned which = one_in(4) ? 2 + below(2) : below(2);
+        const unsigned which = one_in(4) ? 3 + below(2) : below(3);
         chosen[i] = names[which];
-        good &= which < 2;
+        good &= which < 3;
     }
     const bool null = one_in(10);
     good &= !(null && count);
