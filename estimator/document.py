@@ -127,6 +127,7 @@ class FindingPart(Part):
         "wrong-orbit",
         "unknown-burn",
         "wrong-sigma",
+        "changing-noise",
         "free-attitudes",
     ]
     text: str = Field(description="in words; not to be parsed")
@@ -161,6 +162,8 @@ class FindingPart(Part):
     axes: Literal["lvlh", "inertial"] | None = Field(None, description="unknown-burn: axes of change")
     given: float | None = Field(None, description="wrong-sigma: a priori, m or a factor as sigma")
     found: float | None = Field(None, description="wrong-sigma: from the bodies alone, in the same unit")
+    begins: tuple[float, ...] | None = Field(None, description="changing-noise: begins of the parts, s")
+    deviations: tuple[float, ...] | None = Field(None, description="changing-noise: of a coordinate in each part, m")
     reason: str | None = Field(
         None, description="free-attitudes: why ml or ekf tells no tumble, in words; not to be parsed"
     )
