@@ -55,7 +55,7 @@ def compare(
         if outcome.failure:
             show.remark(f"{outcome.label}: {outcome.failure}")
         if outcome.doubt:
-            show.remark(f"{outcome.label}: {outcome.doubt}: not to be trusted, for what {summary} notes")
+            show.remark(f"{outcome.label}: {outcome.doubt}: not to be trusted; {summary} says why")
     if comparison.no_bound:
         show.remark(f"no bound: {comparison.no_bound}")
     if not pictures_possible():
