@@ -16,7 +16,6 @@ from baryscope.estimator.registration.screening import distances_off
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
 
 BLOCKS, LEAST_BLOCK = 48, 6  # of a recording at most, and frames of one at least
 LEAST_BLOCKS = 3  # of a part

@@ -28,7 +28,6 @@ from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 WORSE = 0.01  # increase of −2 ln p, for each observation, from which a step was too long
 MOST_HALVINGS = 5  # of one step

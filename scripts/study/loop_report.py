@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.lvlh import lvlh_attitude
@@ -15,8 +14,6 @@ from baryscope.report.estimates import coverage
 from baryscope.report.gaps import blackouts
 from baryscope.report.scene import Body, Shown, body_points, scene_of
 from baryscope.study.loop import Loop
-
-FloatArray = NDArray[np.float64]
 
 ONLINE = 5  # its colour
 VERDICTS = {
