@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.formats.times import seconds_of
+from baryscope.estimator.formats.times import is_missing, seconds_of
 from baryscope.estimator.formats.units import Unit, in_metres
 from baryscope.estimator.tables.form import Columns
 from baryscope.estimator.tables.table import Table
@@ -105,16 +105,8 @@ def _labels(column: NDArray[Any], source: str) -> tuple[tuple[str, ...], IntArra
     found: dict[str, int] = {}
     codes = np.empty(len(column), dtype=np.intp)
     for row, cell in enumerate(column.tolist()):
-        text = "" if _is_missing(cell) else str(cell).strip()
+        text = "" if is_missing(cell) else str(cell).strip()
         codes[row] = -1 if not text else found.setdefault(text, len(found))
     if not found:
         raise InputError(f"{source}, column feature: no label in {len(column)} rows")
     return tuple(found), codes
-
-
-def _is_missing(cell: Any) -> bool:
-    """Whether a cell is None, NaN, or the missing value of pandas, which does not tell what it equals."""
-    try:
-        return cell is None or bool(cell != cell)
-    except TypeError:
-        return True

@@ -51,32 +51,39 @@ def _column_of(times: Any, place: Callable[[int], str]) -> NDArray[Any]:
     if column.dtype.kind not in "OUT":
         return column
     cells = column.tolist()
-    match next((cell for cell in cells if cell is not None), None):
+    match next((cell for cell in cells if not is_missing(cell)), None):
         case str(text) if FORM.fullmatch(text):
             return _moments(cells, place)
         case datetime():
             return np.array([_naive(cell, place(row)) for row, cell in enumerate(cells)], dtype="datetime64[ns]")
         case timedelta():
-            return np.array([_duration(cell, place(row)) for row, cell in enumerate(cells)], dtype="timedelta64[ns]")
+            durations = [_checked(cell, timedelta, place(row)) for row, cell in enumerate(cells)]
+            return np.array(durations, dtype="timedelta64[ns]")
     return column
+
+
+def is_missing(cell: Any) -> bool:
+    """Whether a cell is None, NaN, NaT, or the missing value of pandas, which does not tell what it equals."""
+    try:
+        return cell is None or bool(cell != cell)
+    except TypeError:
+        return True
+
+
+def _checked(cell: Any, kind: type, place: str) -> Any:
+    """A cell of a kind, or None if it is missing."""
+    if is_missing(cell):
+        return None
+    if not isinstance(cell, kind):
+        words = "a datetime" if kind is datetime else "a duration"
+        raise InputError(f"{place}: found {str(cell)[:40]!r}, expected {words}")
+    return cell
 
 
 def _naive(cell: Any, place: str) -> datetime | None:
     """A datetime in UTC, without its time zone, or None if it is missing."""
-    if cell is None or cell != cell:  # NaT
-        return None
-    if not isinstance(cell, datetime):
-        raise InputError(f"{place}: found {str(cell)[:40]!r}, expected a datetime")
-    return cell if cell.tzinfo is None else cell.astimezone(UTC).replace(tzinfo=None)
-
-
-def _duration(cell: Any, place: str) -> timedelta | None:
-    """A duration, or None if it is missing."""
-    if cell is None or cell != cell:  # NaT
-        return None
-    if not isinstance(cell, timedelta):
-        raise InputError(f"{place}: found {str(cell)[:40]!r}, expected a duration")
-    return cell
+    moment: datetime | None = _checked(cell, datetime, place)
+    return moment if moment is None or moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
 
 
 def _moments(cells: Sequence[Any], place: Callable[[int], str]) -> NDArray[np.datetime64]:

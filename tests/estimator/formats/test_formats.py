@@ -1,6 +1,5 @@
 """Tracks in other forms: each holds what the CSV file holds, in any unit; what is none is refused in a line."""
 
-import ezc3d
 import numpy as np
 import pandas
 import polars
@@ -19,20 +18,12 @@ from baryscope.estimator import (
 )
 from baryscope.estimator.formats import METRES
 from baryscope.models.errors import InputError
-from synthetic import ENVISAT, attitude, box_features, make_case
-
-TIME = np.arange(0.0, 20.0, 0.5)
-LABELS = ("left", "right", "ÿ top", "back")
+from recorded import LABELS, TIME, box_tracks, same
 
 
 @pytest.fixture(scope="module")
 def tracks():
-    """Four features in 40 frames, some not seen, one frame without any."""
-    points = box_features(4, (2, 2, 2), seed=3)
-    case = make_case(TIME, attitude(ENVISAT, np.deg2rad((9.0, 3.0, 6.0)), TIME), np.zeros((40, 3)), points, noise=0.001)
-    position = case.tracks.position + np.array([1.0, -2.0, 5.0])
-    position[5:9, 2] = position[20] = np.nan
-    return FeatureTracks(TIME, position, LABELS)
+    return box_tracks()
 
 
 @pytest.fixture(scope="module")
@@ -63,14 +54,6 @@ def columns(tracks, scale=1.0):
         }.items():
             rows[name] = np.append(scale**2 * tracks.covariance[frame, feature, i, j], np.full(len(blank), np.nan))
     return rows
-
-
-def same(found, tracks, rtol=1e-12):
-    assert found.labels == tracks.labels
-    np.testing.assert_allclose(found.time, tracks.time, atol=1e-9)
-    np.testing.assert_allclose(found.position, tracks.position, rtol=rtol)
-    if tracks.covariance is not None:
-        np.testing.assert_allclose(found.covariance, tracks.covariance, rtol=rtol)
 
 
 @pytest.mark.parametrize("kind", [dict, polars.DataFrame, pandas.DataFrame])
@@ -210,70 +193,6 @@ def test_trc_with_facts_left_out(tracks, tmp_path):
     text = trc(tracks).replace("\n2.0\t2.0\t40\t4\tmm", "\n\t\t40.0\t\tmm")
     (tmp_path / "t.trc").write_text(text, encoding="utf-8")
     same(read_tracks(tmp_path / "t.trc"), tracks)
-
-
-def c3d(tracks, path, unit="mm", labels=True):
-    """As ezc3d writes it, in single precision."""
-    file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [2.0]
-    file["parameters"]["POINT"]["UNITS"]["value"] = [unit] if unit else []
-    file["parameters"]["POINT"]["LABELS"]["value"] = tuple(tracks.labels) if labels else ()
-    points = np.ones((4, len(tracks.labels), len(tracks.time)))
-    points[:3] = np.moveaxis(tracks.position, -1, 0).swapaxes(1, 2) / METRES[unit or "m"]
-    file["data"]["points"] = points
-    file.write(str(path))
-
-
-def test_c3d_has_its_own_unit(tracks, tmp_path):
-    c3d(tracks, tmp_path / "t.c3d")
-    same(read_tracks(tmp_path / "t.c3d"), tracks, rtol=1e-6)
-    np.testing.assert_allclose(read_tracks(tmp_path / "t.c3d", "m").position, 1e3 * tracks.position, rtol=1e-6)
-
-
-def test_more_markers_than_a_list_of_labels_holds(tmp_path):
-    many = FeatureTracks(TIME[:3], np.random.default_rng(1).normal(size=(3, 300, 3)), [f"M{k}" for k in range(300)])
-    c3d(many, tmp_path / "t.c3d")
-    same(read_tracks(tmp_path / "t.c3d"), many, rtol=1e-6)
-
-
-def told_by_trial(file, frames):
-    file.add_parameter("TRIAL", "ACTUAL_START_FIELD", [1, 0])
-    file.add_parameter("TRIAL", "ACTUAL_END_FIELD", [frames & 0xFFFF, frames >> 16])
-
-
-@pytest.mark.parametrize("tell", [
-    lambda file, frames: None, told_by_trial, lambda file, frames: file.add_parameter("POINT", "LONG_FRAMES", [frames])
-])  # fmt: skip
-def test_more_frames_than_the_header_of_a_c3d_file_counts(tmp_path, tell):
-    """Ten minutes at 120 Hz: ezc3d writes them all, and reads 65,535. The last is zero, and there where it is told."""
-    frames, file = 72_001, ezc3d.c3d()
-    points = np.ones((4, 3, frames))
-    points[:3] = np.random.default_rng(1).normal(size=(3, 3, frames)).astype(np.float32)
-    points[0, 1, 70_000] = np.nan
-    points[:3, :, -1] = 0.0
-    file["parameters"]["POINT"]["RATE"]["value"] = [120.0]
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
-    file["parameters"]["POINT"]["LABELS"]["value"] = ("a", "b", "c")
-    file["data"]["points"] = points
-    tell(file, frames)
-    file.write(str(tmp_path / "t.c3d"))
-    found = read_tracks(tmp_path / "t.c3d")
-    told = frames if file["parameters"].get("TRIAL") or "LONG_FRAMES" in file["parameters"]["POINT"] else frames - 1
-    assert len(found.time) == told
-    assert found.time[-1] == (told - 1) / 120.0
-    assert np.argwhere(~found.seen).tolist() == [[70_000, 1]]
-    expected = np.where(found.seen[..., None], np.moveaxis(points[:3, :, :told], 0, -1).swapaxes(0, 1), np.nan)
-    np.testing.assert_array_equal(found.position, expected)
-
-
-@pytest.mark.parametrize("kept", [0, 100, 511, 512, 700, 1024, 1600])
-def test_a_c3d_file_that_is_cut_short_is_refused(tracks, tmp_path, kept):
-    c3d(tracks, tmp_path / "t.c3d")
-    content = (tmp_path / "t.c3d").read_bytes()
-    assert len(content) > 1600
-    (tmp_path / "t.c3d").write_bytes(content[:kept])
-    with pytest.raises(InputError, match=r"t\.c3d: "):
-        read_tracks(tmp_path / "t.c3d")
 
 
 @pytest.mark.parametrize(

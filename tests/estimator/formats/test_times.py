@@ -54,7 +54,7 @@ def test_durations_are_seconds(kind):
 
 
 def test_a_datetime_that_is_missing_is_named():
-    for missing in (None, pandas.NaT):
+    for missing in (None, pandas.NaT, pandas.NA):
         rows = pandas.DataFrame({"time": [BEGIN, missing, BEGIN]} | ROWS)
         with pytest.raises(InputError, match="frame, row 1, column time: empty, expected a datetime"):
             tracks_of(rows)
@@ -64,6 +64,7 @@ def test_a_datetime_that_is_missing_is_named():
     "change, expected",
     [
         ({"time": [BEGIN, "x", BEGIN]}, "row 1, column time: found 'x', expected a datetime"),
+        ({"time": [BEGIN, pandas.NA, BEGIN]}, "row 1, column time: empty, expected a datetime"),
         ({"time": [*MILLISECONDS[:2], 0.5]}, "row 2, column time: found '0.5', expected a duration"),
         ({"time": [0.0, 1.0, 2.0], "x": np.array(MILLISECONDS, dtype="m8[ms]")}, "column x: not numbers .times.$"),
     ],
