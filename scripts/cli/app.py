@@ -10,10 +10,11 @@ from cyclopts import App, CycloptsError, MissingArgumentError
 
 from baryscope import __version__
 from baryscope.models.errors import ComputationError, InputError
-from baryscope.scripts.cli.ending import TERMINATED, ending_by_signal
+from baryscope.scripts.cli.ending import Ending, ending_by_signal
 from baryscope.scripts.cli.streams import prepare_streams
 
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+STOPPED = "interrupted; files that were not finished are not there"
 
 # Module and function of each command, imported when it is run or described: all of them together need every library.
 COMMANDS = {
@@ -58,11 +59,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     warnings.showwarning = _show_warning
     prepare_streams()
     with ending_by_signal() as ending:
-        code = _run(sys.argv[1:] if arguments is None else list(arguments))
-    return TERMINATED if code == INTERRUPTED and ending.asked else code
+        code = _run(sys.argv[1:] if arguments is None else list(arguments), ending)
+    return ending.code or code if code == INTERRUPTED else code
 
 
-def _run(arguments: list[str]) -> int:
+def _run(arguments: list[str], ending: Ending) -> int:
     """Run a command; its exit code."""
     try:
         if arguments[:1] in ([], ["-h"], ["--help"]):
@@ -76,8 +77,7 @@ def _run(arguments: list[str]) -> int:
     except ComputationError as error:
         return _complain(error, FAILED)
     except KeyboardInterrupt as interrupt:
-        usual = "interrupted; files that were not finished are not there"
-        return _complain(interrupt if interrupt.args else usual, INTERRUPTED)
+        return _complain(interrupt if interrupt.args else STOPPED, INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has gone; it has seen what it wanted
         _drop_output()
         return FAILED
@@ -89,6 +89,8 @@ def _run(arguments: list[str]) -> int:
         _drop_output()  # files have names
         return _complain(f"standard output: cannot be written ({error.strerror or error})", FAILED)
     except Exception as error:
+        if ending.number is not None:  # a library has made this of the interrupt
+            return _complain(STOPPED, INTERRUPTED)
         if os.environ.get("BARYSCOPE_DEBUG"):
             raise
         return _complain(f"internal error, {type(error).__name__}: {error} (BARYSCOPE_DEBUG=1 shows where)", FAILED)

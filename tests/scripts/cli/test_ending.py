@@ -1,4 +1,4 @@
-"""SIGTERM ends a command as an interrupt does: one line, its own exit code, and nothing is left."""
+"""SIGTERM and SIGINT end a command alike: one line, its own exit code, and nothing is left."""
 
 import os
 import signal
@@ -77,21 +77,31 @@ def test_nothing_is_left(tmp_path, command, number, code):
     assert [path for folder in folders.values() for path in folder.rglob("*")] == []
 
 
-def terminated(*_, **__):
-    os.kill(os.getpid(), signal.SIGTERM)
-    return []
+def sends(number, other=KeyboardInterrupt):
+    """A function that is interrupted; a library may make another exception of that."""
+
+    def interrupted(*_, **__):
+        try:
+            os.kill(os.getpid(), number)
+        except KeyboardInterrupt:
+            raise other from None
+        return []
+
+    return interrupted
 
 
-def test_the_signal_is_as_before_afterwards(monkeypatch, capsys):
-    monkeypatch.setattr(scenarios, "preset_names", terminated)
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    assert app.main(["scenarios"]) == 143
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
-    assert capsys.readouterr().err.count("\n") == 1
+@pytest.mark.parametrize("other", [KeyboardInterrupt, NotImplementedError])
+@pytest.mark.parametrize("number, code", [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_one_line_whatever_a_library_makes_of_it_and_the_signal_is_as_before(monkeypatch, capsys, number, code, other):
+    monkeypatch.setattr(scenarios, "preset_names", sends(number, other))
+    before = signal.getsignal(number)
+    assert app.main(["scenarios"]) == code
+    assert signal.getsignal(number) is before
+    assert capsys.readouterr().err == "baryscope: interrupted; files that were not finished are not there\n"
 
 
 def test_whoever_has_another_use_for_the_signal_keeps_it(monkeypatch):
-    monkeypatch.setattr(scenarios, "preset_names", terminated)
+    monkeypatch.setattr(scenarios, "preset_names", sends(signal.SIGTERM))
     heard = []
     before = signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
     try:

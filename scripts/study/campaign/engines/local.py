@@ -133,9 +133,15 @@ def _work(function: Callable[[Any], Any], connection: Connection) -> None:
     """The life of a worker: until there is no more to do, or nobody to do it for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave)
-    with suppress(EOFError, OSError):
+    try:
         while (task := connection.recv()) is not None:
             connection.send(_done(function, task))
+    except (EOFError, OSError):
+        pass
+    except Exception:
+        if signal.getsignal(signal.SIGTERM) is _leave:
+            raise
+        sys.exit(128 + signal.SIGTERM)  # a library has made another exception of the one by which we leave
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # on the way out it would be an exception that nobody catches
 
 

@@ -45,6 +45,33 @@ def test_a_worker_that_is_on_its_way_out_is_not_disturbed(capfd):
     assert capfd.readouterr().err == ""
 
 
+def another_exception(folder):
+    """As a library whose calls of Python fail; the second worker has nothing to do."""
+    try:
+        if not (folder / "begun").exists():
+            (folder / "begun").touch()
+            os.kill(os.getpid(), signal.SIGTERM)
+    except SystemExit:
+        raise NotImplementedError("wrong number or type of arguments") from None
+
+
+def test_a_worker_whose_library_makes_another_exception_of_its_end_leaves_in_silence(tmp_path, capfd):
+    assert list(results_of(another_exception, [tmp_path], 1)) == [None]
+    assert (tmp_path / "begun").exists()
+    assert capfd.readouterr().err == ""
+
+
+def mistaken(text):
+    raise NotImplementedError(text)
+
+
+def test_a_mistake_of_ours_in_a_worker_is_seen(monkeypatch, capfd):
+    monkeypatch.setattr(local, "ATTEMPTS", 1)
+    with pytest.raises(ComputationError, match="a worker process has ended"):
+        list(results_of(mistaken, ["where it is"], 1))
+    assert "NotImplementedError: where it is" in capfd.readouterr().err
+
+
 def test_closing_ends_the_workers():
     """They would sleep for a day, and closing would not return before."""
     results = results_of(time.sleep, [0, 86_400, 86_400], 2)
