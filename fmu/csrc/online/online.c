@@ -97,26 +97,30 @@ int online_update(Online *filter, double time, int count, const long long *names
     foresee(filter, time, &tumble, &foreseen);
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
     if (refused) return refused;
-    filter->looked = 0.0;
     if (filter->frames == 0.0) {
         filter->time = time;
         begin(filter, &frame, NULL);
         return ACCEPTED;
     }
+    int fits = registered(filter, &frame, &foreseen, &pose) && !is_surprising(filter, &foreseen, &pose);
+    if (!fits) look_and_keep(filter);
     advance(filter, time, acceleration);
     if (is_better_first(filter, &frame)) {
         begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
         return ACCEPTED;
     }
-    if (tumble.known != 0.0 && known_in(&frame) < 3)
+    if (tumble.known != 0.0 && known_in(&frame) < 3) {
         guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time, acceleration));
-    if (!registered(filter, &frame, &foreseen, &pose) || is_surprising(filter, &foreseen, &pose)) {
+        fits = registered(filter, &frame, &foreseen, &pose) && !is_surprising(filter, &foreseen, &pose);
+    }
+    if (!fits) {
         int strangers = known_in(&frame) < 3;
         if (frame.count < 3 || ++filter->lost < (strangers ? PATIENT : HOPELESS) || !spread_out(&frame)) return ACCEPTED;
         if (known_path(filter, &path)) begin(filter, &frame, &path);
         else if (filter->lost >= HOPELESS) begin(filter, &frame, NULL);
         return ACCEPTED;
     }
+    filter->looked = 0.0;
     settle_names(filter, &frame);
     filter->squares += pose.squares;
     filter->freedom += 3.0 * pose.count - 6.0;

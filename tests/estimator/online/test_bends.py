@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.stats import chi2
 
 import oracles
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.models.orbit import Orbit
-from tops import SIGMA, errors, run, straight, tracks
+from tops import POINTS, SIGMA, errors, run, straight, tracks
 
 ALPHA = 1e-4  # of the chi-square bands
 DRAWS = 8
@@ -76,3 +77,18 @@ def test_a_path_that_sways_is_doubted_and_a_straight_one_is_not():
         )
         assert steady_one is OnlineStatus.TRACKING
         assert swaying is OnlineStatus.DOUBTFUL
+
+
+@pytest.mark.parametrize("orbit", [None, ORBIT])
+def test_frames_of_a_single_feature_leave_what_was_foreseen(orbit):
+    """The frames that wait in a node were taken along a straight line, the longer the blackout the farther."""
+    filter = OnlineEstimator(SIGMA, orbit)
+    run(filter, TIME, tracks(np.random.default_rng(54), TIME / 4, orbital(TIME)))
+    later = np.arange(TIME[-1] + 2.0, 1600.0, 2.0)
+    foreseen = filter.predict(later[-1])
+    single = np.full((len(later), len(POINTS), 3), np.nan)
+    single[:, 0] = orbital(later)
+    state = run(filter, later, single)[-1]
+    size = np.sqrt(np.diag(foreseen.covariance))
+    assert_allclose(state.position / size[:3], foreseen.position / size[:3], atol=0.05)
+    assert_allclose(state.covariance / np.outer(size, size), foreseen.covariance / np.outer(size, size), atol=0.02)
