@@ -103,6 +103,16 @@ static void centroid_of_map(const Online *filter, double mean[3]) {
     }
 }
 
+/* What the error of the map's centroid is with all errors. */
+static void with_centroid(const Online *filter, double G[3][MOST_ERRORS]) {
+    int used = (int)filter->used, n = BODY + 3 * used;
+    for (int a = 0; a < 3; a++)
+        for (int j = 0; j < n; j++) G[a][j] = 0.0;
+    for (int f = 0; f < used; f++)
+        for (int a = 0; a < 3; a++)
+            for (int j = 0; j < n; j++) G[a][j] += filter->P[BODY + 3 * f + a][j] / used;
+}
+
 static int is_alive(const Member *member) { return member->weight > -INFINITY; }
 
 /* Of a coordinate of the offset, m2. */

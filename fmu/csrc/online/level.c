@@ -263,3 +263,31 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
         level->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(level->lag[a], &filter->x[3]);
     }
 }
+
+#define NODES_OF_A_TURN 25.0 /* about: of USUAL */
+
+/* What a feature's error, against the map's centroid, and that of the attitude make of each other. It stays the same, until the map is
+   better known: a filter that takes it for noise, new in each node, or leaves it out, soon knows of the map what it does not know,
+   as the places about which it is linear change. So it counts as often as there are nodes in a turn. */
+static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose, const Level *level) {
+    int used = (int)filter->used;
+    double G[3][MOST_ERRORS], mean[3][3] = {{0}}, place[3][3];
+    with_centroid(filter, G);
+    for (int f = 0; f < used; f++)
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) mean[a][b] += G[a][BODY + 3 * f + b] / used;
+    for (int i = 0; i < frame->count; i++) {
+        if (!frame->fits[i]) continue;
+        int at = BODY + 3 * frame->slot[i];
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) place[a][b] = filter->P[at + a][at + b] - G[a][at + b] - G[b][at + a] + mean[a][b];
+        add_cross(level->turn, pose->R, place, NODES_OF_A_TURN, frame->noise[i]);
+    }
+}
+
+/* The variances of a node's attitude against the whole map, rad2, all together. */
+static double turned_squares(const Level *level) { return level->turn[0][0] + level->turn[1][1] + level->turn[2][2]; }
+
+#define LOOSE 0.3 /* rad, standard deviation of an attitude that is as good as none: of features near a line, or in a map of bad depths */
+
+static int is_loose(const Level *level) { return !(turned_squares(level) < LOOSE * LOOSE); }

@@ -5,7 +5,6 @@
 #define FAR 16.0
 #define USUAL 0.25  /* rad, enough for the first */
 #define WIDEST 0.5  /* rad, enough for both */
-#define LOOSE 0.3   /* rad, standard deviation of an attitude that is as good as none: features near a line */
 
 /* Whether a point that is in no map is where it was seen before in this node; if it mostly is not, it begins anew. */
 static int is_same(Sum *sum, const Frame *frame, int i, const Pose *pose) {
@@ -256,27 +255,29 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Frame frame;
     Pose pose;
     Sweep sweep;
-    double turn[3], before[3][3], noise[3][3], map[MOST_FEATURES][3];
+    Level level;
+    double turn[3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
     note_lasting(filter);
     double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
     filter->node.count = 0.0;
     Foreseen foreseen = {.variance = INFINITY};
     copy(R, foreseen.R);
     if (!registered(filter, &frame, &foreseen, &pose)) return 1;
-    of_pose(&pose, 3, noise);
-    if (!(noise[0][0] + noise[1][1] + noise[2][2] < LOOSE * LOOSE)) return 1;
+    add_second_order(filter, &frame, &pose, &sweep);
+    level_of(filter, &frame, &pose, lag, &sweep, share, &level);
+    if (is_loose(&level)) return 1;
+    add_what_stays(filter, &frame, &pose, &level);
     copy(filter->R, before);
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) map[f][k] = filter->b[f][k];
     settle(filter);
-    if (!update_frame(filter, &frame, &pose, lag, &sweep, noise)) return 0;
+    if (!update_frame(filter, &frame, &pose, lag, &sweep, share, &level)) return 0;
     map_turned(filter, map, turn);
     turn_tumble(&filter->tumble, &filter->options, turn);
     turn_axes(turn, before);
     angle_between(filter->R, before, turn);
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
-    for (int k = 0; k < 3; k++) noise[k][k] += square_of_camera(filter);
-    follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, noise);
+    follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, level.turn);
     filter->turned = time;
     double V[6][6];
     for (int j = 0; j < 6; j++) {

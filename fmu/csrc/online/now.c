@@ -16,6 +16,7 @@ static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
     if (!registered(filter, &frame, &foreseen, &pose)) return 0;
     add_second_order(filter, &frame, &pose, &sweep);
     level_of(filter, &frame, &pose, lag, &sweep, share, &level);
+    if (is_loose(&level)) return 0;
     common_noise(filter, &frame, &pose, &level, common);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) level.noise[a][b] += common[a][b];
@@ -89,7 +90,7 @@ static void look(const Online *filter, Now *now) {
     together(&large, taken ? further : bank, now);
 }
 
-/* Look now, and go on from what is seen: far ahead of the open node there is no straight way back to it. */
+/* Look now, and go on from what is seen, until another frame fits: far ahead of the open node there is no straight way back to it. */
 static void look_and_keep(Online *filter) {
     look(filter, &filter->now);
     filter->looked = 1.0;

@@ -27,10 +27,8 @@ static void damped(double P[3][3], double M[3][3], double widest, double found[3
 
 static void take_back(Online *filter, double M[3][3]) {
     int n = size_of(filter), used = (int)filter->used;
-    double G[3][MOST_ERRORS] = {{0}}, MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
-    for (int f = 0; f < used; f++)
-        for (int a = 0; a < 3; a++)
-            for (int j = 0; j < n; j++) G[a][j] += filter->P[BODY + 3 * f + a][j] / used;
+    double G[3][MOST_ERRORS], MG[3][MOST_ERRORS], P[3][3] = {{0}}, less[3][3];
+    with_centroid(filter, G);
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) P[a][b] += G[a][BODY + 3 * f + b] / used;

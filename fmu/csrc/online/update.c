@@ -26,26 +26,21 @@ static void correct(Online *filter, Frame *frame, double lag, const double dx[],
         for (int k = 0; k < OF_MAP; k++) filter->bank[m].x[OFFSET + k] -= moved[k];
 }
 
-/* A node whose mean time is `lag` s ago; afterwards its points are where they would have been seen from the centre of mass as
-   it is known now. 0 where rounding has left the covariance indefinite. */
+/* A node whose mean time is `lag` s ago, and what it says; afterwards its points are where they would have been seen from the
+   centre of mass as it is known now. 0 where rounding has left the covariance indefinite. */
 static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
-                         double turn[3][3]) {
+                        const double share[MOST_FEATURES][OF_MAP][3], Level *level) {
     double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}}, M[3][3];
-    double moved[OF_MAP], share[MOST_FEATURES][OF_MAP][3], rate[3][3];
+    double moved[OF_MAP], rate[3][3];
     int first = SHIFT, late;
-    Level level, bare;
-    add_second_order(filter, frame, pose, sweep);
-    level_of(filter, frame, pose, lag, sweep, share, &level);
-    common_noise(filter, frame, pose, &level, common);
-    bare = level;
-    of_itself(filter, frame, pose, &level, bare.noise);
-    copy(level.turn, turn);
-    for (int k = 0; k < 3; k++)
-        free[k][k] = fmin(1.0, FREE * (turn[0][0] + turn[1][1] + turn[2][2]));
+    Level bare = *level;
+    common_noise(filter, frame, pose, level, common);
+    of_itself(filter, frame, pose, level, bare.noise);
+    for (int k = 0; k < 3; k++) free[k][k] = fmin(1.0, FREE * turned_squares(level));
     copy(sweep->covariance, rate);
     for (int j = 0; j < 3; j++)
-        for (int k = 0; k < 3; k++) level.noise[j][k] += common[j][k];
-    add_noise(update_bank(filter, &level, &late), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+        for (int k = 0; k < 3; k++) level->noise[j][k] += common[j][k];
+    add_noise(update_bank(filter, level, &late), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
     filter->span = 0.0;
     for (int i = 0; i < frame->count; i++)
         if (frame->passage[i].swept != 0.0) first = SWEEP;
@@ -60,7 +55,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     if (late) take_mixture(filter, dx);
     correct(filter, frame, lag, dx, moved);
     turn_left(&dx[TURN], filter->R);
-    seeming(pose->R, level.turn, level.noise, M);
+    seeming(pose->R, level->turn, level->noise, M);
     take_back(filter, M);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];

@@ -1,6 +1,7 @@
 """The online estimator with a stereo rig's points, whose depths are far less precise than their directions."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.online import OnlineEstimator
@@ -39,3 +40,34 @@ def test_a_map_of_the_wrong_size_is_seen_too_far_away_in_all_frames_alike():
         states = [filter.update(float(t), points, covariance=covariances) for t, points, covariances in seen]
         nees.append(errors(states, path)[1][[89, 149]])
     assert (np.sum(nees, axis=0) < chi2.ppf(1 - ALPHA, 3 * DRAWS)).all()
+
+
+def flat_and_far(rng, frames):
+    """Times, points (n, 27, 3), covariances and path of a flat target 38 m away; depths to 0.2 m."""
+    across, along = 0.0015, 0.2
+    time = 3.7 * np.arange(frames)
+    angles = np.linspace([0, 52, 0], [468, 52, 324], frames)
+    turn = Rotation.from_euler("ZXZ", angles, degrees=True)
+    flat = np.append(rng.uniform(-0.6, 0.6, (27, 2)), np.zeros((27, 1)), axis=1)
+    features = Rotation.random(rng=rng).apply(flat) + np.array([0.6, 0.7, -0.4])
+    path = np.array([3.0, 2.0, 38.0]) + np.outer(3e-4 * time, [1.0, -0.5, 0.3])
+    points = path[:, None] + np.einsum("nij,mj->nmi", turn.as_matrix(), features)
+    sight = points / np.linalg.norm(points, axis=2, keepdims=True)
+    covariances = across**2 * np.eye(3) + (along**2 - across**2) * sight[..., :, None] * sight[..., None, :]
+    noise = across * rng.standard_normal(points.shape) + along * rng.standard_normal((*points.shape[:2], 1)) * sight
+    return time, points + noise, covariances, path
+
+
+def test_a_flat_target_whose_depths_are_bad_is_not_known_before_it_has_turned():
+    """At first its tilt is wrong by 7°, and so is its shape, in which lies what is seen of the offset.
+
+    A filter that is linear about such a map found both to a fraction of their errors: the mean NEES of these was 56.
+    """
+    nees = []
+    for draw in range(5):
+        time, points, covariances, path = flat_and_far(np.random.default_rng([62, draw]), 900)
+        filter = OnlineEstimator(1.0)
+        seen = zip(time, points, covariances, strict=True)
+        states = [filter.update(float(t), here, covariance=each) for t, here, each in seen]
+        nees.append(errors(states[-1:], path[-1:])[1][0])
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 3 * len(nees))
