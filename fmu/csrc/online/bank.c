@@ -19,6 +19,11 @@ typedef struct {
 #define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
 #define UNLIKELY (-12.0)
 #define BENT_ODDS (-2.0) /* logarithm of the odds that a path bends, by an acceleration of one size, where its orbit is told */
+/* Where no orbit is told there is one, most likely, and gravity bends the path from the chaser by up to 3 n2 r, in m/s2: 1e-7
+   6 m away in a geostationary orbit, 1e-4 30 m away in a low one. The eight members of such sizes are as likely as the other sixteen. */
+#define LEAST_OF_GRAVITY 0.5e-7
+#define MOST_OF_GRAVITY 2e-4
+#define GRAVITY_ODDS 0.6931471805599453
 
 static void add_noise(double q, double T, double *P, int stride) {
     for (int k = 0; k < 3; k++) {
@@ -120,13 +125,14 @@ static double offset_variance(const Member *member) {
     return (member->P[OFFSET][OFFSET] + member->P[OFFSET + 1][OFFSET + 1] + member->P[OFFSET + 2][OFFSET + 2]) / 3.0;
 }
 
-/* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. */
+/* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. One of
+   which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
 static Member going_on(const Member *from, int steady) {
     Member member = *from;
-    double bend = law_of(steady).bend;
+    double bend = law_of(steady).bend, square = dot(&from->x[LEVEL], &from->x[LEVEL]) / 3.0;
     member.errors = bend > 0.0 ? MOTION : LEVEL;
     member.steady = steady;
-    if (member.errors == from->errors) return member;
+    if (member.errors == from->errors && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
     for (int a = LEVEL; a < MOTION; a++) {
         member.x[a] = 0.0;
         for (int b = 0; b < MOTION; b++) member.P[a][b] = member.P[b][a] = 0.0;
@@ -141,7 +147,9 @@ static int count_of(const Online *filter) { return filter->options.on_orbit != 0
 /* What a member weighs before the first frame. */
 static double first_weight(const Online *filter, int m) {
     if (m >= count_of(filter)) return -INFINITY;
-    return m >= DENSITIES && filter->options.on_orbit != 0.0 ? BENT_ODDS : 0.0;
+    double bend = law_of(m).bend;
+    if (filter->options.on_orbit != 0.0) return bend > 0.0 ? BENT_ODDS : 0.0;
+    return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY ? GRAVITY_ODDS : 0.0;
 }
 
 /* The large filter as a member, at x. */
