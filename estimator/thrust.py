@@ -17,7 +17,7 @@ AccelerationAxes = Literal["inertial", "lvlh", "camera"]
 
 STRONGEST = 1e3  # m/s²
 TURN = 0.2  # rad, that axes turn at most in a panel of an integration
-ATTITUDES = 2001  # times at which the camera's rate is looked at
+ATTITUDES = 2000  # times at which the camera's rate is looked at
 MOST_FIRINGS = 32  # with errors of their own
 MOST_CHANGES = 100_000  # of the acceleration: the response to more takes minutes and gigabytes
 
@@ -95,14 +95,25 @@ class KnownAcceleration:
         return self  # it does not change
 
     def smooth_for(self, begin: float, end: float) -> float:
-        """The time in s over which the camera's axes turn by at most TURN, of which begin … end is looked at."""
-        if self.attitude is None or end <= begin:
+        """The time in s over which the camera's axes turn by at most TURN while it is accelerated within begin … end.
+
+        Where there is no thrust, an attitude may be unknown.
+        """
+        if self.attitude is None or self.axes != "camera":
             return float("inf")
-        time = np.linspace(begin, end, ATTITUDES)
-        R = self.attitude(time)
-        cosine = (np.einsum("nij,nij->n", R[:-1], R[1:]) - 1) / 2
-        most = float(np.arccos(np.clip(cosine, -1, 1)).max())
-        return TURN / max(most, 1e-12) * float(time[1] - time[0])
+        first, last = np.maximum(self.time, begin), np.minimum(np.append(self.time[1:], np.inf), end)
+        rows = self.value.any(axis=1) & (last > first)
+        if not rows.any():
+            return float("inf")
+        first, length = first[rows], (last - first)[rows]
+        passed = np.cumsum(length)
+        mark = passed[-1] * (np.arange(ATTITUDES) + 0.5) / ATTITUDES  # of the time under thrust
+        row = np.searchsorted(passed, mark)
+        step = np.minimum(length, (end - begin) / ATTITUDES)[row]
+        start = first[row] + np.clip(mark - (passed - length)[row], 0.0, length[row] - step)
+        cosine = (np.einsum("nij,nij->n", self.attitude(start), self.attitude(start + step)) - 1) / 2
+        fastest = float((np.arccos(np.clip(cosine, -1, 1)) / step).max())
+        return TURN / max(fastest, 1e-12)
 
     def firings(self, begin: float, end: float) -> NDArray[np.intp]:
         """The firing (k,) to which each value belongs, from 0 on: values without a zero between them; −1 for none.

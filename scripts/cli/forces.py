@@ -1,10 +1,14 @@
 """Options of the command line for forces on the chaser and the target, and what they make of an estimate's options."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from baryscope.estimator.camera.camera import Camera
 from baryscope.estimator.options import ConstantAxes, Options, PathOptions
@@ -76,6 +80,12 @@ class ForceChoices:
             scale=self.acceleration_scale or 0.0,
             firing=self.acceleration_firing or 0.0,
             noise=self.acceleration_noise or 0.0,
-            attitude=None if camera is None else camera.attitude.at,
+            attitude=None if camera is None else _attitude_of(camera, epoch),
         )
         return replace(options, acceleration=known)
+
+
+def _attitude_of(camera: Camera, epoch: str | None) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """The rotations (n, 3, 3) from the camera's axes to C at times (n,) in s from the UTC `epoch` of time 0."""
+    attitude = camera.attitude
+    return partial(attitude.at, epoch=None if attitude.epoch is None else epoch)

@@ -39,6 +39,23 @@ def test_axes():
         KnownAcceleration([0.0], [[0.1, 0.2, 0.3]], "lvlh").inertial(time, None)
 
 
+def test_an_attitude_is_asked_for_under_thrust_only():
+    """A camera of whose attitude nothing is known but while the thrusters fire: twice, at two rates."""
+
+    def attitude(t):
+        first, second = (t >= 10) & (t <= 20), (t >= 600) & (t <= 601)
+        assert (first | second).all()
+        angle = np.where(first, 0.01 * t, 0.04 * t)
+        return Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0]).as_matrix()
+
+    rows = [[1.0, 0, 0], [0, 0, 0], [0, 1.0, 0], [0, 0, 0]]
+    known = KnownAcceleration([10.0, 20.0, 600.0, 601.0], rows, "camera", attitude=attitude)
+    assert known.smooth_for(0.0, 500.0) == pytest.approx(20.0, rel=1e-6)
+    assert known.smooth_for(-1e4, 1e4) == pytest.approx(5.0, rel=1e-6)  # 0.2 rad at 0.04 rad/s
+    assert known.smooth_for(30.0, 500.0) == np.inf
+    assert KnownAcceleration([0.0], [[1.0, 0, 0]], "inertial", attitude=attitude).smooth_for(0.0, 1e3) == np.inf
+
+
 def test_firings_end_with_a_zero():
     value = np.zeros((8, 3))
     value[[1, 2, 4, 7], 0] = [1.0, 2.0, 3.0, 4.0]

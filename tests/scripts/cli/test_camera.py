@@ -80,3 +80,41 @@ def test_wrong_combinations_get_one_line(files, capsys):
     attitude.write_text("".join(attitude.read_text().splitlines(keepends=True)[:40]))
     assert run(files, "--camera", attitude) == 2
     assert "camera's attitude: none for the time 39 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("dated", [False, True], ids=["seconds", "UTC"])
+def test_thrust_in_the_camera_s_axes_and_a_prediction_beyond_its_attitude(files, capsys, dated):
+    """A burn of 5 s: the attitude is needed for that time alone, and its times may be UTC as those of the tracks."""
+    time = np.arange(60.0)
+    tracks = FeatureTracks.read_csv(files / "tracks.csv")
+    rows = np.loadtxt(files / "attitude.csv", delimiter=",", skiprows=1)
+    R = Rotation.from_quat(np.roll(rows[:, 1:], -1, axis=1)).as_matrix()
+    begin, push, fine = 20.0, np.array([4e-3, 0.0, 0.0]), np.linspace(20.0, 25.0, 2001)
+    pushed = Rotation.from_rotvec(np.column_stack([0.02 * fine, 0.3 * np.sin(0.1 * fine), 0.0 * fine])).apply(push)
+    moments = np.append(time, 80.0)
+    reach = np.clip(moments[:, None] - fine, 0.0, None)[:, :, None]
+    moved = -np.trapezoid(reach * pushed, fine, axis=1)  # of the centre of mass from the chaser, m
+    seen = tracks.position + (moved[:-1, None] @ R)
+    names = {"epoch": "2026-03-01T00:00:00Z"} if dated else {}
+    FeatureTracks(time, seen, tracks.labels, **names).write_csv(files / "tracks.csv")
+    log = [f"{begin},4e-3,0,0", f"{begin + 5},0,0,0"]
+    lines = (files / "attitude.csv").read_text(encoding="utf-8").splitlines()[1:]
+    if dated:
+        start = np.datetime64("2026-03-01T00:00:00", "ms")
+
+        def in_utc(row):
+            moment, rest = row.split(",", 1)
+            return f"{start + np.timedelta64(round(1000 * float(moment)), 'ms')}Z,{rest}"
+
+        log, lines = [in_utc(row) for row in log], [in_utc(row) for row in lines]
+    (files / "attitude.csv").write_text("\n".join(["time,qw,qx,qy,qz", *lines]), encoding="utf-8")
+    (files / "log.csv").write_text("\n".join(["time,ax,ay,az", *log]), encoding="utf-8")
+    (files / "rig.toml").write_text(f"[rig]\nlever_arm = {ARM.tolist()}\n", encoding="utf-8")
+    command = ["--camera", files / "attitude.csv", "--rig", files / "rig.toml", "--predict", 21]
+    command += ["--acceleration", files / "log.csv", "--acceleration-axes", "camera", "--process-noise", "none"]
+    assert app.main(["estimate", str(files / "tracks.csv"), "--trajectory", "polynomial:1", *map(str, command)]) == 0
+    last = np.loadtxt(files / "tracks.estimate.prediction.csv", delimiter=",", skiprows=1)[-1]
+    assert last[0] == 80.0
+    error, variance = last[1:4] - CENTRE - moved[-1], last[[7, 13, 18]]
+    assert np.linalg.norm(moved[-1]) > 1.0
+    assert error @ error < 16 * variance.sum()
