@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
+from baryscope.estimator.dynamics.forces import untold_firings
 from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
@@ -141,8 +142,12 @@ class PredictedPath:
         return state, np.concatenate([place.jacobian, rate.jacobian], axis=1)
 
     def added(self, time: FloatArray) -> FloatArray:
-        """The covariance (n, 6, 6) of what the tracks do not tell: noise before and after them, and of higher modes."""
+        """The covariance (n, 6, 6) of what the tracks do not tell.
+
+        Noise and errors of firings before and after them, and noise of higher modes.
+        """
         grown = path_growth(self.path, self.density, self.begin, self.end, time)
+        grown += untold_firings(self.path, self.begin, self.end, time)
         noise = noise_in(self.path)
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]

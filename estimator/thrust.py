@@ -118,14 +118,21 @@ class KnownAcceleration:
     def firings(self, begin: float, end: float) -> NDArray[np.intp]:
         """The firing (k,) to which each value belongs, from 0 on: values without a zero between them; −1 for none.
 
-        Only those within begin … end in s count. Beyond MOST_FIRINGS, neighbours are taken together: their errors then
-        count as the same, which is the cautious assumption.
+        Only those that reach into begin … end in s count. Beyond MOST_FIRINGS, neighbours are taken together: their
+        errors then count as the same, which is the cautious assumption.
         """
-        ends = np.append(self.time[1:], np.inf)
-        fires = self.value.any(axis=1) & (ends > begin) & (self.time < end)
+        fires = np.asarray(self.value.any(axis=1))
         number = np.cumsum(fires & ~np.concatenate([[False], fires[:-1]])) - 1
-        count = int(number[-1]) + 1
-        return np.where(fires, number * min(MOST_FIRINGS, count) // max(count, 1), -1)
+        within = fires & (np.append(self.time[1:], np.inf) > begin) & (self.time < end)
+        kept = np.unique(number[within])
+        order = np.searchsorted(kept, number) * min(MOST_FIRINGS, len(kept)) // max(len(kept), 1)
+        return np.where(fires & np.isin(number, kept), order, -1)
+
+    def besides(self, begin: float, end: float) -> "KnownAcceleration":
+        """The same without the firings that reach into begin … end, s."""
+        left = np.where(self.firings(begin, end)[:, None] >= 0, 0.0, self.value)
+        errors = {"scale": self.scale, "firing": self.firing, "noise": self.noise}
+        return KnownAcceleration(self.time, left, self.axes, attitude=self.attitude, **errors)
 
     def held_at(self, time: FloatArray) -> NDArray[np.intp]:
         """The index (n,) of the value that is held at times (n,) in s, −1 before the first."""

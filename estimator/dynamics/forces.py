@@ -11,9 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors
+from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors, parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, are_within, forced
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.options import ConstantAxes
 from baryscope.estimator.thrust import KnownAcceleration
@@ -192,6 +194,25 @@ def firings_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end:
     deviations = np.full(3 * count, known.firing)
     longest = min(longest_on(orbit, begin, end), known.smooth_for(begin, end))
     return Force(acceleration, names, "1", deviations, longest, known.time)
+
+
+def untold_firings(path: Path, begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of position and velocity in C by errors of firings before `begin` and after `end`.
+
+    Tracks from begin to end, s, tell nothing of them; between these it is zero. time (n,) in s.
+    """
+    found = np.zeros((len(time), 6, 6))
+    told = next((part for part in parts_of(path) if isinstance(part, PerturbedOrbit | Thrusted)), None)
+    first, last = min(begin, float(time.min())), max(end, float(time.max()))
+    if told is None or told.known is None or told.known.firing == 0 or (first == begin and last == end):
+        return found
+    others = told.known.besides(begin, end)
+    if (others.firings(first, last) >= 0).any():
+        force, middle = firings_of(others, told.orbit, first, last), (begin + end) / 2
+        motion = forced(time, middle, path.gravity_gradient, force.acceleration, force.longest, force.breaks)
+        columns = np.concatenate([motion.position(time), motion.velocity(time)], axis=1) * force.deviations
+        found += columns @ np.swapaxes(columns, 1, 2)
+    return found
 
 
 def constant_of(axes: ConstantAxes, orbit: Orbit | None, begin: float, end: float) -> Force:

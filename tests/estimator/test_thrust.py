@@ -62,7 +62,9 @@ def test_firings_end_with_a_zero():
     known = KnownAcceleration(np.arange(8.0), value)
     np.testing.assert_array_equal(known.time, [0, 1, 2, 3, 4, 5, 7])
     np.testing.assert_array_equal(known.firings(-1.0, 100.0), [-1, 0, 0, -1, 1, -1, 2])
-    np.testing.assert_array_equal(known.firings(2.5, 7.0), [-1, -1, 0, -1, 1, -1, -1])
+    np.testing.assert_array_equal(known.firings(2.5, 7.0), [-1, 0, 0, -1, 1, -1, -1])  # all of the first one's values
+    np.testing.assert_array_equal(known.firings(5.0, 6.0), [-1] * 7)
+    np.testing.assert_array_equal(known.besides(2.5, 7.0).inertial(np.arange(8.0), None)[:, 0], [0] * 7 + [4.0])
     many = KnownAcceleration(np.arange(200.0), np.tile([[1.0, 0, 0], [0, 0, 0]], (100, 1)))
     found = many.firings(0.0, 200.0)
     assert (found[::2].min(), found[::2].max(), np.unique(found[::2]).size) == (0, 31, 32)

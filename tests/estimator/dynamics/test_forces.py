@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.forces import Forced, constant_of
+from baryscope.estimator.dynamics.forces import Forced, constant_of, untold_firings
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.process_noise import Disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
@@ -167,6 +167,22 @@ def test_errors_of_firings():
     np.testing.assert_allclose([one.value for one in factors], errors.ravel(), atol=1e-12)
     np.testing.assert_allclose([one.deviation for one in factors], 0.01)
     assert factors[3].name == "error of the firing from 900 s, x"
+
+
+def test_firings_beyond_the_tracks_add_what_their_errors_do():
+    """In free flight an error of a burn moves place and velocity by its double and single integral over the burn."""
+    rows = [-50.0, -40.0, 90.0, 120.0, 200.0, 210.0]
+    values = 1e-3 * np.array([[0, 3.0, 4.0], [0, 0, 0], [1.0, 0, 0], [0, 0, 0], [3.0, 0, -4.0], [0, 0, 0]])
+    options = PathOptions("polynomial:1", acceleration=KnownAcceleration(rows, values, firing=0.1))
+    path = chosen_path(replace(options, process_noise="none"), None, 0.0, 100.0)
+    names = [one.name for one in factors_of(path, np.zeros(9), np.eye(9))]
+    assert names == [f"error of the firing from 90 s, {axis}" for axis in "xyz"]
+    moved = {-60.0: (150.0, -10.0), -30.0: (0, 0), 0.0: (0, 0), 100.0: (0, 0), 150.0: (0, 0), 205.0: (12.5, 5.0)}
+    moved[300.0] = ((100**2 - 90**2) / 2, 10.0)
+    found = untold_firings(path, 0.0, 100.0, np.array(list(moved)))
+    size = 0.1 * 5e-3
+    expected = [np.kron(size**2 * np.outer(one, one), np.eye(3)) for one in moved.values()]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
 
 
 def test_what_forces_need():
