@@ -150,7 +150,7 @@ def cramer_rao_bound(
     noise = (
         None
         if errors is None or not errors.noisy
-        else FrameNoise(errors.turn_covariance(), np.zeros((len(time), 3, 3)), errors.place)
+        else FrameNoise(errors.turn_covariance(), np.zeros((len(time), 3, 3)))
     )
     path = _path(scenario, known, time, errors)
     while True:

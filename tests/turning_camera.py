@@ -41,13 +41,13 @@ def turning_camera(time, com, rig, *, noise=0.0, seed=0, turn=None, errors=True)
         turn = Rotation.from_matrix(ORBIT.R_I_L(time)) * Rotation.from_rotvec(swing)
     draw = rng.standard_normal if errors else np.zeros
     boresight = Rotation.from_rotvec(np.array(rig.boresight_deviation) * draw(3))
-    true = turn * boresight * Rotation.from_rotvec(np.array(rig.attitude_noise) * draw((len(time), 3)))
+    told = turn * Rotation.from_rotvec(np.array(rig.attitude_noise) * draw((len(time), 3)))
     place = turn.apply(np.array(rig.lever_arm) + np.array(rig.lever_arm_deviation) * draw(3))
     points = com[:, None] + POINTS @ np.swapaxes(attitude(ENVISAT, RATE, time), 1, 2)
-    seen = np.stack([one.inv().apply(own - c) for one, own, c in zip(true, points, place, strict=True)])
+    seen = np.stack([one.inv().apply(own - c) for one, own, c in zip(turn * boresight, points, place, strict=True)])
     seen = seen * (1 + rig.scale_deviation * float(draw(1)[0])) + noise * rng.standard_normal(seen.shape)
     tracks = FeatureTracks(time, seen, [f"F{index}" for index in range(len(POINTS))])
-    return Seen(tracks, Camera(AttitudeSeries(time, scalar_first(turn)), rig), com)
+    return Seen(tracks, Camera(AttitudeSeries(time, scalar_first(told)), rig), com)
 
 
 def uncertain_rig():

@@ -6,7 +6,8 @@ and whose place is off by l sees a point p of C, to first order, at
     p + R β × (p − c) + s (p − c) + R l.
 
 β is about the camera's axes, l in those of the lever arm. The points of a body with its centre of mass at g move by
-what g moves, turn about it by R β, and grow by s. A noise ε of the attitude does the same as R β, anew in every frame.
+what g moves, turn about it by R β, and grow by s. A noise ε of the attitude, new in every frame, turns the lever arm,
+too, by which c follows from the attitude: it moves p by ε × p.
 """
 
 from dataclasses import dataclass
@@ -93,7 +94,7 @@ class SharedErrors:
 
     def shift_covariance(self, origin: FloatArray) -> FloatArray:
         """What the attitude's noise makes of points at origin (n, 3) in C: the covariance (n, 3, 3), m²."""
-        arms = cross_matrices(origin - self.place)
+        arms = cross_matrices(origin)
         return np.asarray(arms @ self.turn_covariance() @ np.swapaxes(arms, 1, 2))
 
     def consider_covariance(self, origin: FloatArray) -> FloatArray:

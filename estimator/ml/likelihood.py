@@ -36,18 +36,17 @@ IntArray = NDArray[np.intp]
 class FrameNoise:
     """Movements of all points of a frame together, independent from frame to frame: their covariances in C.
 
-    turn (n, 3, 3): of a rotation about the camera at place (n, 3) in C, rad², as by its attitude; shift (n, 3, 3): of a
+    turn (n, 3, 3): of a rotation about the origin of C, rad², as by the camera's attitude; shift (n, 3, 3): of a
     translation, m². For weights that are inverse variances; other weights scale both by the variance of weight 1.
     """
 
     turn: FloatArray
     shift: FloatArray
-    place: FloatArray
 
     def of_poses(self, attitude: FloatArray, origin: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) as movements (φ, τ) in B, of bodies with attitude (n, 3, 3) at origin (n, 3)."""
         R_B_C = np.swapaxes(attitude, 1, 2)
-        by_turn = np.concatenate([R_B_C, -R_B_C @ cross_matrices(origin - self.place)], axis=1)
+        by_turn = np.concatenate([R_B_C, -R_B_C @ cross_matrices(origin)], axis=1)
         by_shift = np.concatenate([np.zeros_like(R_B_C), R_B_C], axis=1)
         return np.asarray(
             by_turn @ self.turn @ np.swapaxes(by_turn, 1, 2) + by_shift @ self.shift @ np.swapaxes(by_shift, 1, 2)
@@ -55,7 +54,7 @@ class FrameNoise:
 
     def frames(self, part: slice) -> "FrameNoise":
         """That of some frames."""
-        return FrameNoise(self.turn[part], self.shift[part], self.place[part])
+        return FrameNoise(self.turn[part], self.shift[part])
 
 
 @dataclass(frozen=True, eq=False)

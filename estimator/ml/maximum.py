@@ -329,8 +329,8 @@ def _frame_noise(errors: SharedErrors | None, slip: float, frames: int, variance
         return None
     shift = np.tile(slip**2 / variance * np.eye(3), (frames, 1, 1))
     if errors is None or not noisy:
-        return FrameNoise(np.zeros_like(shift), shift, np.zeros((frames, 3)))
-    return FrameNoise(errors.turn_covariance() / variance, shift, errors.place)
+        return FrameNoise(np.zeros_like(shift), shift)
+    return FrameNoise(errors.turn_covariance() / variance, shift)
 
 
 def _with_modes(rotation: Rotation, time: FloatArray) -> Rotation:

@@ -89,17 +89,25 @@ def test_a_pure_scale_error_has_its_deviation_along_the_line_of_sight():
     np.testing.assert_allclose(found, 1e-6 * sight[:, :, None] * sight[:, None], rtol=1e-9)
 
 
-def test_noise_of_the_attitude_moves_points_across_the_line_of_sight():
-    """Equal about all axes: of variance σ² r² across it, none along it; against draws for unequal ones."""
-    sight = POINTS[:, 0] - PLACE
-    square = np.einsum("ki,ki->k", sight, sight)[:, None, None]
-    across = square * np.eye(3) - sight[:, :, None] * sight[:, None]
+def test_noise_of_the_attitude_moves_points_across_their_direction_from_the_chaser():
+    """Of variance σ² r² across it, none along it: a lever arm turns with the attitude, as tracks are placed by it."""
+    place = POINTS[:, 0]
+    square = np.einsum("ki,ki->k", place, place)[:, None, None]
+    across = square * np.eye(3) - place[:, :, None] * place[:, None]
     equal = camera(attitude_noise=1e-3).errors(TIME)
     assert equal.noisy
-    np.testing.assert_allclose(equal.shift_covariance(POINTS[:, 0]), 1e-6 * across, atol=1e-12)
+    np.testing.assert_allclose(equal.shift_covariance(place), 1e-6 * across, atol=1e-12)
     np.testing.assert_allclose(equal.turn_covariance(), np.tile(1e-6 * np.eye(3), (20, 1, 1)), atol=1e-15)
-    noise = np.array([1e-4, 2e-4, 1e-3])
-    draws = TURN[5].apply(noise * np.random.default_rng(7).normal(size=(20000, 3)))
-    drawn = np.cov(np.cross(draws, sight[5]).T)
-    found = camera(attitude_noise=noise).errors(TIME).shift_covariance(POINTS[:, 0])[5]
+
+
+def test_points_placed_by_noisy_attitudes_scatter_as_told():
+    """A camera at the end of a long arm, near the target: 20,000 draws of its attitude place what it sees."""
+    arm, noise, count = np.array([0.0, -15.0, 2.0]), np.array([1e-4, 2e-4, 1e-3]), 20000
+    seen, time = np.array([1.0, -4.0, 0.5]), np.arange(float(count))
+    told = TURN[5] * Rotation.from_rotvec(noise * np.random.default_rng(7).normal(size=(count, 3)))
+    rig = Rig(lever_arm=arm, attitude_noise=noise)
+    tracks = FeatureTracks(time, np.tile(seen, (count, 1, 1)), ["F"])
+    drawn = np.cov(Camera(AttitudeSeries(time, scalar_first(told)), rig).inertial(tracks).position[:, 0].T)
+    true = Camera(AttitudeSeries([0.0], scalar_first(TURN[5:6])), rig).errors(np.zeros(1))
+    found = true.shift_covariance(TURN[5:6].apply(seen + arm))[0]
     np.testing.assert_allclose(found, drawn, atol=0.05 * np.trace(drawn))  # 5σ of a variance from 20000 draws

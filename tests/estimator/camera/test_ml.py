@@ -18,7 +18,7 @@ CENTRE = np.array([4.0, -19.0, 3.0])
 
 
 def tracks_of(seed, noisy):
-    """Tracks in C of a body at rest, turned about the camera by the noise of its attitude and grown by its scale."""
+    """Tracks in C of a body at rest, turned about the chaser by the noise of its attitude and grown by its scale."""
     rng, time = np.random.default_rng(seed), np.arange(150.0)
     R = attitude(ENVISAT, np.deg2rad([2.4, 4.4, 4.8]), time)
     turn = Rotation.from_rotvec(TURN_NOISE * noisy * rng.normal(size=(150, 3))).as_matrix()

@@ -183,7 +183,7 @@ def test_blocks_agree_with_every_frame():
     assert worthwhile(blocks)
     assert len(blocks.knots) == 10
     turn, shift = (np.tile(np.diag(one), (n, 1, 1)) for one in ([1e-4, 1e-4, 1e-4], [0.1, 0.2, 0.0]))
-    noise = FrameNoise(turn, shift, np.zeros((n, 3)))
+    noise = FrameNoise(turn, shift)
     knots = Knots(blocks, motion, path.at(blocks.knots.ravel()).jacobian)
     for frames, seen in product((None, noise), (observations, replace(observations, precision=None))):
         model = Model(motion, sampled, origin, points, frames)
@@ -199,13 +199,13 @@ def test_blocks_agree_with_every_frame():
 
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_frame_noise_agrees_with_the_dense_covariance(full):
-    """Turns about the camera and shifts of whole frames, in the covariance of all observations."""
+    """Turns about the chaser and shifts of whole frames, in the covariance of all observations."""
     start, sampled, motion, origin, observations, points = scene(full)
     rng = np.random.default_rng(3)
     turn, shift = (size * rng.normal(size=(N, 3, 3)) for size in (1e-2, 0.2))
     turn, shift = turn @ np.swapaxes(turn, 1, 2), shift @ np.swapaxes(shift, 1, 2)
-    shift[0], place = 0.0, rng.normal(size=(N, 3))
-    found = equations(observations, Model(motion, sampled, origin, points, FrameNoise(turn, shift, place)))
+    shift[0] = 0.0
+    found = equations(observations, Model(motion, sampled, origin, points, FrameNoise(turn, shift)))
     function = whitened(start, sampled, observations, points)
     zero = np.zeros(Q + 3 * M)
     residual, J = function(zero), (differences(function, zero, 1e-4) / UNITS)[:, : Q + 3 * (M - 1)]
@@ -213,7 +213,7 @@ def test_frame_noise_agrees_with_the_dense_covariance(full):
     covariance = np.eye(len(residual))
     in_C = origin[:, None] + points @ np.swapaxes(motion.attitude, 1, 2)
     for k in range(N):
-        by_turn = np.cross(np.eye(3), (in_C[k] - place[k])[:, None]).transpose(0, 2, 1)  # ε × (p − c)
+        by_turn = np.cross(np.eye(3), in_C[k][:, None]).transpose(0, 2, 1)  # ε × p
         moved = np.concatenate([root[k] @ by_turn, root[k] @ np.eye(3)], axis=2).reshape(3 * M, 6)
         own = slice(3 * M * k, 3 * M * (k + 1))
         covariance[own, own] += moved @ block_diag(turn[k], shift[k]) @ moved.T

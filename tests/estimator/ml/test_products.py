@@ -38,7 +38,7 @@ def best(request):
     position = position + NOISE * rng.normal(size=position.shape)
     observations = Observations(position, (rng.random((N, M)) < 0.8).astype(float), None)
     shift, none = np.tile(np.diag([2.0, 1.0, 0.5]), (N, 1, 1)), np.zeros((N, 3, 3))
-    noise = FrameNoise(none, shift, np.zeros((N, 3))) if request.param else None
+    noise = FrameNoise(none, shift) if request.param else None
     found = equations(observations, Model(motion, sampled, sampled.position(x), points, noise))
     variance = NOISE**2
     named = SimpleNamespace(rotation=start, motion=motion, sampled=sampled, x=x, found=found, noise=noise)
