@@ -127,9 +127,10 @@ def cramer_rao_bound(
     """The bound of a scenario for a given path model: relative-orbit unless given, see `PathOptions`.
 
     A polynomial needs its degree. The information is reduced by the shares of dropped, wrong and swapped observations;
-    drifting features are not taken into account. A constant acceleration of the chaser is known to the estimator.
+    drifting features are not taken into account. A constant acceleration of the chaser is known to the estimator, and
+    of white noise of its thrusters (`acceleration_noise`) the density.
 
-    process_noise: density of the white acceleration beside the path's model, m²/s³; acceleration_scale: standard
+    process_noise: density of further white acceleration beside the path's model, m²/s³; acceleration_scale: standard
     deviation of the scale with which the chaser's acceleration is measured; consider: what is uncertain about the
     camera, which looks at the target; predict: how long after the last frame `predicted_covariance` is, s. The unknowns
     they add have priors, so this is the posterior bound (Van Trees 1968), for the mean over their draws.
@@ -138,7 +139,8 @@ def cramer_rao_bound(
         InputError: a polynomial without a degree, or a value out of its range.
         ComputationError: no feature is seen, or there is no noise.
     """
-    known = _Known(trajectory, process_noise, acceleration_scale, consider, predict)
+    noise_density = process_noise + scenario.chaser.acceleration_noise
+    known = _Known(trajectory, noise_density, acceleration_scale, consider, predict)
     time = scenario.sample_times
     rotation, motion, origin = _truth(scenario, time)
     points = np.array([point.position for point in scenario.features.points])
@@ -238,7 +240,7 @@ def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, F
     rotation = Rotation(middle, then.attitude[0], then.rate[0], start.inertia, start.orbit)
     state = np.concatenate([scenario.chaser.position, scenario.chaser.velocity])
     logged = _logged(scenario, _Known(), time)
-    if logged is None:
+    if logged is None and scenario.orbit.j2 is None:
         rho_L = relative_path(scenario.orbit, state, time)[:, :3]
         origin = -(lvlh_attitude(scenario.orbit, time) @ rho_L[:, :, None])[:, :, 0]
     else:

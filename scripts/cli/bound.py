@@ -98,7 +98,8 @@ def bound(
     trajectory
         Model of the path that is known: fixed, polynomial:N or relative-orbit. Default: relative-orbit.
     process_noise
-        Density of the white acceleration that the path's model leaves out, m²/s³.
+        Density of the white acceleration that the path's model leaves out, m²/s³, besides that of the scenario's
+        thrusters (chaser.acceleration_noise).
     acceleration_scale
         Standard deviation of the scale with which the scenario's acceleration of the chaser is measured.
     rig
@@ -120,7 +121,7 @@ def bound(
     if left_out := sorted(base.forces & NOT_IN_BOUND):
         show.remark(f"{scenario}: the bound takes no account of its {' and '.join(left_out)}")
     if lists.empty and not table and output is None:
-        words = path_in_words(trajectory, process_noise)
+        words = path_in_words(base, trajectory, process_noise)
         with show.progress() as progress, stage(progress, "Cramér–Rao bound"):
             own = cramer_rao_bound(
                 base,

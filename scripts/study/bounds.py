@@ -257,7 +257,7 @@ def bound_table(
         grid: what is varied; `usual_grid` unless given.
         trajectory: what is known of the path; relative-orbit unless given, see `PathOptions`.
         progress: told how far the work is.
-        process_noise: density of the white acceleration beside the path's model, m²/s³.
+        process_noise: density of the white acceleration beside the path's model and the thrusters' noise, m²/s³.
         consider: what is uncertain about the camera.
 
     Raises:
@@ -278,12 +278,13 @@ def bound_table(
             share(count / len(variants))
         if first is not None and all(cell.bound is None for cell in cells):
             raise first
-    return BoundTable(base, path_in_words(trajectory, process_noise), tuple(cells))
+    return BoundTable(base, path_in_words(base, trajectory, process_noise), tuple(cells))
 
 
-def path_in_words(trajectory: str | None, process_noise: float) -> str:
-    """What is known of the path."""
-    noise = f" with process noise of {process_noise:g} m²/s³" if process_noise else ""
+def path_in_words(scenario: Scenario, trajectory: str | None, process_noise: float) -> str:
+    """What is known of the path; process_noise: besides that of the chaser's thrusters."""
+    density = process_noise + scenario.chaser.acceleration_noise
+    noise = f" with process noise of {density:g} m²/s³" if density else ""
     return (trajectory or "relative-orbit") + noise
 
 

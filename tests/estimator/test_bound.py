@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import forces
 from baryscope.estimator.bound import _expected, _truth, cramer_rao_bound
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -286,6 +287,26 @@ def test_envisat_in_white_acceleration(rate, expected):
     flown = replace(variant_of(preset), rate=rate, duration=600.0, features=10).of(preset)
     found = [1e3 * cramer_rao_bound(flown, process_noise=q).position_deviation for q in (0.0, 1e-12, 1e-10)]
     np.testing.assert_allclose(found, expected, rtol=0.1)
+
+
+def test_noise_of_the_thrusters_is_process_noise():
+    """A flight has it in the path; the bound was that of a path without, three times too low at 1e-10 m²/s³."""
+    free = scenario()
+    noisy = free.model_copy(update={"chaser": free.chaser.model_copy(update={"acceleration_noise": 1e-9})})
+    found, expected = cramer_rao_bound(noisy, process_noise=2e-9), cramer_rao_bound(free, process_noise=3e-9)
+    np.testing.assert_allclose(found.position_covariance, expected.position_covariance, rtol=1e-9)
+    assert found.position_deviation > 1.4 * cramer_rao_bound(free).position_deviation
+
+
+def test_the_true_path_is_under_j2():
+    """By two orbits of an independent program: in half a day it is 2 km long, and 90 m from Kepler's."""
+    orbit = replace(ORBIT.model(), j2=forces.J2, equatorial_radius=forces.RADIUS)
+    flown = scenario(duration=40e3, step=400.0).model_copy(update={"orbit": orbit})
+    found = _truth(flown, flown.sample_times)[2]
+    expected = forces.fly(flown, flown.sample_times)[2]
+    kepler = _truth(flown.model_copy(update={"orbit": ORBIT.model()}), flown.sample_times)[2]
+    assert np.abs(kepler - expected).max() > 50.0
+    np.testing.assert_allclose(found, expected, atol=0.2)  # there LVLH axes turn about the radius, too, at the start
 
 
 def test_an_acceleration_that_is_known_costs_nothing_and_its_scale_does():
