@@ -4,7 +4,7 @@ The estimate is taken to follow what the camera sees, so that constant errors ad
 the attitude adds to each frame's own noise; the covariance is at most as many times wider as a frame's noise is.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.claims import with_wider
 from baryscope.estimator.dynamics.extended import named_factors
-from baryscope.estimator.prediction import Widening
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, beyond
 from baryscope.estimator.result import Cluster, Estimate, Motion
 from baryscope.estimator.tracks import FeatureTracks, errors_of
 
@@ -33,23 +34,75 @@ def considered(result: Estimate, tracks: FeatureTracks) -> Estimate:
     factor = _by_noise(result, tracks, errors)
     added = errors.consider_covariance(result.position)
     clusters = tuple(_cluster(cluster, factor, errors) for cluster in result.clusters)
-    of_velocity = _velocity_covariance(result, errors)
-    by = Widening(factor, _of_a_coordinate(added), _of_a_coordinate(of_velocity))
-    motion = _motion(result, factor, of_velocity, errors)
-    return with_wider(result, factor * result.covariance + added, clusters, motion, by)
+    effects = _Effects.of(result.time, errors)
+    velocity = np.zeros_like(result.position) if result.velocity is None else result.velocity
+    rates = effects.on(result.time, result.position, velocity)[:, 3:]
+    motion = _motion(result, factor, rates @ np.swapaxes(rates, 1, 2), errors)
+    found = with_wider(result, factor * result.covariance + added, clusters, motion, UNCHANGED)
+    return found if result.predictor is None else replace(found, predictor=_Wider(result.predictor, factor, effects))
 
 
-def _of_a_coordinate(covariance: FloatArray) -> float:
-    """The mean variance of a coordinate in covariances (n, 3, 3)."""
-    return float(np.trace(covariance, axis1=1, axis2=2).mean() / 3)
+@dataclass(frozen=True, eq=False)
+class _Effects:
+    """What k errors of one standard deviation each do, at the frames' times (n,) in s.
+
+    still (n, 3, k): what they move a point at the origin of C by, m; turns (n, 3, k): rotation vectors in C, rad, by
+    which they turn what is seen; stretch (k,): how much it grows.
+    """
+
+    time: FloatArray
+    still: FloatArray
+    turns: FloatArray
+    stretch: FloatArray
+
+    @classmethod
+    def of(cls, time: FloatArray, errors: SharedErrors) -> "_Effects":
+        """Those of a camera's errors."""
+        stretch = np.zeros(len(errors.deviations))
+        if errors.scale is not None:
+            stretch[errors.scale] = errors.rig.scale_deviation
+        still = errors.shifts(np.zeros((len(time), 3))) * errors.deviations
+        return cls(time, still, errors.turns() * errors.deviations, stretch)
+
+    def on(self, time: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """What they move position and velocity (n, 3) in C of a point at times (n,) by, (n, 6, k), m and m/s.
+
+        Away from the frames the errors are those in the nearest one, and go on with their rates there.
+        """
+        away = beyond(time, float(self.time[0]), float(self.time[-1]))
+        still, turns = (self._at(values, time - away) for values in (self.still, self.turns))
+        still_rate, turn_rate = (self._at(self._rate(values), time - away) for values in (self.still, self.turns))
+        drift = still_rate - cross_matrices(position) @ turn_rate
+        moved = still - cross_matrices(position) @ turns + position[:, :, None] * self.stretch
+        speed = drift - cross_matrices(velocity) @ turns + velocity[:, :, None] * self.stretch
+        return np.concatenate([moved + away[:, None, None] * drift, speed], axis=1)
+
+    def _rate(self, values: FloatArray) -> FloatArray:
+        return np.zeros_like(values) if len(self.time) < 2 else np.gradient(values, self.time, axis=0)
+
+    def _at(self, values: FloatArray, time: FloatArray) -> FloatArray:
+        """Values (n, 3, k) of the frames, interpolated to times within them."""
+        last = len(self.time) - 1
+        right = np.clip(np.searchsorted(self.time, time), min(1, last), last)
+        left = np.maximum(right - 1, 0)
+        length = np.where(right > left, self.time[right] - self.time[left], 1.0)
+        share = ((time - self.time[left]) / length)[:, None, None]
+        return np.asarray((1 - share) * values[left] + share * values[right])
 
 
-def _velocity_covariance(result: Estimate, errors: SharedErrors) -> FloatArray:
-    """What the rate at which the errors' shifts change adds to the velocity's covariance, (n, 3, 3), (m/s)²."""
-    if len(result.time) < 2:
-        return np.zeros((len(result.time), 3, 3))
-    rates = np.gradient(errors.shifts(result.position) * errors.deviations, result.time, axis=0)
-    return np.asarray(rates @ np.swapaxes(rates, 1, 2))
+@dataclass(frozen=True, eq=False)
+class _Wider:
+    """Predictions `own`, their covariance wider by a factor and by what a camera's errors do."""
+
+    own: Predictor
+    factor: float
+    effects: _Effects
+
+    def at(self, time: FloatArray, point: Point) -> Prediction:
+        """See `Predictor`."""
+        found = self.own.at(time, point)
+        moved = self.effects.on(time, found.position, found.velocity)
+        return replace(found, covariance=self.factor * found.covariance + moved @ np.swapaxes(moved, 1, 2))
 
 
 def _by_noise(result: Estimate, tracks: FeatureTracks, errors: SharedErrors) -> float:

@@ -162,7 +162,7 @@ class Estimate:
         forces: the estimated factors of forces: an accelerometer's scale, constant accelerations.
         process_noise: None if the method has no model of it.
         predictor: of positions and velocities at other times, see `predict`; None if the method has none.
-        widening: what misfits and a camera's errors add to predictions; the covariances above have it already.
+        widening: what misfits add to predictions; the covariances above have it already.
         epoch: UTC of time 0 in ISO 8601, as tracks or orbit tell; None if it is not known.
     """
 

@@ -13,7 +13,8 @@ from baryscope.estimator.methods import attempt, estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Estimate, Status
 from free_paths import ORBIT, at_rest, in_orbit
-from turning_camera import ARM, POINTS, turning_camera, uncertain_rig
+from synthetic import ENVISAT, attitude
+from turning_camera import ARM, POINTS, RATE, turning_camera, uncertain_rig
 
 TIME = 4.0 * np.arange(120.0)
 PATH = in_orbit(TIME)
@@ -117,6 +118,25 @@ def test_a_prediction_of_the_filter_has_the_velocity_errors_of_its_camera():
     traces = [np.trace(covariance, axis1=1, axis2=2).mean() for covariance in (told, predicted)]
     assert traces[0] > 9e-10  # of the filter alone it would be 4e-12
     assert traces[1] == pytest.approx(traces[0], rel=0.2)
+
+
+@pytest.mark.parametrize("rig", [Rig(boresight_deviation=3e-3), Rig(scale_deviation=1e-2)], ids=["boresight", "scale"])
+def test_a_prediction_of_a_feature_has_the_errors_of_its_camera(rig):
+    """The body is seen turned, or grown: its features are elsewhere and move otherwise, with the path's own errors."""
+    squares, times = [], np.array([10.3, TIME[-1] + 20.0])
+    around = (times[:, None] + [-1e-3, 0.0, 1e-3]).ravel()
+    arms = (attitude(ENVISAT, RATE, np.append(0.0, around))[1:] @ POINTS[4]).reshape(2, 3, 3)
+    true = np.concatenate([at_rest(times) + arms[:, 1], (arms[:, 2] - arms[:, 0]) / 2e-3], axis=1)
+    for seed in range(8):
+        seen = turning_camera(TIME, at_rest(TIME), rig, noise=0.005, seed=seed, turn=Rotation.identity(len(TIME)))
+        options = PathOptions(trajectory="fixed", process_noise="none", torque_noise="none")
+        found = estimate(seen.tracks, method="ekf", camera=seen.camera, options=options).predict(times, "F4")
+        error = np.concatenate([found.position, found.velocity], axis=1) - true
+        squares.append([nees(one, own) for one, own in zip(error, found.covariance, strict=True)])
+    low, high = chi2.ppf(BAND, 6 * 8)
+    total = np.sum(squares, axis=0)
+    assert (total > 0.5 * low).all()
+    assert (total < 1.3 * high).all(), total
 
 
 @pytest.mark.parametrize("method", ["pivot", "ml"])
