@@ -290,7 +290,7 @@ def test_envisat_in_white_acceleration(rate, expected):
 
 
 def test_noise_of_the_thrusters_is_process_noise():
-    """A flight has it in the path; the bound was that of a path without, three times too low at 1e-10 m²/s³."""
+    """A flight has it in the path; the bound was that of a path without."""
     free = scenario()
     noisy = free.model_copy(update={"chaser": free.chaser.model_copy(update={"acceleration_noise": 1e-9})})
     found, expected = cramer_rao_bound(noisy, process_noise=2e-9), cramer_rao_bound(free, process_noise=3e-9)
