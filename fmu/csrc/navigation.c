@@ -24,8 +24,8 @@ static void mean_push(const Model *model, double begin, double end, double push[
     for (int k = 0; k < 3; k++) push[k] = end > begin ? (change[1][k] - change[0][k]) / (end - begin) : 0.0;
 }
 
-/* Make room for a communication point: forget the oldest if the filter is past it, else the one between neighbours that are
-   nearest to each other. What commands have changed is summed up since the start: it is not lost then, but spread over both steps. */
+/* Make room for a push: forget the oldest if the filter is past it, else the one between neighbours that are
+   nearest to each other. What commands have changed is summed up since the start: it is not lost then, but spread over both. */
 static void make_room(Model *model)
 {
     Past *past = model->past;
@@ -39,25 +39,35 @@ static void make_room(Model *model)
     memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
 }
 
-/* Remember the step from `time` to `next` with its command, which turns with LVLH: on the mean as in its middle. */
-static void remember(Model *model, const double *values, double time, double next)
+/* Remember that commands push the chaser from the last communication point to `end`, by a mean acceleration in C. */
+static void remember_push(Model *model, double end, const double push[3])
 {
-    double push[3];
-    const double middle = time + 0.5 * (next - time);
-    const double *arguments[] = {&middle, values + AT_ORBIT, values + AT_ACCELERATION};
-    double *results[] = {push};
-    if (values[AT_ON_ORBIT] != 0.0)
-        unit_push(arguments, results, NULL, NULL, 0);
-    else
-        memcpy(push, values + AT_ACCELERATION, sizeof push);
     if (model->count == MOST_PAST) make_room(model);
     const Past *last = &model->past[model->count - 1];
     Past *now = &model->past[model->count++];
-    now->time = next;
-    for (int k = 0; k < 3; k++) now->change[k] = last->change[k] + push[k] * (next - time);
+    now->time = end;
+    for (int k = 0; k < 3; k++) now->change[k] = last->change[k] + push[k] * (end - last->time);
 }
 
-/* Bring the filter to the last communication point before a time, through each step with its own command. */
+/* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant push would have the velocity of
+   that at the end, but not the place: two are remembered, of the halves, each as the command is a sixth of the step from its
+   outer end; so both are right to second order. */
+static void remember(Model *model, const double *values, double time, double next)
+{
+    const double length = next - time, moments[2] = {time + length / 6.0, next - length / 6.0};
+    for (int half = 0; half < 2; half++) {
+        double push[3];
+        const double *arguments[] = {&moments[half], values + AT_ORBIT, values + AT_ACCELERATION};
+        double *results[] = {push};
+        if (values[AT_ON_ORBIT] != 0.0)
+            unit_push(arguments, results, NULL, NULL, 0);
+        else
+            memcpy(push, values + AT_ACCELERATION, sizeof push);
+        remember_push(model, half == 0 ? time + 0.5 * length : next, push);
+    }
+}
+
+/* Bring the filter to the last push before a time, through each with its own. */
 static void go_through(const Model *model, Online *filter, double end)
 {
     double push[3];

@@ -6,7 +6,7 @@
 #define ONLINE_EXPORT static
 #include "online.h"
 
-enum { MOST_PAST = 64 }; /* communication points that are remembered */
+enum { MOST_PAST = 128 }; /* pushes that are remembered, two of each step */
 
 typedef struct {
     double time, change[3]; /* s; m/s in C since the start, by commands */
