@@ -7,54 +7,63 @@
 
 #include "whole.c"
 
-/* ---- what commands have changed ---- */
+/* ---- by what commands have moved the chaser ---- */
 
-/* The mean acceleration by commands between two times, in C; the first may be before what is remembered. */
-static void mean_push(const Model *model, double begin, double end, double push[3])
+/* Until a time in the interval that ends at `now`, since its beginning: the cubic that fits what is known at both. */
+static void moved_within(const Past *now, double time, double moved[6])
 {
-    double change[2][3];
-    const double times[2] = {begin, end};
-    for (int side = 0; side < 2; side++) {
-        int later = 1;
-        while (later < model->count - 1 && model->past[later].time < times[side]) later++;
-        const Past *from = &model->past[later - 1], *to = &model->past[later];
-        const double share = fmin(fmax((times[side] - from->time) / (to->time - from->time), 0.0), 1.0);
-        for (int k = 0; k < 3; k++) change[side][k] = from->change[k] + share * (to->change[k] - from->change[k]);
+    const double length = now->time - now[-1].time, s = (time - now[-1].time) / length;
+    for (int k = 0; k < 3; k++) {
+        const double place = now->moved[k], speed = now->moved[3 + k];
+        moved[k] = s * s * ((3.0 - 2.0 * s) * place + (s - 1.0) * length * speed);
+        moved[3 + k] = s * (6.0 * (1.0 - s) * place / length + (3.0 * s - 2.0) * speed);
     }
-    for (int k = 0; k < 3; k++) push[k] = end > begin ? (change[1][k] - change[0][k]) / (end - begin) : 0.0;
 }
 
-/* Make room for a push: forget the oldest if the filter is past it, else the one between neighbours that are
-   nearest to each other. What commands have changed is summed up since the start: it is not lost then, but spread over both. */
+/* Between two times with no communication point in between; nothing is known of what was before the first one. */
+static void moved_between(const Model *model, double begin, double end, double moved[6])
+{
+    static const double none[3];
+    int k = 0;
+    while (k < model->count - 1 && model->past[k].time < end) k++;
+    memset(moved, 0, 6 * sizeof *moved);
+    if (k == 0 || model->past[k].time < end) return;
+    double until_end[6];
+    if (begin > model->past[k - 1].time) moved_within(&model->past[k], begin, moved);
+    push_on(&model->filter.options, begin, end, none, moved);
+    moved_within(&model->past[k], end, until_end);
+    for (int i = 0; i < 6; i++) moved[i] = until_end[i] - moved[i];
+}
+
+/* Make room for a communication point: forget the oldest if the filter is past it, else the one between neighbours that are
+   nearest to each other: both intervals become one, with what commands do in both. */
 static void make_room(Model *model)
 {
+    static const double none[3];
     Past *past = model->past;
     int least = 0;
     if (model->filter.frames == 0.0 || past[1].time > model->filter.time) {
         least = 1;
         for (int i = 2; i < model->count - 1; i++)
             if (past[i + 1].time - past[i - 1].time < past[least + 1].time - past[least - 1].time) least = i;
+        push_on(&model->filter.options, past[least].time, past[least + 1].time, none, past[least].moved);
+        for (int i = 0; i < 6; i++) past[least + 1].moved[i] += past[least].moved[i];
     }
     model->count--;
     memmove(past + least, past + least + 1, (size_t)(model->count - least) * sizeof *past);
 }
 
-/* Remember that commands push the chaser from the last communication point to `end`, by a mean acceleration in C. */
-static void remember_push(Model *model, double end, const double push[3])
-{
-    if (model->count == MOST_PAST) make_room(model);
-    const Past *last = &model->past[model->count - 1];
-    Past *now = &model->past[model->count++];
-    now->time = end;
-    for (int k = 0; k < 3; k++) now->change[k] = last->change[k] + push[k] * (end - last->time);
-}
-
 /* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant push would have the velocity of
-   that at the end, but not the place: two are remembered, of the halves, each as the command is a sixth of the step from its
-   outer end; so both are right to second order. */
+   that at the end, but not the place: each half has its own, as the command is a sixth of the step from its outer end; so
+   both are right to second order. */
 static void remember(Model *model, const double *values, double time, double next)
 {
-    const double length = next - time, moments[2] = {time + length / 6.0, next - length / 6.0};
+    if (model->count == MOST_PAST) make_room(model);
+    Past *now = &model->past[model->count++];
+    const double length = next - time, middle = time + 0.5 * length;
+    const double moments[2] = {time + length / 6.0, next - length / 6.0}, ends[3] = {time, middle, next};
+    now->time = next;
+    memset(now->moved, 0, sizeof now->moved);
     for (int half = 0; half < 2; half++) {
         double push[3];
         const double *arguments[] = {&moments[half], values + AT_ORBIT, values + AT_ACCELERATION};
@@ -63,19 +72,19 @@ static void remember(Model *model, const double *values, double time, double nex
             unit_push(arguments, results, NULL, NULL, 0);
         else
             memcpy(push, values + AT_ACCELERATION, sizeof push);
-        remember_push(model, half == 0 ? time + 0.5 * length : next, push);
+        push_on(&model->filter.options, ends[half], ends[half + 1], push, now->moved);
     }
 }
 
-/* Bring the filter to the last push before a time, through each with its own. */
+/* Bring the filter to the last communication point before a time, through each step with its own command. */
 static void go_through(const Model *model, Online *filter, double end)
 {
-    double push[3];
+    double moved[6];
     for (int i = 0; i < model->count && filter->frames > 0.0; i++) {
         const double time = model->past[i].time;
         if (time <= filter->time || time >= end) continue;
-        mean_push(model, filter->time, time, push);
-        advance(filter, time, push);
+        moved_between(model, filter->time, time, moved);
+        advance(filter, time, moved);
     }
 }
 
@@ -132,7 +141,7 @@ static bool has_covariances(const double *values)
 static void take_sample(Model *model, const double *values, char *message)
 {
     long long names[N_FEATURES];
-    double points[N_FEATURES][3], covariances[N_FEATURES][6], full[3][3], push[3];
+    double points[N_FEATURES][3], covariances[N_FEATURES][6], full[3][3], moved[6];
     const bool own = has_covariances(values);
     int count = 0;
     for (int feature = 0; feature < N_FEATURES; feature++) {
@@ -150,8 +159,8 @@ static void take_sample(Model *model, const double *values, char *message)
     if (count == 0) return;
     const double time = values[AT_SAMPLE_TIME] - model->started;
     go_through(model, &model->filter, time);
-    mean_push(model, model->filter.time, time, push);
-    if (online_update(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, push) != ACCEPTED) {
+    moved_between(model, model->filter.time, time, moved);
+    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, moved) != ACCEPTED) {
         leave_out(model, UNUSABLE, message, "the sample at %.17g s is not finite in frame C: not taken", values[AT_SAMPLE_TIME]);
         return;
     }
@@ -205,7 +214,7 @@ static void write_features(const Online *filter, double *values)
 static bool write_outputs(const Model *model, double *values, double time)
 {
     OnlineState now, ahead;
-    double push[3];
+    double moved[6];
     static const double none[3];
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
@@ -214,8 +223,8 @@ static bool write_outputs(const Model *model, double *values, double time)
     Online filter = model->filter;
     look_and_keep(&filter);
     go_through(model, &filter, time);
-    mean_push(model, filter.time, time, push);
-    if (time > filter.time) advance(&filter, time, push);
+    moved_between(model, filter.time, time, moved);
+    if (time > filter.time) advance(&filter, time, moved);
     if (online_predict(&filter, time, none, &now) != ACCEPTED) return false;
     if (online_predict(&filter, time + values[AT_HORIZON], none, &ahead) != ACCEPTED) return false;
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);

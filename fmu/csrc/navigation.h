@@ -1,4 +1,4 @@
-/* CentreOfMassEstimator: the online filter, and how the chaser's velocity was changed by commands so far. */
+/* CentreOfMassEstimator: the online filter, and by what commands have moved the chaser. */
 
 #ifndef BARYSCOPE_NAVIGATION_H
 #define BARYSCOPE_NAVIGATION_H
@@ -6,10 +6,10 @@
 #define ONLINE_EXPORT static
 #include "online.h"
 
-enum { MOST_PAST = 128 }; /* pushes that are remembered, two of each step */
+enum { MOST_PAST = 64 }; /* communication points that are remembered */
 
 typedef struct {
-    double time, change[3]; /* s; m/s in C since the start, by commands */
+    double time, moved[6]; /* s; m, m/s in C: by what commands have moved the chaser here since the point before */
 } Past;
 
 /* Why a sample, or a point of one, is left out. */

@@ -56,10 +56,12 @@ static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][
     return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
 }
 
-/* What is known goes on to a time: the state there, its covariance, and the transition to there. */
+/* What is known goes on to a time, until which an acceleration pushes the chaser: the state there, its covariance, and the
+   transition to there. */
 static void go_ahead(const Online *filter, Now *now, double time, const double *acceleration, double x[6],
                      double P[6][6], double F[6][6]) {
-    double factor = noise_ratio(filter), all[6][6];
+    double factor = noise_ratio(filter), all[6][6], moved[6] = {0.0};
+    push_on(&filter->options, filter->time, time, acceleration, moved);
     for (int i = 0; i < 6; i++) {
         x[i] = filter->x[i];
         for (int j = 0; j < 6; j++) F[i][j] = i == j;
@@ -67,13 +69,13 @@ static void go_ahead(const Online *filter, Now *now, double time, const double *
     int count = time > filter->time ? steps_between(&filter->options, filter->time, time) : 0;
     for (int s = 0; s < count; s++) {
         double step[6][6], T = (time - filter->time) / count, from = filter->time + s * T;
-        transition(&filter->options, from, from + T, acceleration, x, step);
+        transition(&filter->options, from, from + T, x, step);
         carry_now(now, T, step);
         multiplied(step, F, all);
         for (int k = 0; k < 36; k++) F[k / 6][k % 6] = all[k / 6][k % 6];
     }
     for (int i = 0; i < 6; i++) {
-        x[i] += now->x[i];
+        x[i] += now->x[i] - moved[i];
         for (int j = 0; j < 6; j++) P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
     }
 }

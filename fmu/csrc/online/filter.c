@@ -2,22 +2,15 @@
 
 static int size_of(const Online *filter) { return BODY + 3 * (int)filter->used; }
 
-/* (r, v) and its transition from one time to another; the chaser's acceleration in C, m/s2, which acts in a straight line, and
-   on what it displaces the gravity gradient G: F has G T2 / 2 and G T for that, of which a twelfth and a sixth of T2 are due. */
-static void transition(const OnlineOptions *options, double begin, double end, const double a[3], double x[6],
-                       double F[6][6]) {
-    double T = end - begin;
+/* (r, v) and its transition from one time to another, without a push of the chaser. */
+static void transition(const OnlineOptions *options, double begin, double end, double x[6], double F[6][6]) {
     if (options->on_orbit != 0.0) {
         relative_step(begin, end, options->elements, x, F);
-    } else {
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 6; j++) F[i][j] = i == j;
-        for (int k = 0; k < 3; k++) F[k][3 + k] = T, x[k] += T * x[3 + k];
+        return;
     }
-    for (int k = 0; k < 3; k++) {
-        x[k] -= T * T * (0.5 * a[k] + (dot(F[k], a) - a[k]) / 12.0);
-        x[3 + k] -= T * a[k] + T * T / 6.0 * dot(F[3 + k], a);
-    }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) F[i][j] = i == j;
+    for (int k = 0; k < 3; k++) F[k][3 + k] = end - begin, x[k] += (end - begin) * x[3 + k];
 }
 
 /* Count the transition from here. */
@@ -61,6 +54,26 @@ static int steps_between(const OnlineOptions *options, double begin, double end)
     double rate = sqrt(options->elements[6] / (a * a * a)) / ((1.0 - e) * (1.0 - e));
     double arcs = ceil((end - begin) * rate / 0.05);
     return arcs < 1.0 ? 1 : arcs > 200.0 ? 200 : (int)arcs;
+}
+
+/* What has moved the chaser, (r, v), goes on, and so does what an acceleration a in C, m/s2, adds: it acts in a straight line, and
+   on what it displaces the gravity gradient G: F has G T2 / 2 and G T for that, of which a twelfth and a sixth of T2 are due. */
+static void push_on(const OnlineOptions *options, double begin, double end, const double a[3], double moved[6]) {
+    double any = 0.0;
+    for (int k = 0; k < 6; k++) any += fabs(moved[k]) + fabs(a[k % 3]);
+    if (any == 0.0) return;
+    int count = steps_between(options, begin, end);
+    double T = (end - begin) / count;
+    for (int s = 0; s < count; s++) {
+        double F[6][6], x[6] = {0.0}, from[6], start = begin + s * T;
+        transition(options, start, s + 1 < count ? start + T : end, x, F);
+        for (int i = 0; i < 6; i++) from[i] = moved[i];
+        for (int i = 0; i < 6; i++) moved[i] = dot(F[i], from) + dot(&F[i][3], &from[3]);
+        for (int k = 0; k < 3; k++) {
+            moved[k] += T * T * (0.5 * a[k] + (dot(F[k], a) - a[k]) / 12.0);
+            moved[3 + k] += T * a[k] + T * T / 6.0 * dot(F[3 + k], a);
+        }
+    }
 }
 
 /* By what (r, v) went from the time of the covariances on, besides the transition. */
@@ -112,13 +125,15 @@ static void carry_now(Now *now, double T, const double F[6][6]) {
     }
 }
 
-/* The state at a later time; the covariances follow where the noise's would no longer be that of a straight line. */
-static void advance(Online *filter, double end, const double a[3]) {
+/* The state at a later time, until which pushes have moved the chaser; the covariances follow where the noise's would no longer
+   be that of a straight line. */
+static void advance(Online *filter, double end, const double moved[6]) {
     int count = steps_between(&filter->options, filter->time, end);
     double begin = filter->time, T = (end - begin) / count;
     for (int s = 0; s < count; s++) {
         double F[6][6], before[6][6], from = begin + s * T;
-        transition(&filter->options, from, s + 1 < count ? from + T : end, a, filter->x, F);
+        transition(&filter->options, from, s + 1 < count ? from + T : end, filter->x, F);
+        for (int i = 0; i < 6 && s + 1 == count; i++) filter->x[i] -= moved[i];
         for (int i = 0; i < 6; i++)
             for (int j = 0; j < 6; j++) before[i][j] = filter->F[i][j];
         multiplied(F, before, filter->F);

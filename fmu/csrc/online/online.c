@@ -72,18 +72,20 @@ static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *p
 }
 
 /* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
-static double place_deviation(const Online *filter, const OnlineTumble *tumble, double time, const double *acceleration) {
+static double place_deviation(const Online *filter, const OnlineTumble *tumble, double time) {
+    static const double none[3];
     Now now;
     double x[6], P[6][6], F[6][6], square = 0.0;
     look(filter, &now);
-    go_ahead(filter, &now, time, acceleration, x, P, F);
+    go_ahead(filter, &now, time, none, x, P, F);
     for (int k = 0; k < 3; k++)
         square += (P[k][k] + tumble->turn[k][k] * mean_square(filter->b, (int)filter->used)) / 3.0;
     return sqrt(square);
 }
 
-int online_update(Online *filter, double time, int count, const long long *names, const double *points,
-                  const double *covariances, const double *acceleration) {
+/* Take a frame, until which pushes have moved the chaser since the last one. */
+static int take_frame(Online *filter, double time, int count, const long long *names, const double *points,
+                      const double *covariances, const double moved[6]) {
     Frame frame;
     Pose pose;
     Path path;
@@ -93,7 +95,6 @@ int online_update(Online *filter, double time, int count, const long long *names
     int sound = 1;
     if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (filter->frames > 0.0 && !(time - filter->time <= filter->options.longest_gap)) return TOO_LATE;
-    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     foresee(filter, time, &tumble, &foreseen);
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
     if (refused) return refused;
@@ -104,13 +105,13 @@ int online_update(Online *filter, double time, int count, const long long *names
     }
     int fits = registered(filter, &frame, &foreseen, &pose) && !is_surprising(filter, &foreseen, &pose);
     if (!fits) look_and_keep(filter);
-    advance(filter, time, acceleration);
+    advance(filter, time, moved);
     if (is_better_first(filter, &frame)) {
         begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
         return ACCEPTED;
     }
     if (tumble.known != 0.0 && known_in(&frame) < 3) {
-        guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time, acceleration));
+        guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time));
         fits = registered(filter, &frame, &foreseen, &pose) && !is_surprising(filter, &foreseen, &pose);
     }
     if (!fits) {
@@ -140,4 +141,12 @@ int online_update(Online *filter, double time, int count, const long long *names
     if (sound && far_enough(filter, R)) sound = close_node(filter, &tumble, R);
     if (!sound) begin(filter, &frame, NULL);
     return ACCEPTED;
+}
+
+int online_update(Online *filter, double time, int count, const long long *names, const double *points,
+                  const double *covariances, const double *acceleration) {
+    double moved[6] = {0.0};
+    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
+    if (isfinite(time) && filter->frames > 0.0) push_on(&filter->options, filter->time, time, acceleration, moved);
+    return take_frame(filter, time, count, names, points, covariances, moved);
 }
