@@ -94,6 +94,10 @@ def _words(found: dict[str, Any]) -> list[str]:
         f"tracking since {found['tracking_since']:.0f} s, "
         + ("tumble not known" if tumble is None else f"tumble known since {tumble:.0f} s")
     )
+    if found["untracked"]:
+        since = found["untracked_since"]
+        at_last = "" if since is None else f", at last since {since:.0f} s; the estimator is {found['status']}"
+        lines.append(f"not tracking for {found['untracked']:.3g} s after that: the controller is told nothing{at_last}")
     if found["position_rmse"] is not None:
         lines.append(
             f"second half: centre of mass within {1e3 * found['position_rmse']:.3g} mm rms, claimed "
@@ -102,6 +106,7 @@ def _words(found: dict[str, Any]) -> list[str]:
     goal = "its place" if found["synchronised_since"] is None else "the point before the feature"
     lines += [
         f"last tenth: chaser at most {found['largest_miss']:.3g} m from {goal}",
-        f"nearest {found['nearest']:.3g} m to the centre of mass; {found['velocity_change']:.3g} m/s of commands",
+        f"nearest {found['nearest']:.3g} m to the centre of mass, {found['nearest_feature']:.3g} m to a feature",
+        f"commands of {found['velocity_change']:.3g} m/s in all",
     ]
     return lines

@@ -55,6 +55,7 @@ class Loop:
         status: (n,), of the estimator, places in `STATUSES`.
         tumble: (n,), whether the estimator knows rate and inertia.
         chaser: (n, 3), LVLH, m.
+        clearance: (n,), from the nearest feature of the target to the chaser's centre of mass, m.
         command: (n, 3), m/s², LVLH.
         to_grapple: (n,), how far the chaser is from the true point before the true grapple point, m; from the grapple
             point itself where the controller has no `grapple.standoff`.
@@ -72,6 +73,7 @@ class Loop:
     status: NDArray[np.intp]
     tumble: BoolArray
     chaser: FloatArray
+    clearance: FloatArray
     command: FloatArray
     to_grapple: FloatArray
     miss: FloatArray
@@ -220,7 +222,7 @@ class _Recorder:
         for name, variables in self._places.items():
             for variable in variables:
                 self._rows[f"{name} {variable}"] = np.empty((count, len(units[name].scalars(variable))))
-        self._to_grapple, self._miss = np.empty(count), np.empty(count)
+        self._to_grapple, self._miss, self._clearance = np.empty(count), np.empty(count), np.empty(count)
         self._samples: list[Sample] = []
         self._rig, controller = RigReader(units["rig"]), units["controller"]
         a, e, inclination, raan, periapsis, anomaly, mu = (
@@ -238,7 +240,9 @@ class _Recorder:
         for name, variables in self._places.items():
             for variable in variables:
                 self._rows[f"{name} {variable}"][index] = self._units[name].vector(variable)
-        self._to_grapple[index] = self._from_goal(index)
+        features = self._units["target"].vector("features").reshape(-1, 3)
+        self._clearance[index] = np.linalg.norm(features, axis=1).min()
+        self._to_grapple[index] = self._from_goal(features[0], self._rows["target target.position"][index])
         if index > 0 and self._rows["estimator status"][index - 1] == TRACKING:  # as the controller was told
             self._turns = bool(self._rows["controller goal.synchronised"][index].any())
         off = self._rows["target chaser.position"][index] - self._hold
@@ -247,9 +251,8 @@ class _Recorder:
         if sample is not None:
             self._samples.append(sample)
 
-    def _from_goal(self, index: int) -> float:
-        feature = self._units["target"].vector("features")[:3]
-        outward = feature - self._rows["target target.position"][index]
+    def _from_goal(self, feature: FloatArray, centre: FloatArray) -> float:
+        outward = feature - centre
         return float(np.linalg.norm(feature + self._standoff * outward / np.linalg.norm(outward)))
 
     def loop(self) -> Loop:
@@ -272,6 +275,7 @@ class _Recorder:
             status=rows["estimator status"][:, 0].astype(np.intp),
             tumble=rows["estimator tumble.known"][:, 0] > 0,
             chaser=rows["target chaser.position"],
+            clearance=self._clearance,
             command=rows[f"controller {COMMAND}"],
             to_grapple=self._to_grapple,
             miss=self._miss,

@@ -34,11 +34,13 @@ def summary_of(loop: Loop) -> dict[str, Any]:
     """What came of a flight, in SI units; None where there is no value.
 
     The second half of the flight counts for errors and NEES, which is of 3 degrees of freedom; the last tenth for the
-    largest miss.
+    largest miss. untracked is for how long the estimator, once it had tracked the target, did not, untracked_since from
+    when on at last; nearest is to the centre of mass, nearest_feature to any feature.
     """
     half = slice(len(loop.time) // 2, None)
     known = loop.tracking[half]
     step = float(loop.time[0])
+    before = np.flatnonzero(loop.tracking)
 
     def first(flags: Any) -> float | None:
         return float(loop.time[np.argmax(flags)]) if flags.any() else None
@@ -55,12 +57,15 @@ def summary_of(loop: Loop) -> dict[str, Any]:
         "tumble_known_since": first(loop.tumble),
         "synchronised_since": first(loop.synchronised),
         "tracking_share": float(known.mean()),
+        "untracked": float((~loop.tracking[before[0] :]).sum() * step) if before.size else None,
+        "untracked_since": float(loop.time[before[-1] + 1]) if before.size and not loop.tracking[-1] else None,
         "position_rmse": rms(loop.error),
         "claimed_rmse": rms(loop.deviation),
         "mean_nees": float(loop.nees[half][known].mean()) if known.any() else None,
         "largest_miss": float(loop.miss[-max(1, len(loop.time) // 10) :].max()),
         "last_miss": float(loop.miss[-1]),
         "nearest": float(np.linalg.norm(loop.chaser, axis=1).min()),
+        "nearest_feature": float(loop.clearance.min()),
         "velocity_change": float(np.linalg.norm(loop.command, axis=1).sum() * step),
         "status": STATUSES[loop.status[-1]],
     }

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ import pytest
 from baryscope.estimator import FeatureTracks, estimate
 from baryscope.fmu.system import build_system
 from baryscope.models.errors import InputError
+from baryscope.models.sensor.navigation import STATUSES
 from baryscope.report.document import data_of
 from baryscope.scripts.cli.app import main
+from baryscope.scripts.cli.fly import _words
 from baryscope.study import report_of_loop
 from baryscope.study.loop import MOST_STEPS, fly_loop
 from baryscope.study.loop_files import loop_paths, summary_of, write_loop
@@ -39,6 +42,8 @@ def test_a_hold_on_estimates(held):
     assert held.miss[-100:].max() < 0.05
     assert found["velocity_change"] < 0.2
     np.testing.assert_allclose(np.linalg.norm(held.chaser - [0, -20, 0], axis=1), held.miss)
+    assert found["untracked"] < 10
+    assert found["untracked_since"] is None
 
 
 def test_tracks_and_truth_are_of_one_flight(held, envisat):
@@ -64,6 +69,7 @@ def test_an_approach_comes_to_the_feature(system):
     assert found["position_rmse"] < 0.005
     assert found["mean_nees"] < 3 + 4 * np.sqrt(6 / 5)
     assert np.linalg.norm(loop.command, axis=1).max() > 0.01
+    assert found["nearest_feature"] == pytest.approx(2.0, abs=0.05)  # the standoff, and nothing has come nearer
 
 
 @pytest.mark.filterwarnings("always:steps of")
@@ -89,6 +95,17 @@ def test_a_frame_that_does_not_fit_moves_no_goal(system):
     assert len(lost) == 1
     assert not loop.synchronised[lost + 1].any()
     np.testing.assert_array_equal(loop.miss[300:], loop.to_grapple[300:])
+
+
+@pytest.mark.parametrize(("until", "words"), [(350, "\n"), (400, ", at last since 301 s; the estimator is lost\n")])
+def test_a_chaser_that_is_told_nothing_any_more_is_told_of(held, until, words):
+    """Exit code 3 stood beside `tracking since`, and nothing said why the chaser had flown off."""
+    status = np.where(held.time < held.time[held.tracking][0], 1, STATUSES.index("tracking"))
+    status[300:until] = STATUSES.index("lost")
+    found = summary_of(replace(held, status=status))
+    assert found["untracked"] == until - 300
+    told = f"not tracking for {until - 300} s after that: the controller is told nothing"
+    assert told + words in "\n".join(_words(found))
 
 
 def test_files_hold_the_flight(held, tmp_path):
