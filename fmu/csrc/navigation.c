@@ -203,9 +203,11 @@ static void write_features(const Online *filter, double *values)
     double places[MOST_FEATURES][3], covariances[MOST_FEATURES][9];
     const int known = online_features(filter, names, places[0], covariances[0]);
     memset(values + AT_BODY_FEATURES, 0, 3 * N_FEATURES * sizeof *values);
+    memset(values + AT_BODY_COVARIANCES, 0, 6 * N_FEATURES * sizeof *values);
     memset(values + AT_BODY_KNOWN, 0, N_FEATURES * sizeof *values);
     for (int k = 0; k < known; k++) {
         memcpy(values + AT_BODY_FEATURES + 3 * names[k], places[k], sizeof places[k]);
+        write_upper(covariances[k], 3, values + AT_BODY_COVARIANCES + 6 * names[k]);
         values[AT_BODY_KNOWN + names[k]] = 1.0;
     }
 }

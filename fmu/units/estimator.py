@@ -136,6 +136,7 @@ _PLACES = {
     "AT_NOISE_RATIO": "noiseRatio",
     "AT_NOISE_LASTING": "noiseLasting",
     "AT_BODY_FEATURES": "body.features[1,1]",
+    "AT_BODY_COVARIANCES": "body.covariances[1,1]",
     "AT_BODY_KNOWN": "body.known[1]",
     "AT_PREDICTED": "predicted.position[1]",
     "AT_PREDICTED_COVARIANCE": "predicted.positionCovariance[1]",

@@ -132,6 +132,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("noiseRatio", "1", "Mean square of the residuals over the expected one", limits=NOT_NEGATIVE),
         shown("noiseLasting", "1", "How many samples have the same errors of the features", limits=NOT_NEGATIVE),
         shown("body.features", "m", "Features from the CoM, body axes; 0 if unknown", (n, 3)),
+        shown("body.covariances", "m2", "Covariances of body.features; 0 if unknown", (n, 6), axes=UPPER),
         shown("body.known", "1", "Whether the feature is in the map", (n,), boolean=True, per_feature=True),
         shown("predicted.attitude", "1", "target.attitude prediction.horizon ahead, if the tumble is known", (4,)),
         shown("predicted.position", "m", "The target's CoM prediction.horizon ahead, frame C", (3,)),

@@ -104,6 +104,9 @@ def test_it_is_the_filter_that_python_calls(watched, started):
     tumbles(unit, alone)
     known = alone.features()
     np.testing.assert_allclose(unit["body.features"].reshape(-1, 3)[known.names], known.position, atol=1e-6)
+    upper = known.covariance[:, UPPER[0], UPPER[1]]
+    found = unit["body.covariances"].reshape(-1, 6)[known.names]
+    np.testing.assert_allclose(found, upper, rtol=1e-3, atol=1e-3 * np.abs(upper).max())
     np.testing.assert_array_equal(np.flatnonzero(unit["body.known"]), np.sort(known.names))
 
 
