@@ -6,7 +6,7 @@ y completing them; pixel coordinates are relative to the principal point. An obs
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from baryscope.models.frames import Symbol
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 TINY = 1e-300  # m
+DEEPEST = 1e5  # baselines; no pair tells the depth of what is farther off
 FACING_TOLERANCE = 1e-12  # of a cosine, so that a feature exactly at the limit counts as seen
 
 
@@ -66,7 +67,7 @@ def project(rig: RectifiedRig, R_C_V: FloatArray, points_C: FloatArray) -> Float
 def triangulate(rig: RectifiedRig, R_C_V: FloatArray, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Positions (n, m, 3), m, and their covariances (n, m, 3, 3), m², in C, from pixels (n, m, 3).
 
-    The covariance is J Jᵀ σ² at the triangulated point, to first order. Both are NaN unless the disparity is above 0.
+    The covariance is J Jᵀ σ² at the triangulated point, to first order. Both are NaN unless the disparity tells depth.
     """
     position_V, spread_V = triangulated(rig, pixels)
     spread_C = R_C_V[:, None] @ spread_V
@@ -76,9 +77,9 @@ def triangulate(rig: RectifiedRig, R_C_V: FloatArray, pixels: FloatArray) -> tup
 def triangulated(rig: RectifiedRig, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points (n, m, 3) in V, m, from pixels (n, m, 3), and their derivatives by these times the pixel noise, J σ.
 
-    J σ (n, m, 3, 3) in m. Both are NaN unless the disparity is above 0.
+    J σ (n, m, 3, 3) in m. Both are NaN unless the disparity tells a depth.
     """
-    usable = np.where((pixels[..., 0] > pixels[..., 2])[..., None], pixels, np.nan)
+    usable = np.where(tells_depth(pixels[..., 0] - pixels[..., 2], rig.focal_length)[..., None], pixels, np.nan)
     return _of_each(_triangulation(), usable, rig), _of_each(_spread(), usable, rig)
 
 
@@ -135,6 +136,11 @@ def triangulation(pixels: Symbol, focal_length: Symbol, baseline: Symbol) -> Sym
     """Z = f B/(u_l − u_r), X = Z u_l/f, Y = Z v_l/f."""
     u_l, v_l, u_r = ca.vertsplit(pixels)
     return baseline / (u_l - u_r) * ca.vertcat(u_l, v_l, focal_length)
+
+
+def tells_depth(disparity: Any, focal_length: Any) -> Any:
+    """Whether a disparity (px, array or symbol) is of a point nearer than DEEPEST: beyond, covariances lose bounds."""
+    return DEEPEST * disparity > focal_length
 
 
 def spread(pixels: Symbol, focal_length: Symbol, baseline: Symbol, noise: Symbol) -> Symbol:

@@ -42,8 +42,8 @@ _EQUATIONS = (
     "Pixels: f X/Z, f Y/Z and f (X - B)/Z, each with normal noise of camera.pixelNoise, from the corner of the images. "
     "Points are triangulated from the noisy pixels; their covariance is that of the pixels to first order, there.",
     "A feature is seen while it faces the camera (visibility.maxIncidence), is in range, lies before the camera and in "
-    "both images with a disparity above 0, the target is lit (more than half of the Sun's disc is over the limb of the "
-    "sphere sun.shadowRadius), and it is not dropped.",
+    "both images with a disparity that tells a depth (below 1e5 baselines), the target is lit (more than half of the "
+    "Sun's disc is over the limb of the sphere sun.shadowRadius), and it is not dropped.",
     "Blunders, a share of all observations, are displaced by a normal vector of rms length outliers.size. The measured "
     "attitude is turned by normal angles of camera.attitudeNoise about the camera's axes.",
     "Random numbers are Philox4x64-10 of (seed, purpose) and (k + 1, feature): each draw depends on nothing else, so "

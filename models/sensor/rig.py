@@ -22,6 +22,7 @@ from baryscope.models.stereo import (
     image_margins,
     projection,
     spread,
+    tells_depth,
     triangulation,
 )
 from baryscope.models.variables import BELOW_ONE, CAMERA, NOT_NEGATIVE, UPPER, Kind, Variable
@@ -100,7 +101,7 @@ def _sight(
     distance = ca.norm_2(true_V)
     conditions = [
         there_V[2] > 0,
-        pixels[0] > pixels[2],
+        tells_depth(pixels[0] - pixels[2], f),
         *(ca.logic_or(size == 0, margin >= 0) for size, margin in zip(sizes, ca.vertsplit(margins), strict=True)),
         facing_cosine(true_V, normal_V) >= ca.cos(given["visibility.maxIncidence"]) - FACING_TOLERANCE,
         distance >= given["visibility.minRange"],

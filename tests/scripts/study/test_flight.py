@@ -1,8 +1,9 @@
-"""Flights with thrust noise: its density, its seed, and that nothing else changes."""
+"""Flights: the density of thrust noise, its seed, and that nothing else changes; cameras at the end of their range."""
 
 import numpy as np
 import pytest
 
+from baryscope.models.scenario import Sensor, StereoRig
 from baryscope.study import fly
 from baryscope.study.flight import thrust
 
@@ -42,3 +43,15 @@ def test_noise_moves_the_chaser_and_leaves_the_sensors_draws(short, envisat_fmu)
     again = fly(noisy(short), envisat_fmu)
     assert np.array_equal(again.true_path, shaken.true_path)
     assert not np.array_equal(fly(noisy(short, seed=2), envisat_fmu).true_path, shaken.true_path)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_pair_of_cameras_tells_no_depth_from_hardly_any_disparity(short, seed):
+    """At 2 km a disparity of 1 px has noise of 0.7 px; covariances beyond 1e18 m² were refused as wrong input."""
+    chaser = short.chaser.model_copy(update={"position": (0.0, -2000.0, 0.0)})
+    sensor = Sensor(stereo=StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5))
+    run = short.run.model_copy(update={"duration": 1500.0, "sample_time": 1.0, "seed": seed})
+    tracks = fly(short.model_copy(update={"chaser": chaser, "sensor": sensor, "run": run})).tracks
+    depth = np.linalg.norm(tracks.position[tracks.seen], axis=1)
+    assert 1e4 < depth.max() < 1.1e5
+    assert tracks.seen.any(axis=0).sum() > 8
