@@ -248,31 +248,36 @@ static bool write_outputs(const Model *model, double *values, double time)
 
 /* ---- the unit ---- */
 
+/* Begin again with nothing known but what commands have done. */
+static void begin_again(Model *model, double *values, double time)
+{
+    const OnlineOptions options = model->filter.options;
+    online_start(&model->filter, &options);
+    memset(values + AT_OUTPUTS, 0, N_OUTPUTS * sizeof *values);
+    write_outputs(model, values, time);
+}
+
 static void model_start(Model *model, double *values, double time)
 {
-    OnlineOptions options = {values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE],
-                             INFINITY, values[AT_ON_ORBIT], {0.0}}; /* the end of the step bounds the time of a sample */
-    memcpy(options.elements, values + AT_ORBIT, sizeof options.elements);
-    online_start(&model->filter, &options);
+    OnlineOptions *options = &model->filter.options;
+    *options = (OnlineOptions){values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE],
+                               INFINITY, values[AT_ON_ORBIT], {0.0}}; /* the end of the step bounds the time of a sample */
+    memcpy(options->elements, values + AT_ORBIT, sizeof options->elements);
     model->started = time;
     model->attitude[0] = 1.0;
     model->count = 1;
-    memset(values + AT_OUTPUTS, 0, N_OUTPUTS * sizeof *values);
-    write_outputs(model, values, 0.0);
+    begin_again(model, values, 0.0);
 }
 
 static void model_tune(Model *model, const double *values) { (void)model, (void)values; /* steps read the horizon */ }
 
+/* Where the filter ends with numbers that are none, as on an open orbit, it begins again: a unit on board goes on. */
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
-    const Model before = *model;
-    double outputs[N_OUTPUTS];
-    memcpy(outputs, values + AT_OUTPUTS, sizeof outputs);
     remember(model, values, time - model->started, next - model->started);
     if (is_due(model, values, next, message)) take_sample(model, values, message);
     if (write_outputs(model, values, next - model->started)) return true;
-    *model = before;
-    memcpy(values + AT_OUTPUTS, outputs, sizeof outputs);
-    snprintf(message, MESSAGE_SIZE, "the filter has no finite state at %.17g s: points of other than metres?", next);
-    return false;
+    leave_out(model, NO_STATE, message, "the filter has no finite state at %.17g s: it begins again", next);
+    begin_again(model, values, next - model->started);
+    return true;
 }

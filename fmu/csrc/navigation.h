@@ -12,8 +12,8 @@ typedef struct {
     double time, moved[6]; /* s; m, m/s in C: by what commands have moved the chaser here since the point before */
 } Past;
 
-/* Why a sample, or a point of one, is left out. */
-typedef enum { OLD_NUMBER, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, N_FAULTS } Fault;
+/* Why a sample, or a point of one, is left out, or all that was known. */
+typedef enum { OLD_NUMBER, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, NO_STATE, N_FAULTS } Fault;
 
 typedef struct {
     Online filter;

@@ -19,6 +19,7 @@ from baryscope.models.variables import AXES, CAMERA, LVLH, NOT_NEGATIVE, UPPER, 
 STATUSES = ("waiting", "starting", "tracking", "doubtful", "lost")
 """The values of `status`, from 0; those of the online estimator."""
 POSITIVE = (1e-12, inf)
+FARTHEST_AHEAD = 1e6  # s; farther on numbers overflow
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         *(orbit[name] for name in PARAMETERS),
         Variable(
             "prediction.horizon", PAR, "s", "How far ahead predicted.position is, without thrust", tunable=True,
-            limits=NOT_NEGATIVE,
+            limits=(0.0, FARTHEST_AHEAD),
         ),
         shown("target.position", "m", "The target's CoM, frame C (chaser, inertial axes)", (3,)),
         shown("target.velocity", "m/s", "Velocity of the target's CoM, frame C", (3,)),
@@ -156,5 +157,5 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
         positive("filter.offset", ""),
         positive("filter.speed", " m/s"),
         *orbit_checks(Elements.named(given)),
-        check("prediction.horizon", "at least 0 s", ahead >= 0),
+        check("prediction.horizon", f"0 to {FARTHEST_AHEAD:g} s", ca.logic_and(ahead >= 0, ahead <= FARTHEST_AHEAD)),
     )

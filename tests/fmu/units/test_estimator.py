@@ -311,6 +311,31 @@ def test_a_sample_that_cannot_be_is_said_and_spoils_no_other(started, spoil, wor
     assert words in message
 
 
+def test_it_begins_again_where_it_has_no_finite_state(started):
+    """Points that fly by at 20 km/s: no orbit is closed there. A unit on board goes on, and tracks what comes then."""
+    rng, body = np.random.default_rng(3), np.random.default_rng(2).uniform(-2, 2, (COUNT, 3))
+    unit = started("estimator", filter__speed=1e5)
+    for k in range(250):
+        R = Rotation.from_euler("ZXZ", [0.08 * k, 0.7, 0.05 * k]).as_matrix()
+        away = 20.0 + (2e4 * k if k < 10 else 0.0)
+        unit["points"] = [0.0, 0.0, away] + body @ R.T + 0.01 * rng.normal(size=(COUNT, 3))
+        unit["seen"], unit["sample.time"], unit["sample.number"] = np.ones(COUNT), float(k), k + 1
+        unit.step()
+        assert np.isfinite(unit["target.position"]).all()
+    said = [message for message in unit.messages if "has no finite state" in message]
+    assert len(said) == 1
+    assert "it begins again" in said[0]
+    assert unit["navigation.valid"].all()
+    assert np.linalg.norm(unit["target.position"] - [0.0, 0.0, 20.0]) < 0.1
+
+
+@pytest.mark.parametrize("horizon", [1e7, -1.0])
+def test_predictions_have_an_end(started, horizon):
+    """At 1e12 s all numbers had overflowed, and the message spoke of points of other than metres."""
+    unit = started("estimator")
+    unit.refused(lambda: unit.set("prediction.horizon", horizon), f"found value {horizon:g}, expected 0 to 1e+06 s")
+
+
 def test_python_warns_of_what_a_unit_has_left_out(units):
     sample = {"points": np.ones((COUNT, 3)), "seen": np.ones(COUNT), "sample.number": 1.0, "sample.time": 1e9}
     with UnitSession(units["estimator"]) as unit:
