@@ -165,6 +165,10 @@ static void take_sample(Model *model, const double *values, char *message)
         return;
     }
     model->samples += 1.0;
+    for (int k = 0; k < 3; k++) {
+        model->sight[k] = 0.0;
+        for (int i = 0; i < count; i++) model->sight[k] += points[i][k] / count;
+    }
     if (model->filter.frames == 0.0 || model->filter.registered != time) return;
     write_quaternion(model->filter.attitude, model->attitude);
 }
@@ -220,6 +224,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     static const double none[3];
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
+    memcpy(values + AT_SIGHT, model->sight, sizeof model->sight);
     write_tumble(model, values, time);
     if (model->filter.frames == 0.0) return true;
     Online filter = model->filter;

@@ -32,6 +32,7 @@ _LINKS = (
     ("estimator", "target.inertia", "controller", "target.inertia"),
     ("estimator", "body.features", "controller", "grapple.point"),
     ("estimator", "navigation.valid", "controller", "navigation.valid"),
+    ("estimator", "sight.position", "controller", "sight.position"),
     ("controller", "camera.attitude", "rig", "camera.attitude"),
     ("controller", "command.acceleration", "plant", "chaser.acceleration"),
     ("controller", "command.acceleration", "estimator", "chaser.acceleration"),

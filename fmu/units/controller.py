@@ -48,7 +48,7 @@ _USE = (
     "command.steps is 0; thrusters that wait have command.delay. It is computed for the middle of the step in which it "
     "acts: till then the body tumbles on, and the chaser with it.",
     "While navigation.valid is false the command is zero, and other outputs are those of a chaser at hold.position; "
-    "but camera.attitude looks at target.position, unless that is zero.",
+    "but camera.attitude looks at sight.position, or while that is zero at target.position, unless that is, too.",
     "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",
 )
 

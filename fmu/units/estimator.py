@@ -131,6 +131,7 @@ _PLACES = {
     "AT_PREDICTED_ATTITUDE": "predicted.attitude[1]",
     "AT_VALID": "navigation.valid",
     "AT_STATUS": "status",
+    "AT_SIGHT": "sight.position[1]",
     "AT_SAMPLES": "samples",
     "AT_PROCESS_NOISE": "processNoise",
     "AT_NOISE_RATIO": "noiseRatio",

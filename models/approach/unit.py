@@ -66,7 +66,7 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
     elements = Elements.named(parameters)
     true_anomaly = true_anomaly_after(time, elements)
     orbit, R_I_L = conic(elements.ellipse, true_anomaly), rotation_I_L(elements.R_I_P, true_anomaly)
-    seen, inputs = inputs["target.position"], _believed(orbit, R_I_L, inputs, parameters)
+    looked, inputs = _looked_at(inputs), _believed(orbit, R_I_L, inputs, parameters)
     position_L = -R_I_L.T @ inputs["target.position"]
     velocity_L = -R_I_L.T @ inputs["target.velocity"] - ca.cross(_spin(orbit), position_L)
     body = _Body.told(R_I_L, inputs)
@@ -94,7 +94,7 @@ def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str
         "keepOut.distance": ca.norm_2(position_L) - limits.radius,
         "corridor.inside": in_corridor(position_L, goal, limits),
         "goal.synchronised": goal.turns,
-        "camera.attitude": quaternion_from_rotation(_view(seen, R_I_L, parameters)),
+        "camera.attitude": quaternion_from_rotation(_view(looked, R_I_L, parameters)),
     }
 
 
@@ -115,6 +115,16 @@ def _believed(
     }
     valid = inputs["navigation.valid"]
     return dict(inputs) | {name: ca.if_else(valid, inputs[name], other) for name, other in others.items()}
+
+
+def _looked_at(inputs: Mapping[str, Symbol]) -> Symbol:
+    """What the camera looks at: the CoM, but where that is not valid the place at which features were seen, if ever.
+
+    A filter that does not track yet may be wrong about the velocity, and carries the CoM out of view.
+    """
+    seen = inputs["sight.position"]
+    other = ca.logic_and(ca.logic_not(inputs["navigation.valid"]), ca.norm_2(seen) > DIRECTED)
+    return ca.if_else(other, seen, inputs["target.position"])
 
 
 def _view(seen: Symbol, R_I_L: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
@@ -220,6 +230,7 @@ def approach_table() -> tuple[Variable, ...]:
             "navigation.valid", IN, "1", "Whether the inputs may be used; else there is no command",
             boolean=True, discrete=True,
         ),
+        Variable("sight.position", IN, "m", "Where the target was seen last, frame C; 0: never", (3,)),
         Variable("grapple.point", IN, "m", "Grapple point from the CoM, body axes; 0 if unknown", (3,)),
         Variable("grapple.direction", IN, "1", "Direction outwards there, body axes; 0: away from the CoM", (3,)),
         *(orbit[name] for name in PARAMETERS),

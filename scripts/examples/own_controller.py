@@ -18,7 +18,7 @@ Vector = NDArray[np.float64]
 
 INPUTS = {  # frames as in docs/unit.md: C is inertial with the chaser in its origin, B the body
     "target.position": 3, "target.velocity": 3, "target.attitude": 4, "target.angularRate": 3, "target.inertia": 6,
-    "grapple.point": 3,
+    "grapple.point": 3, "sight.position": 3,
 }  # fmt: skip
 OUTPUTS = {"command.acceleration": 3, "camera.attitude": 4}
 ELEMENTS = ("semiMajorAxis", "eccentricity", "inclination", "raan", "argumentOfPeriapsis", "trueAnomaly0")
@@ -77,8 +77,10 @@ class OwnController(Fmi2Slave):
             late = R @ (push + 1.5 * step * np.cross(rate, push))  # the body turns on till the middle of that step
             command = lvlh([told[name][0] for name in ORBIT], time).T @ late
         told["command.acceleration"][:] = command
-        if told["target.position"].any():
-            told["camera.attitude"][:] = looking(told["target.position"])
+        valid = told["navigation.valid"][0] or not told["sight.position"].any()
+        looked_at = told["target.position" if valid else "sight.position"]
+        if looked_at.any():
+            told["camera.attitude"][:] = looking(looked_at)
         return True
 
     def field(self, place: Vector) -> Vector:

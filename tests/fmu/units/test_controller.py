@@ -219,7 +219,7 @@ def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
     controller.fmu.freeInstance()
 
 
-def test_the_camera_looks_at_the_target_or_where_it_will_be(controller_fmu, tmp_path, small):
+def test_the_camera_looks_at_the_target_where_it_was_seen_or_where_it_will_be(controller_fmu, tmp_path, small):
     """z ahead, x normal to the orbit's normal; with all inputs zero, as in some masters' first step, from hold."""
     controller = Controller(controller_fmu, tmp_path / "controller", hold__position=[0.0, -20.0, 0.0])
     orbit = small.orbit
@@ -244,4 +244,8 @@ def test_the_camera_looks_at_the_target_or_where_it_will_be(controller_fmu, tmp_
         np.testing.assert_allclose(R[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
         np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)
         assert np.linalg.det(R) == pytest.approx(1.0)
+    controller["sight.position"] = seen = np.array([1.0, 2.0, 2.0])  # an estimate that is not valid may be far from it
+    np.testing.assert_allclose(axes()[:, 2], seen / 3.0, atol=1e-9)
+    controller["navigation.valid"] = True
+    np.testing.assert_allclose(axes()[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
     controller.fmu.freeInstance()

@@ -221,8 +221,9 @@ def test_samples_that_are_no_news_change_nothing(started):
     second["sample.time"], second["seen"], second["sample.number"] = 31.0, np.zeros(COUNT), 51
     for one in (first, second):
         one.step()
-    for name in ("target.position", "target.positionCovariance", "status", "samples"):
+    for name in ("target.position", "target.positionCovariance", "status", "samples", "sight.position"):
         np.testing.assert_array_equal(first[name], second[name])
+    np.testing.assert_allclose(first["sight.position"], points.mean(axis=0))
 
 
 def test_while_it_is_lost_nothing_is_valid_and_another_map_goes_on_with_the_path(started):
