@@ -1,6 +1,6 @@
 """Rotation of a rigid target: Euler's equation, (1) of the paper, for a full inertia tensor; energy and momentum."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -40,7 +40,12 @@ def inertia_tensor(parameters: Mapping[str, Symbol]) -> Symbol:
 
 def symmetric_tensor(parameters: Mapping[str, Symbol], name: str) -> Symbol:
     """A symmetric tensor from the six parameters `name`.xx to `name`.yz."""
-    xx, yy, zz, xy, xz, yz = (parameters[f"{name}.{axes}"] for axes in AXES)
+    return symmetric_matrix([parameters[f"{name}.{axes}"] for axes in AXES])
+
+
+def symmetric_matrix(elements: Sequence[Symbol]) -> Symbol:
+    """A symmetric 3 × 3 matrix from its six elements in the order of AXES."""
+    xx, yy, zz, xy, xz, yz = elements
     return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
 
 

@@ -18,6 +18,11 @@ def cross_matrix(v: Symbol) -> Symbol:
     return ca.skew(v)
 
 
+def normalised(v: Symbol) -> Symbol:
+    """A vector or quaternion over its length."""
+    return v / ca.norm_2(v)
+
+
 def rotation_from_quaternion(q: Symbol) -> Symbol:
     """R of a unit quaternion (w, x, y, z)."""
     w, v = q[0], q[1:]

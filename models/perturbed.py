@@ -22,7 +22,7 @@ from baryscope.models.forces import (
     zonal_gravity,
     zonal_strength,
 )
-from baryscope.models.frames import Symbol
+from baryscope.models.frames import Symbol, normalised
 from baryscope.models.keplerian import Elements, conic
 from baryscope.models.variables import Force, Forces
 
@@ -37,8 +37,7 @@ def constants_of(parameters: Values, forces: Forces) -> dict[str, Symbol]:
         j2, radius = parameters["orbit.j2"], parameters["orbit.equatorialRadius"]
         constants["zonal"] = zonal_strength(constants["mu"], j2, radius)
     if Force.LIGHT in forces:
-        direction = parameters["sun.direction"]
-        constants["sun"] = direction / ca.norm_2(direction)
+        constants["sun"] = normalised(parameters["sun.direction"])
     if Force.EDDY_CURRENTS in forces:
         constants["magnetic_tensor"] = symmetric_tensor(parameters, "target.magneticTensor")
     copied = [
@@ -84,8 +83,7 @@ def motion_rates(part: Symbol, acceleration_L: Symbol, constants: Values, forces
 
 def lvlh_axes(r: Symbol, v: Symbol) -> Symbol:
     """R_I_L at a position and velocity from the centre."""
-    up, normal = r / ca.norm_2(r), ca.cross(r, v)
-    normal = normal / ca.norm_2(normal)
+    up, normal = normalised(r), normalised(ca.cross(r, v))
     return ca.horzcat(up, ca.cross(normal, up), normal)
 
 

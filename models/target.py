@@ -41,6 +41,7 @@ from baryscope.models.frames import (
     Symbol,
     conjugate,
     moved,
+    normalised,
     pose,
     quaternion_product,
     quaternion_rate,
@@ -137,7 +138,7 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
 
     gravity_gradient = parameters["gravityGradient"]
     part = x[attitude_part]
-    exact = Form.plain(rotation_from_quaternion(_unit(part[:4])))
+    exact = Form.plain(rotation_from_quaternion(normalised(part[:4])))
     forms = {"free": None, "exact": exact}
     attitude = {how: _attitude_rates(part, inputs, constants, form, forces) for how, form in forms.items()}
     orbit = _orbit_rates(x[orbit_part], inputs, constants, forces)
@@ -147,7 +148,7 @@ def tumbling_target(feature_count: int, forces: Forces = NO_FORCES) -> TumblingT
     values = _output_values(x, parameters, constants, forces)
     every = [_flat(values[v.name]) for v in table if v.kind == Kind.OUTPUT]
     y, y_rest = ca.vertcat(*every), ca.vertcat(*every[2:])  # features and normals are the first
-    z = pose(values["target.position"], rotation_from_quaternion(_unit(x[:4])))
+    z = pose(values["target.position"], rotation_from_quaternion(normalised(x[:4])))
 
     def of_parameters(expression: Symbol) -> Symbol:
         return ca.substitute(expression, c, constants_of_p(p))
@@ -307,12 +308,8 @@ def _place(true_anomaly: Symbol, constants: Mapping[str, Symbol]) -> tuple[Conic
     return conic(ellipse, true_anomaly), rotation_I_L(constants["R_I_P"], true_anomaly)
 
 
-def _unit(q: Symbol) -> Symbol:
-    return q / ca.norm_2(q)
-
-
 def _initial_state(parameters: Mapping[str, Symbol], forces: Forces) -> Symbol:
-    attitude = ca.vertcat(_unit(parameters["target.attitude0"]), parameters["target.angularRate0"])
+    attitude = ca.vertcat(normalised(parameters["target.attitude0"]), parameters["target.angularRate0"])
     if forces:
         return ca.vertcat(attitude, perturbed.initial_motion(parameters, forces))
     return ca.vertcat(
@@ -371,7 +368,7 @@ def _output_values(
 ) -> dict[str, Symbol]:
     q_I_B, rate_B, part = ca.vertsplit(x, [0, 4, PLACE_START, x.numel()])
     J = constants["inertia"]
-    q_I_B = _unit(q_I_B)
+    q_I_B = normalised(q_I_B)
     R_I_B = rotation_from_quaternion(q_I_B)
     motion = perturbed.outputs(part, constants, forces) if forces else _motion_outputs(part, constants)
     features, normals = (parameters[f"target.{name}"] for name in ("features", "normals"))

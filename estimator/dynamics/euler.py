@@ -20,7 +20,7 @@ from baryscope.models.attitude import (
 )
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.ephemeris.dormand_prince import step
-from baryscope.models.frames import quaternion_rate, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import quaternion_product, quaternion_rate, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import Elements, conic, true_anomaly_after
 
 FloatArray = NDArray[np.float64]
@@ -125,7 +125,7 @@ def _linearised_rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
     """Jacobian (6, 11) of the rates of rotation vector and angular rate by rotation vector, angular rate, inertia."""
     q, w = x[:4], x[4:7]
     turn, change = ca.SX.sym("turn", 3), ca.SX.sym("change", 5)
-    turned = ca.vertcat(_product(ca.vertcat(1, turn / 2), q), x[4:])
+    turned = ca.vertcat(quaternion_product(ca.vertcat(1, turn / 2), q), x[4:])
     inertia = c[:9] + ca.DM(INERTIA_BASIS.reshape(5, 9).T) @ change
     acceleration = _rates(turned, ca.vertcat(inertia, c[9:]), gravity_gradient)[4:7]
     rates = ca.vertcat(rotation_from_quaternion(q) @ w, acceleration)
@@ -150,8 +150,3 @@ def _rates(x: ca.SX, c: ca.SX, gravity_gradient: bool) -> ca.SX:
         torque = gravity_gradient_torque(J, rotation_from_quaternion(q).T @ R_I_L[:, 0], place.stiffness)
         anomaly_rate = place.anomaly_rate
     return ca.vertcat(quaternion_rate(q, w), angular_acceleration(J, symmetric_inverse(J), w, torque), anomaly_rate)
-
-
-def _product(p: ca.SX, q: ca.SX) -> ca.SX:
-    """The quaternion product p ⊗ q, scalar first."""
-    return ca.vertcat(p[0] * q[0] - ca.dot(p[1:], q[1:]), p[0] * q[1:] + q[0] * p[1:] + ca.cross(p[1:], q[1:]))

@@ -13,9 +13,9 @@ from typing import Self
 import casadi as ca
 
 from baryscope.models.approach.guidance import Goal, Limits, Motion, commanded, glide_velocity, in_corridor
-from baryscope.models.attitude import angular_acceleration, symmetric_inverse
+from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_matrix
 from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
-from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_anomaly_after
 from baryscope.models.relative_motion import relative_acceleration
 from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, Kind, Variable, variable_table
@@ -135,9 +135,9 @@ def _view(seen: Symbol, R_I_L: Symbol, parameters: Mapping[str, Symbol]) -> Symb
     held = -R_I_L @ parameters["hold.position"]
     looked = ca.if_else(ca.norm_2(held) > DIRECTED, held, R_I_L[:, 0])
     looked = ca.if_else(ca.norm_2(seen) > DIRECTED, seen, looked)
-    z = _unit(looked)
+    z = normalised(looked)
     across = ca.if_else(ca.fabs(ca.dot(R_I_L[:, 2], z)) < ALONG, R_I_L[:, 2], R_I_L[:, 0])
-    x = _unit(ca.cross(across, z))
+    x = normalised(ca.cross(across, z))
     return ca.horzcat(x, ca.cross(z, x), z)
 
 
@@ -158,10 +158,9 @@ class _Body:
     @classmethod
     def told(cls, R_I_L: Symbol, inputs: Mapping[str, Symbol]) -> Self:
         """As the inputs tell; of a sphere where they do not know the inertia."""
-        xx, yy, zz, xy, xz, yz = ca.vertsplit(inputs["target.inertia"])
-        J = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+        J = symmetric_matrix(ca.vertsplit(inputs["target.inertia"]))
         known = ca.trace(J) > 0
-        R_L_B = R_I_L.T @ rotation_from_quaternion(_unit(inputs["target.attitude"]))
+        R_L_B = R_I_L.T @ rotation_from_quaternion(normalised(inputs["target.attitude"]))
         return cls(R_L_B, inputs["target.angularRate"], ca.if_else(known, J, ca.SX.eye(3)), known)
 
     def tumble(self, rate: Symbol) -> Symbol:
@@ -183,7 +182,7 @@ def _goal(body: _Body, orbit: Conic, inputs: Mapping[str, Symbol], parameters: M
     apex_B, told = inputs["grapple.point"], inputs["grapple.direction"]
     turns = ca.logic_and(parameters["synchronised"], ca.logic_and(body.known, ca.norm_2(apex_B) > DIRECTED))
     outward = ca.if_else(ca.norm_2(apex_B) > DIRECTED, apex_B, ca.SX([1, 0, 0]))
-    axis_B = _unit(ca.if_else(ca.norm_2(told) > DIRECTED, told, outward))
+    axis_B = normalised(ca.if_else(ca.norm_2(told) > DIRECTED, told, outward))
     before_B = apex_B + parameters["grapple.standoff"] * axis_B
     spin, rate_L = _spin(orbit), body.R_L_B @ body.rate
     turning_rate = body.R_L_B @ body.tumble(body.rate) - ca.cross(spin, rate_L)
@@ -203,10 +202,6 @@ def _turned(vector: Symbol, by: Symbol) -> Symbol:
     angle = ca.sqrt(ca.dot(by, by) + SMALLEST_TURN**2)
     across = ca.cross(by, vector)
     return vector + ca.sin(angle) / angle * across + 2 * (ca.sin(angle / 2) / angle) ** 2 * ca.cross(by, across)
-
-
-def _unit(vector: Symbol) -> Symbol:
-    return vector / ca.norm_2(vector)
 
 
 def approach_table() -> tuple[Variable, ...]:

@@ -12,7 +12,7 @@ from math import inf
 import casadi as ca
 
 from baryscope.models.checks import Check, CheckSet, orbit_checks
-from baryscope.models.frames import Symbol, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
+from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Elements, true_anomaly_after
 from baryscope.models.variables import AXES, CAMERA, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
 
@@ -58,7 +58,7 @@ def navigation_system(feature_count: int) -> NavigationSystem:
 
 def _point() -> ca.Function:
     q, arm, point, upper = (ca.SX.sym(name, size) for name, size in (("q", 4), ("arm", 3), ("p", 3), ("P", 6)))
-    R_C_V = rotation_from_quaternion(q / ca.norm_2(q))
+    R_C_V = rotation_from_quaternion(normalised(q))
     places = [(i, j) for i in range(3) for j in range(i, 3)]
     covariance = ca.SX(3, 3)
     for value, (i, j) in zip(ca.vertsplit(upper), places, strict=True):

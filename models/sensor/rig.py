@@ -14,7 +14,7 @@ import casadi as ca
 
 from baryscope.models.checks import UNIT_TOLERANCE, Check, CheckSet
 from baryscope.models.forces import Sunlight, sunlit_share
-from baryscope.models.frames import Symbol, quaternion_product, rotation_from_quaternion
+from baryscope.models.frames import Symbol, normalised, quaternion_product, rotation_from_quaternion
 from baryscope.models.sensor.draws import normals_of
 from baryscope.models.stereo import (
     FACING_TOLERANCE,
@@ -64,7 +64,7 @@ def stereo_system(feature_count: int) -> StereoSystem:
     point, normal = ca.SX.sym("point", 3), ca.SX.sym("normal", 3)
     draws = [ca.SX.sym(name, 4) for name in ("noise", "fate", "blunder")]
     position, sun, radius = ca.SX.sym("position", 3), ca.SX.sym("sun", 3), ca.SX.sym("radius")
-    share = sunlit_share(position, Sunlight(sun / ca.norm_2(sun), ca.SX(0), radius))
+    share = sunlit_share(position, Sunlight(normalised(sun), ca.SX(0), radius))
     return StereoSystem(
         variables=table,
         sight=ca.Function("rig_sight", [point, normal, q, p, *draws], _sight(point, normal, q, given, draws)),
@@ -84,7 +84,7 @@ def _sight(
 ) -> list[Symbol]:
     noise, fate, blunder = draws
     f, baseline, sigma = given["camera.focalLength"], given["camera.baseline"], given["camera.pixelNoise"]
-    R_C_V = rotation_from_quaternion(q / ca.norm_2(q))
+    R_C_V = rotation_from_quaternion(normalised(q))
     arm = given["camera.leverArm"]
     true_V, normal_V = R_C_V.T @ point_C - arm, R_C_V.T @ normal_C
     wrong = ca.if_else(fate[1] < given["outliers.share"], 1, 0)
@@ -119,7 +119,7 @@ def _attitude(q: Symbol, p: Symbol, given: Mapping[str, Symbol]) -> ca.Function:
     """q ⊗ (1, θ/2), normalised: θ about the camera's axes, normal, to second order a turn by θ."""
     u = ca.SX.sym("u", 4)
     turned = quaternion_product(q, ca.vertcat(1, given["camera.attitudeNoise"] / 2 * normals_of(u)))
-    return ca.Function("rig_attitude", [q, p, u], [turned / ca.norm_2(turned)])
+    return ca.Function("rig_attitude", [q, p, u], [normalised(turned)])
 
 
 def rig_table(feature_count: int) -> tuple[Variable, ...]:
