@@ -147,6 +147,11 @@ def principal_axes(J: Symbol) -> Symbol:
     return q_B_D
 
 
+def moments_about(J: Symbol, R_B_D: Symbol) -> Symbol:
+    """The moments (3,) of a symmetric J in B about the axes D: its eigenvalues if these are the principal ones."""
+    return ca.diag(R_B_D.T @ J @ R_B_D)
+
+
 def gravity_gradient_torque(inertia_B: Symbol, up_B: Symbol, stiffness: Symbol) -> Symbol:
     """3 μ/r³ û × J û, N m in B: û the unit vector from the Earth's centre to the target, in B; stiffness μ/r³, 1/s²."""
     return 3 * stiffness * ca.cross(up_B, inertia_B @ up_B)

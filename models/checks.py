@@ -12,11 +12,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.models.attitude import inertia_tensor, symmetric_tensor
-from baryscope.models.frames import Symbol
+from baryscope.models.attitude import inertia_tensor, moments_about, principal_axes, symmetric_tensor
+from baryscope.models.frames import Symbol, rotation_from_quaternion
 from baryscope.models.keplerian import Elements
 from baryscope.models.variables import TOLERANCES
 
+SINGULAR = 1e-14  # of the trace of J: a smaller moment is rounding
 TRIANGLE_TOLERANCE = 1e-9  # of the trace of J: a flat plate has I₁ + I₂ = I₃ exactly
 COLLINEAR_TOLERANCE = 1e-8  # of the squared trace of the features' scatter
 TINY = 1e-300  # keeps the number in a message from a division by zero
@@ -94,14 +95,10 @@ def parameter_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
 def _inertia_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     """J is positive definite and no principal moment exceeds the sum of the others.
 
-    The second condition means that ½ tr(J) 1 − J, the second moments of mass, has no negative eigenvalue. Both are
-    decided by the coefficients of the characteristic polynomial: all are positive if and only if all eigenvalues are.
+    The second condition means that ½ tr(J) 1 − J, the second moments of mass, has no negative eigenvalue.
     """
     J = inertia_tensor(parameters)
-    trace, minors, determinant = _invariants(J)
-    moments = ca.trace(J) / 2 * ca.SX.eye(3) - J + TRIANGLE_TOLERANCE * ca.trace(J) * ca.SX.eye(3)
-    mass_trace, mass_minors, mass_determinant = _invariants(moments)
-    smallest, largest = _extreme_eigenvalues(J)
+    trace, (smallest, largest) = ca.trace(J), _extreme_eigenvalues(J)
     return (
         Check(
             "target.inertia",
@@ -109,7 +106,7 @@ def _inertia_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
             "a positive definite tensor (all principal moments above 0 kg m²)",
             "smallest principal moment",
             smallest,
-            ca.fmin(trace, ca.fmin(minors, determinant)),
+            smallest - SINGULAR * trace,
         ),
         Check(
             "target.inertia",
@@ -117,7 +114,7 @@ def _inertia_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
             "no principal moment larger than the sum of the other two (triangle inequality)",
             "largest principal moment over the sum of the others",
             largest / (trace - largest),
-            ca.fmin(mass_trace, ca.fmin(mass_minors, mass_determinant)),
+            (1 / 2 + TRIANGLE_TOLERANCE) * trace - largest,
         ),
     )
 
@@ -126,7 +123,9 @@ def _feature_checks(parameters: Mapping[str, Symbol]) -> tuple[Check, ...]:
     features, normals = parameters["target.features"], parameters["target.normals"]
     count = features.shape[0]
     centred = features - ca.repmat(ca.sum1(features) / count, count, 1)
-    trace, minors, _ = _invariants(centred.T @ centred)
+    scatter = centred.T @ centred
+    trace = ca.trace(scatter)
+    minors = (trace**2 - ca.trace(scatter @ scatter)) / 2  # sum of the principal ones of 2 × 2
     worst = ca.mmax(ca.fabs(ca.sqrt(ca.sum2(normals**2)) - 1))
     return (
         Check(
@@ -263,18 +262,7 @@ def state_checks(attitude: Symbol, place: Symbol) -> tuple[Check, ...]:
     )
 
 
-def _invariants(matrix: Symbol) -> tuple[Symbol, Symbol, Symbol]:
-    """Trace, sum of the principal 2 × 2 minors, determinant: positive for a positive definite matrix."""
-    trace = ca.trace(matrix)
-    minors = (trace**2 - ca.trace(matrix @ matrix)) / 2
-    return trace, minors, ca.det(matrix)
-
-
 def _extreme_eigenvalues(matrix: Symbol) -> tuple[Symbol, Symbol]:
-    """Smallest and largest eigenvalue of a symmetric matrix in closed form (Smith 1961), for messages only."""
-    centre = ca.trace(matrix) / 3
-    deviator = matrix - centre * ca.SX.eye(3)
-    radius = ca.sqrt(ca.trace(deviator @ deviator) / 6)
-    cosine = ca.det(deviator) / (2 * ca.fmax(radius, TINY ** (1 / 3)) ** 3)
-    angle = ca.acos(ca.fmax(-1, ca.fmin(1, cosine))) / 3
-    return centre + 2 * radius * ca.cos(angle + 2 * ca.pi / 3), centre + 2 * radius * ca.cos(angle)
+    """Smallest and largest eigenvalue of a symmetric matrix (3, 3), good to rounding of the largest."""
+    values = moments_about(matrix, rotation_from_quaternion(principal_axes(matrix)))
+    return ca.mmin(values), ca.mmax(values)

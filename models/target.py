@@ -31,6 +31,7 @@ from baryscope.models.attitude import (
     angular_acceleration,
     angular_momentum,
     inertia_tensor,
+    moments_about,
     principal_axes,
     rotational_energy,
     symmetric_inverse,
@@ -271,7 +272,7 @@ def _series_constants(parameters: Mapping[str, Symbol], forces: Forces) -> dict[
     constants = _constants(parameters, forces)
     q_B_D = principal_axes(constants["inertia"])
     R_B_D = rotation_from_quaternion(q_B_D)
-    moments = ca.diag(R_B_D.T @ constants["inertia"] @ R_B_D)
+    moments = moments_about(constants["inertia"], R_B_D)
     turned = {"inertia": moments, "inverse_inertia": 1 / moments}
     if "magnetic_tensor" in constants:
         turned["magnetic_tensor"] = R_B_D.T @ constants["magnetic_tensor"] @ R_B_D

@@ -10,26 +10,32 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.models.scenario import OrbitTable, Scenario, load_scenario
 from baryscope.models.target import tumbling_target
-from baryscope.models.variables import Force, Kind
+from baryscope.models.variables import AXES, Force, Kind
 
 SCENARIO = load_scenario("envisat")
 COUNT = len(SCENARIO.features.points)
 
 
-def failure(**changes):
+def failure(forces=frozenset(), **changes):
     """The first check that fails on the preset's parameters with some of them replaced."""
-    system, values = tumbling_target(COUNT), SCENARIO.parameters()
+    system, values = tumbling_target(COUNT, forces), SCENARIO.parameters()
     for name, value in changes.items():
         values[name.replace("__", ".")] = np.asarray(value, dtype=float)
     flat = np.concatenate([values[variable.name].ravel() for variable in system.of_kind(Kind.PARAMETER)])
     return system.checks.failure(flat)
 
 
+def elements(name, tensor):
+    return {f"{name}.{axes}": tensor["xyz".index(axes[0])]["xyz".index(axes[1])] for axes in AXES}
+
+
 def inertia_failure(J):
-    elements = {
-        f"target.inertia.{'xyz'[i]}{'xyz'[j]}": J[i][j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    }
-    return failure(**elements)
+    return failure(**elements("target.inertia", J))
+
+
+def magnetic_failure(M):
+    given = elements("target.magneticTensor", M) | {"magneticField.dipole": np.zeros(3)}
+    return failure(frozenset({Force.EDDY_CURRENTS}), **given)
 
 
 def turned(moments, rotation):
@@ -85,6 +91,27 @@ def test_a_tensor_with_a_negative_moment(scale, rotation, low):
     assert shown == pytest.approx(low * scale, rel=1e-5, abs=1e-14 * scale)
 
 
+@given(scale=SCALES, rotation=ROTATIONS, thickness=st.floats(1e-12, 1e-3))
+def test_a_thin_rod_is_possible(scale, rotation, thickness):
+    """Two second moments of mass are as good as zero."""
+    assert inertia_failure(turned(np.array([thickness, 1.0, 1.0]) * scale, rotation)) is None
+
+
+@given(scale=SCALES, rotation=ROTATIONS, others=st.sampled_from([(0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.3, 0.0)]))
+def test_a_magnetic_tensor_of_plane_loops_is_possible(scale, rotation, others):
+    """A loop alone has a tensor of rank one, A²/R n nᵀ: two eigenvalues are zero, but for rounding."""
+    assert magnetic_failure(turned(np.array([1.0, *others]) * scale, rotation)) is None
+    assert magnetic_failure(np.zeros((3, 3))) is None
+
+
+@given(scale=SCALES, rotation=ROTATIONS, low=st.floats(-2, -1e-8), other=st.sampled_from([0.0, 1.0, -1e-9]))
+def test_a_magnetic_tensor_that_gives_energy(scale, rotation, low, other):
+    message = magnetic_failure(turned(np.array([low, other, 1.0]) * scale, rotation))
+    assert message.startswith("eddy_currents.tensor: found smallest eigenvalue -")
+    shown = float(message.split(" eigenvalue ")[1].split(",")[0])
+    assert shown == pytest.approx(low * scale, rel=1e-5, abs=1e-14 * scale)
+
+
 @given(direction=ROTATIONS.filter(lambda d: np.linalg.norm(d) > 0.1), where=ROTATIONS, spread=st.floats(0.01, 30))
 def test_features_on_a_line(direction, where, spread):
     along = np.linspace(-spread, spread, COUNT)[:, None] * np.array(direction) / np.linalg.norm(direction)
@@ -113,6 +140,7 @@ def test_features_on_a_line(direction, where, spread):
         ("solver__tolerance", 1e-16, "run.tolerance"),
         ("solver__tolerance", 2e-3, "run.tolerance"),
         ("target__inertia__xx", np.nan, "target.inertia"),
+        ("target__inertia__xy", np.nan, "target.inertia"),
     ],
 )
 def test_refused(name, value, field):

@@ -51,7 +51,7 @@ def test_j2_of_the_orbit_is_a_force(envisat):
         ({"light": LIGHT | {"area": 2.0}}, "light.area: unknown"),
         (
             {"eddy_currents": {"tensor": ((-1e6, 0.0, 0.0), (0.0, 1e6, 0.0), (0.0, 0.0, 1e6))}},
-            "eddy_currents.tensor: found the eigenvalue -1e+06 S m⁴, expected none below 0",
+            "eddy_currents.tensor: found smallest eigenvalue -1e+06, expected no eigenvalue below 0 S m⁴",
         ),
         (
             {"eddy_currents": {"tensor": ((1e6, 1.0, 0.0), (0.0, 1e6, 0.0), (0.0, 0.0, 1e6))}},
