@@ -2,19 +2,18 @@
 
 import ctypes
 import hashlib
-import re
 from functools import cache
 from importlib.resources import files
 
-import casadi as ca
-
+from baryscope.fmu.generate.codegen import c_source
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
 from baryscope.fmu.layout.platforms import host_platform
-from baryscope.fmu.units.filter import filter_functions, filter_headers, work_of
+from baryscope.fmu.units.filter import MOST_FEATURES, filter_functions, filter_headers, work_of
 from baryscope.models.files import temporary_folder
+from baryscope.models.keplerian import ELEMENT_COUNT
 
-MOST_FEATURES = 32  # in the map, and in a frame
-N_ELEMENTS = 7
+__all__ = ["MOST_FEATURES", "Options", "State", "Tumble", "build", "library", "sources"]
+
 MAIN = "library.c"
 
 _double = ctypes.c_double
@@ -25,7 +24,7 @@ class Options(ctypes.Structure):
 
     _fields_ = (
         *((name, _double) for name in ("sigma", "offset", "speed", "attitude_noise", "longest_gap", "on_orbit")),
-        ("elements", _double * N_ELEMENTS),
+        ("elements", _double * ELEMENT_COUNT),
     )
 
 
@@ -70,11 +69,8 @@ def sources() -> dict[str, bytes]:
 
 def _dynamics() -> str:
     """C code of the steps of orbit and tumble, by CasADi, with the sizes of their memory."""
-    generator = ca.CodeGenerator("dynamics.c", {"casadi_int": "int", "with_header": False})
-    for function in filter_functions():
-        generator.add(function)
-    code = re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
-    return code + "".join(f"#define {name} {size}\n" for name, size in work_of(filter_functions()).items())
+    sizes = work_of(filter_functions())
+    return c_source(filter_functions()) + "".join(f"#define {name} {size}\n" for name, size in sizes.items())
 
 
 @cache

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
-from baryscope.estimator.online.core import MOST_FEATURES, N_ELEMENTS, Options, State, Tumble, build, library
+from baryscope.estimator.online.core import MOST_FEATURES, Options, State, Tumble, build, library
 from baryscope.models.errors import InputError
+from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
@@ -134,7 +135,7 @@ class OnlineEstimator:
             _within("attitude_noise", attitude_noise, 0.0, 1.0, "rad"),
             _within("longest_gap", longest_gap, FINEST, LATEST, "s"),
             float(orbit is not None),
-            (ctypes.c_double * N_ELEMENTS)(*(() if orbit is None else orbit.elements)),
+            (ctypes.c_double * ELEMENT_COUNT)(*(() if orbit is None else orbit.elements)),
         )
         self._library = library()
         self._memory = ctypes.create_string_buffer(self._library.online_size())

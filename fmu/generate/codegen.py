@@ -1,6 +1,7 @@
 """The generated C code that all units have: functions (model.c), tables (tables.h) and lists of files (core.*)."""
 
 import re
+from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
@@ -43,14 +44,17 @@ def _includes(*names: str) -> str:
 
 
 def _model_source(unit: Blueprint) -> str:
-    """C code of the equations, by CasADi; its functions are made static by csrc/all.c."""
+    """C code of the equations."""
+    return without_null_checks(c_source(unit.core.functions))
+
+
+def c_source(functions: Iterable[ca.Function]) -> str:
+    """C code of functions, by CasADi. They are static where CASADI_SYMBOL_EXPORT is defined so."""
     generator = ca.CodeGenerator("model.c", {"casadi_int": "int", "with_header": False})
-    for function in unit.core.functions:
+    for function in functions:
         generator.add(function)
-    return without_null_checks(
-        # Its helpers would have external linkage, and two units in one program would define them twice.
-        re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
-    )
+    # Its helpers would have external linkage, and two units in one program would define them twice.
+    return re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
 
 
 def without_null_checks(source: str) -> str:

@@ -15,7 +15,7 @@ from baryscope.fmu.units.blueprint import (
     setting_of,
     starts_of,
 )
-from baryscope.fmu.units.filter import filter_functions, filter_headers, work_of
+from baryscope.fmu.units.filter import MOST_FEATURES, filter_functions, filter_headers, work_of
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import PARAMETERS
 from baryscope.models.scenario import Scenario
@@ -23,7 +23,6 @@ from baryscope.models.sensor.navigation import NavigationSystem, navigation_syst
 from baryscope.models.variables import Variable
 
 NAME = "CentreOfMassEstimator"
-MOST_FEATURES = 32  # of the filter's map
 OFFSET, SPEED = 5.0, 10.0  # radii and m/s: before the first sample hardly anything is known
 STEREO_SIGMA = 0.05  # m, of points that come without covariances
 
@@ -50,7 +49,7 @@ _EQUATIONS = (
     "less than before, and points whose covariance is not positive definite where others have one; a sample.time "
     "after the step's end waits.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
-    "the filter begins with another map. It holds up to 32 features.",
+    f"the filter begins with another map. It holds up to {MOST_FEATURES} features.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
     "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
     "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "

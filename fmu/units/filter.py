@@ -1,4 +1,7 @@
-"""What the C of the online filter (fmu/csrc/online) needs: CasADi's functions, their memory, the basis of inertias."""
+"""What the C of the online filter (fmu/csrc/online) needs, and how many features it takes.
+
+It needs CasADi's functions, their memory, and the basis of inertias.
+"""
 
 from collections.abc import Sequence
 from functools import cache
@@ -8,6 +11,8 @@ import casadi as ca
 from baryscope.models.attitude import INERTIA_BASIS, tumble_step
 from baryscope.models.lvlh import gravity_gradient_function
 from baryscope.models.relative_orbit import step_in_chaser_axes
+
+MOST_FEATURES = 32  # in the map, and in a frame
 
 
 @cache
