@@ -17,6 +17,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.noise import MEDIAN
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -27,7 +28,6 @@ FARTHEST, FARTHEST_TURN = 12, 0.5  # frames to them, at most, or in slow rotatio
 MORE_NEIGHBOURS = 4  # than the degree, at least
 DEGREES = 2, 4  # in time, of the rotation fitted: the next where the last does not describe it
 LIMIT = 22.0  # χ² of three degrees of freedom, beyond which an attitude strays: 1 in 15,000
-MEDIAN = 2.366  # of it
 ROUGH = 3.0  # times the median, from which the rotation is too fast to be fitted
 AROUND = 41  # attitudes whose median χ² tells how well the fits describe the rotation
 FLIP = 1.0  # rad, by which an attitude beside others is turned only where its labels are exchanged

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import as_slice
+from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import Extrapolated, FewFrames
@@ -21,7 +22,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
-REJECTED = 0.5  # weight below which an observation counts as rejected
 ATTITUDE = 2  # observations of a frame that tell an attitude, together with path and offset
 FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
 

@@ -6,8 +6,8 @@ the outliers are Gaussian, too, if the residuals tell so, with a share and a var
 likelihood (expectation maximisation; Dempster, Laird and Rubin 1977, J. R. Statist. Soc. B 39). Once a solution is
 refined, what seem to be many outliers may be a path or a noise that the model does not hold, and few are assumed.
 
-The weight is the posterior probability of the first; it falls from 1 to 0 around a gate, so gross outliers have no
-influence.
+The weight is the posterior probability of the first; it falls from 1 to 0 around a gate, where it is 1/2, so gross
+outliers have no influence.
 """
 
 from dataclasses import dataclass
@@ -15,11 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.registration.noise import GATE, MEDIAN
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-GATE = 20.0  # squared normalised residual at which the weight is 1/2: 1 inlier in 6,000 lies beyond
-MEDIAN = 2.366  # of χ² with three degrees of freedom
+REJECTED = 0.5  # weight below which an observation counts as rejected
+WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by a change of weights, up to which they are at rest
 NEGLIGIBLE = 1e-9  # weight of a rejected observation: not zero, so that its residual is still computed
 WIDTH = 15.0  # squared normalised residual below the gate at which the weight is 1 but for less than 1e-3
 BEYOND, MANY = 11.345, 0.03  # squared residual over its variance that 1 % of inliers exceed; a share that is more

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, pieces
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import Mixture, reweighted
+from baryscope.estimator.adjustment.reweighting import REJECTED, Mixture, reweighted
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
 from baryscope.estimator.geometry.symmetric import inverse_across
 from baryscope.estimator.registration.body import Body
@@ -31,7 +31,6 @@ MOST_HALVINGS = 4  # of a step of the points that leads uphill
 MOST_TURN = 0.5  # rad, of a step
 CLEARLY = 9.0  # 2 ln of the likelihood ratio from which a reversed pose counts as better
 POSE = 6  # unknowns of a frame
-REJECTED = 0.5  # weight of an observation, below which it is an outlier
 SOFT_ROUNDS = 5  # with the weights of least absolute residuals, where there are outliers
 MOST_ROUNDS = 15  # with robust weights
 ENOUGH_VALUES = 30  # degrees of freedom, from which residuals tell the variance of a body

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from baryscope.estimator.adjustment.diagnostics import (
-    REJECTED,
     cluster_of,
     covered_by,
     few_frames,
@@ -14,7 +13,7 @@ from baryscope.estimator.adjustment.diagnostics import (
     rejected_by,
     with_extrapolation,
 )
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
 from baryscope.estimator.details import FilterDetails
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, TURN
 from baryscope.estimator.ekf.passes import Passes

@@ -8,7 +8,7 @@ import numpy as np
 
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise, stereo_noise
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.ekf.bank import GENEROUS, Bank, Member
@@ -29,7 +29,6 @@ MAX_TURN, MAX_RATE_RATIO = 1.0, 3.0  # of a pass: greater turns in rad, or rates
 TOLERANCE = 0.1  # of the linearisation, in standard deviations of the position
 STEP_TOLERANCE = 0.1  # squared length of the last step of the inertia, in units of its covariance
 LOST = 1e-15  # of the greatest variance of the inertia's coefficients: a smaller one is rounding
-WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the squares by the last change of weights
 MAX_SOUGHT = 3  # how often a path's hyperparameters are sought anew
 THETA_TOLERANCE = 0.1  # of these logarithms
 VARIANCE_TOLERANCE = 0.05  # change of the logarithm of an observation's variance

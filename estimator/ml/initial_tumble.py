@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import MEDIAN
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, too_long
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.noise import MEDIAN
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 

@@ -11,7 +11,7 @@ from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.evidence import Linear, conditional, held, maximise, ranges
 from baryscope.estimator.adjustment.integration import Posterior, posterior
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, reweighted
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
@@ -40,7 +40,6 @@ MAX_ROUNDS = 25
 DAMPING = 1e-8  # of the first step, over the diagonal: more slows down what tells rate from inertia in long tracks
 STEP_TOLERANCE = 1e-2  # squared length of the last step, in units of the covariance, and increase of −2 ln p by a step
 ROUNDING = 1e-7  # relative to the distance: about the interpolation error of attitudes
-WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 STAGE = 0.5  # of the unit of progress, that the start, the tumble and each round take
 FEWEST_MODES, MANY_MODES, MOST_MODES = 6, 36, 100  # of the torque, of each axis: always, to begin with, at all
 FLAT = 7.0  # of a hyperparameter's logarithm, from its lower bound to where a mode's variance is that of its estimate

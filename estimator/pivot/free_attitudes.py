@@ -19,12 +19,12 @@ from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.elimination import AllFrames, eliminated
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import GATE
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.diagnostics import REJECTED
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
+from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.registration.body import Body
 

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, complexity, held
-from baryscope.estimator.adjustment.reweighting import GATE
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, squares_of_used
+from baryscope.estimator.registration.noise import GATE
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.position_noise import position_variance
-from baryscope.estimator.adjustment.reweighting import reweighted
+from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.interpolated_path import interpolated
@@ -44,7 +44,6 @@ LASTING_TOLERANCE = 0.1  # relative change of the number of frames with the same
 SHIFT_TOLERANCE = 0.01  # relative change of an observation's variance, over which the frames' shifts are told
 SIMPLE_ROUNDS = 6  # iterations with a simple path, at most, in which the weights settle
 FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
-WEIGHT_CHANGE_TOLERANCE = 1e-2  # relative change of the cost by the last change of weights
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
-from baryscope.estimator.adjustment.diagnostics import REJECTED
 from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.reweighting import MANY, Mixture, reweighted
+from baryscope.estimator.adjustment.reweighting import MANY, REJECTED, Mixture, reweighted
 from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.paths import DECAY, FIRST, FREQUENCY, OVERTONES
 from baryscope.estimator.dynamics.prior import Prior

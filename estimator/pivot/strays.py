@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.attitude_noise import strays
-from baryscope.estimator.adjustment.diagnostics import REJECTED
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS

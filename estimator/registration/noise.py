@@ -11,7 +11,7 @@ from baryscope.estimator.registration.procrustes import Registration
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MEDIAN = 2.366  # of χ² with three degrees of freedom
+MEDIAN = 2.366  # of χ² with three degrees of freedom, as of a squared residual
 MAX_PAIRS = 500  # pairs whose distances are looked at, at most
 QUARTILE = 0.6745  # of the standard Gaussian
 EFFICIENCY = 0.25  # of the median of the differences of distances: for how many independent values each counts
