@@ -229,13 +229,6 @@ static int innovation(const Member *member, const Level *level, double e[3], dou
     return factored(3, L);
 }
 
-static void whitened(const double L[9], double e[3]) {
-    for (int k = 0; k < 3; k++) {
-        for (int j = 0; j < k; j++) e[k] -= L[3 * k + j] * e[j];
-        e[k] /= L[4 * k];
-    }
-}
-
 /* The update with a node; 0 if rounding has left the covariance indefinite. */
 static int update_member(Member *member, const Level *level) {
     const int n = (int)member->errors;

@@ -91,6 +91,14 @@ static void solved(int n, const double *L, double *x) {
     }
 }
 
+/* L^-1 e in place, of a Cholesky factor L (3, 3): of variance 1 in all directions, if L L' is the covariance of e. */
+static void whitened(const double L[9], double e[3]) {
+    for (int k = 0; k < 3; k++) {
+        for (int j = 0; j < k; j++) e[k] -= L[3 * k + j] * e[j];
+        e[k] /= L[4 * k];
+    }
+}
+
 /* The mean square distance of points from their centroid. */
 static double mean_square(const double (*points)[3], int count) {
     double mean[3] = {0}, sum = 0.0;

@@ -138,16 +138,10 @@ static double update_error(SpinError *error, const double turn[3], const double 
     for (int k = 0; k < 3; k++) e[k] = turn[k] - error->x[k];
     for (int k = 0; k < 9; k++) L[k] = error->P[k / 3][k % 3] + noise[k / 3][k % 3];
     if (!factored(3, L)) return INFINITY;
-    for (int k = 0; k < 3; k++) {
-        for (int j = 0; j < k; j++) e[k] -= L[3 * k + j] * e[j];
-        e[k] /= L[4 * k];
-    }
+    whitened(L, e);
     for (int a = 0; a < SPIN; a++) {
-        for (int k = 0; k < 3; k++) {
-            W[a][k] = error->P[a][k];
-            for (int j = 0; j < k; j++) W[a][k] -= L[3 * k + j] * W[a][j];
-            W[a][k] /= L[4 * k];
-        }
+        for (int k = 0; k < 3; k++) W[a][k] = error->P[a][k];
+        whitened(L, W[a]);
         error->x[a] += dot(W[a], e);
     }
     for (int a = 0; a < SPIN; a++)
