@@ -16,6 +16,7 @@ from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.weighted_registration import with_covariances
 from baryscope.estimator.dynamics.rotation import Rotation, too_long
 from baryscope.estimator.ekf.linearised import Nodes
+from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
 from baryscope.estimator.ml.maximum import Likelihood
@@ -88,7 +89,7 @@ def starts(
 
 def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observations: Observations) -> Start:
     nodes = _nodes(tumble.rotation, tracks.time)
-    attitude, rate = _followed(tumble, registered.bodies, nodes, tracks.time)
+    attitude, rate = _followed(tumble, registered.bodies, nodes)
     origins = np.concatenate(registered.origins)
     centroid = origins.mean(axis=0)
     return Start(
@@ -121,7 +122,7 @@ def start_of(tracks: FeatureTracks, best: Likelihood) -> Start:
         rate=found.rate,
         points=points + np.einsum("kij,ki->j", attitude, origin - centroid) / len(attitude),
         centroid=centroid,
-        radius=float(np.sqrt(np.mean(np.sum((points[seen] - middle) ** 2, axis=1)))),
+        radius=rms_radius(points[seen]),
         noise=float(np.sqrt(best.residual_variance * unit_of(tracks))),
         weight=best.observations.weight,
     )
@@ -173,9 +174,7 @@ def _nodes(rotation: Rotation, time: FloatArray) -> Nodes:
     return Nodes.between(time, NODE_ANGLE / max(speed, 1e-9))
 
 
-def _followed(
-    tumble: Tumble, bodies: tuple[Body, ...], nodes: Nodes, time: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _followed(tumble: Tumble, bodies: tuple[Body, ...], nodes: Nodes) -> tuple[FloatArray, FloatArray]:
     """Attitude (n, 3, 3) and rate (n, 3) at the nodes: the fitted ones, turned to the registered if needed."""
     found = tumble.rotation.at(nodes.time)
     if tumble.median_ratio < EXPLAINED:
