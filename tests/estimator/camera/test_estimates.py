@@ -65,6 +65,21 @@ def test_noise_of_the_attitude_alone():
     assert low < sum(sums) < high
 
 
+@pytest.mark.parametrize("told", [False, True], ids=["without covariances", "with covariances"])
+def test_noise_of_the_attitude_widens_the_claims_of_a_method_that_does_not_know_of_it(told):
+    """It is far more than that of the features, and most of what their residuals are: claims are wide, but not lost."""
+    rig, sums = Rig(lever_arm=tuple(ARM), attitude_noise=1e-3), []
+    for seed in range(6):
+        seen = turning_camera(TIME, PATH, rig, noise=0.005, seed=seed)
+        if told:
+            alike = np.where(seen.tracks.seen[..., None, None], 0.005**2 * np.eye(3), np.nan)
+            seen = replace(seen, tracks=replace(seen.tracks, covariance=alike))
+        found = through(seen, "ekf", process_noise="none")
+        sums.append(nees(found.position[60] - PATH[60], found.covariance[60]))
+    low, high = chi2.ppf(BAND, 18)
+    assert low < sum(sums) < high
+
+
 def still(rig):
     """A camera that turns with known errors, and a centre of mass at rest, almost without noise."""
     return turning_camera(TIME, at_rest(TIME), rig, noise=1e-4, turn=Rotation.identity(len(TIME)), errors=False)
