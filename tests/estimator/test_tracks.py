@@ -117,6 +117,24 @@ def test_wrong_arrays_are_refused(case):
     assert expected in str(caught.value)
 
 
+def test_some_features_in_another_order():
+    """With what belongs to them, and what belongs to all."""
+    rng = np.random.default_rng(0)
+    variances = rng.uniform(1, 2, (4, 3))
+    tracks = FeatureTracks(
+        np.arange(4.0), rng.normal(size=(4, 3, 3)), ("a", "b", "c"), variances[..., None, None] * np.eye(3),
+        epoch="2026-03-01T12:00:00Z",
+    )  # fmt: skip
+    found = tracks.of_features(["c", "a"])
+    assert (found.labels, found.epoch) == (("c", "a"), tracks.epoch)
+    np.testing.assert_array_equal(found.position, tracks.position[:, [2, 0]])
+    np.testing.assert_array_equal(found.covariance[..., 0, 0], variances[:, [2, 0]])
+    with pytest.raises(InputError, match="label 'd': expected some of a, b, c"):
+        tracks.of_features(["a", "d"])
+    with pytest.raises(InputError, match="'a'"):
+        tracks.of_features(["a", "a"])
+
+
 def test_failed_write_leaves_no_file(tmp_path):
     tracks = FeatureTracks(np.zeros(1), np.zeros((1, 1, 3)), ("a",))
     with pytest.raises(InputError):

@@ -71,6 +71,19 @@ def test_what_is_optional_is_not_claimed_away(variance):
     assert np.mean(np.array(squares) > 13.8) < 0.01
 
 
+def test_a_step_along_a_principal_axis_is_of_the_lattices_deviations():
+    """With many unknowns −2 ln p is nearly quadratic at its minimum: a step of s deviations raises it by s²."""
+    slopes = np.column_stack([np.ones(600), np.linspace(-1, 1, 600)])
+    prior = Prior(np.zeros(600), slopes, (Hyperparameter("size", -10, 10), Hyperparameter("trend", -10, 10)))
+    x = np.exp(slopes @ [0.5, 1.0] / 2) * np.random.default_rng(3).normal(size=600)
+    linear = Linear(100 * np.eye(600), 100 * x, np.zeros(600))
+    theta, bounds = maximise(linear, prior), ranges(linear, prior)
+    steps = integration._principal_steps(linear, prior, theta, np.ones(2, dtype=bool), bounds)
+    assert np.linalg.matrix_rank(steps) == 2
+    raised = [cost(linear, prior, theta + way * step) - cost(linear, prior, theta) for step in steps for way in (-1, 1)]
+    np.testing.assert_allclose(raised, integration.LATTICE_STEP**2, rtol=0.15)
+
+
 def test_without_hyperparameters_the_posterior_is_that_of_least_squares():
     H, _, y = observed(2, 1.0)
     linear = Linear(H.T @ H, H.T @ y, np.zeros(14))

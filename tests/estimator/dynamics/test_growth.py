@@ -1,5 +1,6 @@
 """What noise beyond the observations adds: closed forms, and integrals over independently integrated responses."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.rotation import Rotation
+from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
 from baryscope.models.relative_orbit import relative_transition
 from free_paths import RATE
@@ -30,6 +32,17 @@ def test_a_path_without_forces_has_the_closed_form():
         for T, covariance in zip(away, covariances, strict=True):
             of_an_axis = DENSITY * np.array([[T**3 / 3, sign * T**2 / 2], [sign * T**2 / 2, T]])
             np.testing.assert_allclose(covariance, np.kron(of_an_axis, np.eye(3)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("time", [3e9, -3e9])
+def test_times_that_take_too_many_steps_are_refused(time):
+    """A million of them, each a twentieth of 1/(6^¼ n), n² 6^½ the norm of the gravity gradient diag(2, −1, −1) n²."""
+    most = 1e6 * 0.05 / (6**0.25 * np.sqrt(MU / 7150e3**3))
+    with pytest.raises(
+        ComputationError, match=re.escape(f"found 3e+09 s away from the tracks, expected {most:.3g} s")
+    ) as caught:
+        path_growth(RelativeOrbit(ORBIT, 0.0), DENSITY, 0.0, END, np.array([50.0, time]))
+    assert caught.value.reason is Reason.TOO_LONG
 
 
 @pytest.mark.parametrize("T", [1500.0, -1500.0])

@@ -78,3 +78,19 @@ def test_further_unknowns_of_one_axis_alone(both):
     same = own.with_terms(terms)
     np.testing.assert_array_equal(same.jacobian, full.with_terms(terms).jacobian)
     assert isinstance(same, IsotropicPath)
+
+
+def test_what_a_camera_sees_keeps_the_path_itself_and_its_turn():
+    """Further unknowns turn nothing; a path that is moved, or taken in some frames, is so for the camera, too."""
+    rng = np.random.default_rng(7)
+    jacobian, turn = rng.normal(size=(2, 30, 3, 6))
+    itself = SampledPath(jacobian / 2, lambda x: jacobian @ x / 2)
+    seen = SampledPath(jacobian, lambda x: jacobian @ x, itself, turn)
+    columns, by, index = rng.normal(size=(30, 3, 2)), rng.normal(size=(30, 3)), np.array([3, 7, 20])
+    found = seen.extended(columns).moved(by).frames_at(index)
+    x = rng.normal(size=8)
+    np.testing.assert_array_equal(found.turn, np.concatenate([turn, np.zeros((30, 3, 2))], axis=2)[index])
+    for own, first in ((found, jacobian), (found.itself, jacobian / 2)):
+        whole = np.concatenate([first, columns], axis=2)
+        np.testing.assert_array_equal(own.jacobian, whole[index])
+        np.testing.assert_allclose(own.position(x), (whole @ x + by)[index], rtol=0, atol=1e-13)

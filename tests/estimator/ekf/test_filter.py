@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from baryscope.estimator.ekf import filter as module
 from baryscope.estimator.ekf.filter import Kept, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised, points_in
 from baryscope.estimator.ekf.solution import Prior, log_likelihoods, mixed, solve
@@ -127,3 +128,14 @@ def test_a_mixture_has_the_mean_and_covariance_of_its_samples(case):
     np.testing.assert_allclose(
         found.of_theta / np.outer(deviation, deviation), np.cov(drawn.T) / np.outer(deviation, deviation), atol=0.02
     )
+
+
+def test_a_member_that_has_lost_the_motion_spoils_no_other():
+    """One singular matrix among many makes LAPACK give up all of them."""
+    rng = np.random.default_rng(1)
+    regular = np.eye(6) + 0.1 * rng.normal(size=(6, 6))
+    nearly = np.diag([1.0, 1, 1, 1, 1, 1e-18])
+    found = module._inverse(np.stack([regular, np.zeros((6, 6)), np.full((6, 6), np.nan), nearly, 2 * regular]))
+    np.testing.assert_allclose(found[0] @ regular, np.eye(6), atol=1e-12)
+    np.testing.assert_allclose(found[4], found[0] / 2, atol=1e-12)
+    assert np.isnan(found[1:4]).all()
