@@ -4,7 +4,7 @@
    E[[turn]x' N^-1 [turn]x]. What it seems to show is noise again, of as much information: twice that is taken back. In B. */
 static void seeming(const double R[3][3], double turn[3][3], double noise[3][3], double M[3][3]) {
     double weight[3][3], T[3][3], found[3][3];
-    if (!inverted(noise, weight)) weight[0][0] = 0.0;
+    if (!inverted(noise, weight)) copy(NOTHING, weight); /* rounding has left it indefinite */
     of_cross(turn, weight, found);
     product(found, R, T);
     for (int i = 0; i < 3; i++)

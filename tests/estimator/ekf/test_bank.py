@@ -36,6 +36,13 @@ def test_the_posterior_finds_densities_to_which_no_step_leads(middle):
     assert min(abs(np.array(logarithm) - np.log10(middle))) <= 0.5
 
 
+@pytest.mark.parametrize("middle", [1e-3, 2e-3, 5e-1, 4.0, 60.0, 2e3])
+def test_the_search_ends_at_the_level_nearest_to_the_maximum(middle):
+    """Levels are a decade apart, those that are tried first two: it goes up or down to the others."""
+    best = Bank(Axis(1.0, "auto"), NONE, bell(20.0, middle, 0.5)).best(None)
+    assert best.path == pytest.approx(10 ** np.round(np.log10(middle)))
+
+
 def test_a_density_that_is_given_is_the_only_one():
     bank = Bank(Axis(1.0, 1e-3), NONE, bell(1.0, 1e-3, 1.0))
     best = bank.best(None)

@@ -305,6 +305,14 @@ def test_what_is_written_is_read(tracks, precise, tmp_path, ending):
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"t{ending}"]
 
 
+def test_a_frame_without_observations_names_no_feature(tracks, tmp_path):
+    position = tracks.position.copy()
+    position[7] = np.nan
+    write_tracks(FeatureTracks(TIME, position, LABELS), tmp_path / "t.parquet")
+    rows = polars.read_parquet(tmp_path / "t.parquet").filter(polars.col("time") == TIME[7])
+    assert rows["feature"].to_list() == [None]
+
+
 def test_a_covariance_without_an_observation_is_not_written(tracks, tmp_path):
     position = tracks.position.copy()
     position[0, 1] = np.nan  # the first frame lists all features

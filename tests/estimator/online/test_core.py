@@ -4,13 +4,15 @@ import ctypes
 import re
 from importlib.resources import files
 
+import numpy as np
 import pytest
 
 from baryscope.estimator.online import OnlineStatus
-from baryscope.estimator.online.core import MOST_FEATURES, Options, State, Tumble
+from baryscope.estimator.online.core import MOST_FEATURES, Options, State, Tumble, sources
 from baryscope.estimator.online.estimator import REFUSED
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.sensor.navigation import STATUSES
+from compiling import library_of
 
 HEADER = re.sub(
     r"/\*.*?\*/", "", (files("baryscope.fmu") / "csrc" / "online" / "online.h").read_text("utf-8"), flags=re.DOTALL
@@ -60,3 +62,26 @@ def test_refusals_have_the_headers_numbers():
 def test_structs_are_those_of_the_header(kind, struct):
     number = ctypes.sizeof(ctypes.c_double)
     assert [(name, ctypes.sizeof(of) // number) for name, of in kind._fields_] == fields_of(struct)
+
+
+SEEMS = """#include "library.c"
+static void soil(void) { volatile double stack[2000]; for (int k = 0; k < 2000; k++) stack[k] = 1e300, (void)stack[k]; }
+void seems(double R[3][3], double turn[3][3], double noise[3][3], double M[3][3])
+{ soil(); seeming(R, turn, noise, M); }"""
+
+
+def test_a_noise_that_rounding_left_indefinite_shows_nothing(tmp_path):
+    """Nothing of what is on the stack may come into what is taken back."""
+    for name, content in sources().items():
+        (tmp_path / name).write_bytes(content)
+    library = library_of(tmp_path, SEEMS)
+    indefinite, sound = np.diag([1.0, 1.0, -1e-18]), 1e-4 * np.diag([1.0, 2.0, 4.0])
+    R, turn, found = np.eye(3), 1e-4 * np.eye(3), np.full((3, 3), np.nan)
+
+    def seems(noise):
+        library.seems(*(one.ctypes.data_as(ctypes.c_void_p) for one in (R, turn, noise, found)))
+        return found
+
+    np.testing.assert_array_equal(seems(indefinite), np.zeros((3, 3)))
+    weight = np.diag(1 / np.diag(sound))
+    np.testing.assert_allclose(seems(sound), 2e-4 * (np.trace(weight) * np.eye(3) - weight), rtol=1e-12)
