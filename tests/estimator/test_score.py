@@ -83,6 +83,14 @@ def test_a_moving_centre_is_found_and_widens_the_covariance(case_of, on_v_bar):
     assert 0.3 * error.max() < finding.magnitude < error.max()
 
 
+def test_a_centre_that_moves_by_little_more_than_noise_is_found(case_of, at_rest, time):
+    """A thousandth of its distance, in thousands of frames."""
+    drift = 0.03 * np.linspace(-1, 1, len(time))[:, None] * np.array([0.6, -0.8, 0.0])
+    (finding,) = estimate(case_of(at_rest + drift, noise=0.02).tracks, method="score").findings
+    assert isinstance(finding, LackOfFit)
+    assert finding.magnitude == pytest.approx(0.03 / np.sqrt(3), rel=0.2)
+
+
 def test_a_pure_spin_is_not_observable(time):
     """The noise of the attitudes pretends to information along the axis."""
     axis = np.linalg.eigh(ENVISAT)[1][:, 2]

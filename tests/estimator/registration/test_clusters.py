@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from baryscope.estimator.registration import clusters
 from baryscope.estimator.registration.clusters import find_bodies
+from baryscope.estimator.registration.gathering import Shape
 from baryscope.estimator.registration.screening import screen
 from baryscope.models.errors import ComputationError
 from synthetic import box_features, make_case
@@ -171,3 +173,29 @@ def test_outliers_do_not_count_as_noise(observed):
     position[wrong] += rng.uniform(-3, 3, (int(wrong.sum()), 3))
     inliers = screen(position, seen)
     assert find_bodies(position, inliers).noise == pytest.approx(0.002, rel=0.05)
+
+
+def test_the_order_of_merging_two_shapes_does_not_matter():
+    """Their points are weighed by how often each is seen: the same body either way, but for its axes."""
+    rng = np.random.default_rng(5)
+    points, turn = rng.uniform(-3, 3, (6, 3)), Rotation.random(rng=6).as_matrix()
+
+    def shapes():
+        """One of features 0 to 4, in some axes, and one of 1 to 5, in others, seen less often."""
+        first = {index: points[index] + 1e-3 * noise[index] for index in range(5)}
+        second = {index: turn @ (points[index] - 1e-3 * noise[index]) + [1, 2, 3] for index in range(1, 6)}
+        counts = {index: 30 + index for index in range(5)}, {index: 10 + 2 * index for index in range(1, 6)}
+        return Shape(first, counts[0], []), Shape(second, counts[1], [])
+
+    def distances(whole, other):
+        assert clusters._merge(whole, other, 0.02)
+        merged = np.array([whole.points[index] for index in range(6)])
+        assert whole.counts == {0: 30, **{index: 40 + 3 * index for index in range(1, 5)}, 5: 20}
+        return np.linalg.norm(merged[:, None] - merged, axis=2)
+
+    noise = rng.normal(size=(6, 3))
+    one, two = shapes()
+    between = distances(one, two)
+    one, two = shapes()
+    np.testing.assert_allclose(distances(two, one), between, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(between, np.linalg.norm(points[:, None] - points, axis=2), rtol=0, atol=5e-3)
