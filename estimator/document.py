@@ -134,7 +134,8 @@ class FindingPart(Part):
     path: str | None = Field(None, description="lack-of-fit, departure: the path's model")
     magnitude: float | None = Field(None, description="departure of the path, m: rms, or median of the frames left out")
     chi_square: float | None = Field(
-        None, description="lack-of-fit: decrease of the normalised squares by a cubic in time"
+        None,
+        description="lack-of-fit: decrease of the normalised squares by a cubic in time, by score of degree 4",
     )
     dof: int | None = Field(None, description="lack-of-fit: expectation of chi_square for a right model")
     model: str | None = Field(None, description="excess-residuals: the path's model, or free tumble")

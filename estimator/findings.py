@@ -14,7 +14,8 @@ FREE_TUMBLE = "free tumble"  # the model of an ExcessResiduals that is not a pat
 class LackOfFit:
     """The path departs from its model by about `magnitude` m rms.
 
-    A cubic in time decreases the normalised sum of squares by chi_square; dof is expected for a right model.
+    A polynomial in time, a cubic or, by `score`, of degree 4, decreases the normalised sum of squares by chi_square;
+    dof is expected for a right model.
     """
 
     path: str
