@@ -18,6 +18,7 @@ WINDOW = 2 * HALF + 1
 RETURN = 1.0  # px, by which forth and back may differ
 ROW = 2  # px, by which rows may differ
 LEAST_LIKENESS = 0.8  # correlation of left and right patch, before registration
+WHITE, TINY = 255, 1e-12
 
 
 def corners(image: Image, taken: FloatArray, most: int) -> FloatArray:
@@ -33,16 +34,34 @@ def corners(image: Image, taken: FloatArray, most: int) -> FloatArray:
 
 
 def flow(before: Image, now: Image, places: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Where the places (k, 2), px, have moved, by pyramidal Lucas–Kanade; and whether the way back leads to them."""
+    """Where the places (k, 2), px, have moved, by pyramidal Lucas–Kanade; and whether the way back leads to them.
+
+    It takes a point to be as bright in both images: they are brought to one exposure first.
+    """
     if not len(places):
         return places, np.zeros(0, dtype=bool)
     cv2 = opencv()
+    before, now = one_exposure(before, now)
     window = {"winSize": (WINDOW, WINDOW), "maxLevel": LEVELS}
     start = places.astype(np.float32).reshape(-1, 1, 2)
     moved, forth, _ = cv2.calcOpticalFlowPyrLK(before, now, start, None, **window)
     back, again, _ = cv2.calcOpticalFlowPyrLK(now, before, moved, None, **window)
     same = np.linalg.norm((back - start)[:, 0], axis=1) < RETURN
     return moved[:, 0].astype(np.float64), same & (forth[:, 0] == 1) & (again[:, 0] == 1)
+
+
+def one_exposure(one: Image, other: Image) -> tuple[Image, Image]:
+    """Both images with the mean and the deviation of the one of less contrast, so that little is cut off."""
+    if other.std() > one.std():
+        return one, _like(other, one)
+    return _like(one, other), other
+
+
+def _like(image: Image, wanted: Image) -> Image:
+    """An image with mean and deviation of another one."""
+    gain = wanted.std() / max(float(image.std()), TINY)
+    evened = (image - image.mean()) * gain + wanted.mean()
+    return np.asarray(np.clip(np.rint(evened), 0, WHITE).astype(np.uint8))
 
 
 def across(left: Image, right: Image, place: FloatArray, shift: float) -> FloatArray | None:
