@@ -1,4 +1,4 @@
-"""A small scene that several tests of images share: a satellite at rest in C, tumbling, rendered here."""
+"""What several tests of images share: a satellite at rest in C, tumbling, rendered here; and films."""
 
 from functools import cache
 
@@ -22,3 +22,14 @@ def scene(frames, width=400, seed=1, noise=2.0):
     setting = Setting(duration=frames - 1.0, rate=1.0, width=width, noise=noise)
     orbit = load_scenario("cubesat-class").orbit
     return watched(setting, orbit, (time, path, attitude), np.random.SeedSequence(seed))
+
+
+def video(path, rate, values):
+    """Write a film of 64 × 48 px whose frames are each of one grey value."""
+    import cv2
+
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), rate, (64, 48))
+    for value in values:
+        writer.write(np.full((48, 64, 3), value, np.uint8))
+    writer.release()
+    return path

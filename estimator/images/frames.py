@@ -1,7 +1,7 @@
 """Grey images from a folder or a video, one at a time."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.images.opencv import opencv
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
+from baryscope.models.words import counted
 
 Image = NDArray[np.uint8]
 
@@ -20,7 +21,11 @@ WHAT = "an image"
 
 @dataclass(frozen=True)
 class Folder:
-    """The images of a folder by name, in the order of the numbers in their names: 9.png before 10.png."""
+    """The images of a folder by name, in the order of the numbers in their names: 9.png before 10.png.
+
+    Of grey values of 16 bits, those 8 are used which hold the greatest one of all images: a camera of 12 bits may leave
+    the upper four empty.
+    """
 
     path: Path
     files: tuple[Path, ...]
@@ -30,12 +35,13 @@ class Folder:
         return len(self.files)
 
     def __iter__(self) -> Iterator[tuple[str, Image]]:
-        cv2 = opencv()
+        unused: int | None = None  # lower bits of 16
         for file in self.files:
-            content = np.frombuffer(read_bytes(file, WHAT), np.uint8)
-            image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE) if content.size else None
-            if image is None:
-                raise InputError(f"{file}: cannot be decoded, expected {WHAT} ({', '.join(ENDINGS)})")
+            image = _decoded(file)
+            if image.dtype != np.uint8:
+                if unused is None:
+                    unused = max(_brightest(self.files).bit_length() - 8, 0)
+                image = np.minimum(image >> unused, 255).astype(np.uint8)
             yield str(file), image
 
 
@@ -102,13 +108,32 @@ def pairs_of(left: Folder | Video, right: Folder | Video, resolution: tuple[int,
             return
         if pair[0] is None or pair[1] is None:
             short, other = (left.path, right.path) if pair[0] is None else (right.path, left.path)
-            raise InputError(f"{short}: {count} images, but {other} has more; expected one of each for a pair")
+            found = counted(count, "image")
+            raise InputError(f"{short}: {found}, but {other} has more; expected one of each for a pair")
         for name, image in (pair[0], pair[1]):
             if image.shape[::-1] != resolution:
                 found, wanted = ("×".join(map(str, size)) for size in (image.shape[::-1], resolution))
                 raise InputError(f"{name}: {found} px, expected {wanted}, the rig's resolution")
         yield pair[0][1], pair[1][1]
         count += 1
+
+
+def _decoded(file: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """The grey image of a file."""
+    cv2 = opencv()
+    content = np.frombuffer(read_bytes(file, WHAT), np.uint8)
+    image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH) if content.size else None
+    if image is None:
+        raise InputError(f"{file}: cannot be decoded, expected {WHAT} ({', '.join(ENDINGS)})")
+    if image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{file}: found grey values of type {image.dtype}, expected whole numbers of 8 or 16 bits")
+    return np.asarray(image)
+
+
+def _brightest(files: Sequence[Path]) -> int:
+    """The greatest grey value of those that have more than 8 bits."""
+    images = (_decoded(file) for file in files)
+    return max(int(image.max()) for image in images if image.dtype != np.uint8)
 
 
 def _by_numbers(file: Path) -> list[tuple[bool, int, str]]:

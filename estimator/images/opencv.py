@@ -16,4 +16,5 @@ def opencv() -> Any:
         raise InputError("images need OpenCV, expected it installed: pip install 'baryscope[images]'")
     import cv2
 
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what cannot be read is told by whoever reads
     return cv2
