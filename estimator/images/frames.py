@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from baryscope.estimator.images.numbers import places_of, refuse_other_numbers
 from baryscope.estimator.images.opencv import opencv
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
@@ -34,6 +35,10 @@ class Folder:
     def __len__(self) -> int:
         return len(self.files)
 
+    def places(self, count: int) -> NDArray[np.int64]:
+        """Which image of the sequence each of the first `count` is; numbers that are missing in the names count."""
+        return places_of(self.files)[:count]
+
     def __iter__(self) -> Iterator[tuple[str, Image]]:
         unused: int | None = None  # lower bits of 16
         for file in self.files:
@@ -55,6 +60,10 @@ class Video:
 
     def __len__(self) -> int:
         return self.length
+
+    def places(self, count: int) -> NDArray[np.int64]:
+        """Which image of the sequence each of the first `count` is: a video tells of none that is missing."""
+        return np.arange(count)
 
     def __iter__(self) -> Iterator[tuple[str, Image]]:
         cv2 = opencv()
@@ -99,8 +108,10 @@ def pairs_of(left: Folder | Video, right: Folder | Video, resolution: tuple[int,
     """The pairs of images, one after the other; resolution: width and height that each must have.
 
     Raises:
-        InputError: one cannot be read, has another size, or one side has more than the other.
+        InputError: one cannot be read, has another size, or has no partner on the other side.
     """
+    if isinstance(left, Folder) and isinstance(right, Folder):
+        refuse_other_numbers(left.files, right.files)
     sides, count = (iter(left), iter(right)), 0
     while True:
         pair = [next(side, None) for side in sides]

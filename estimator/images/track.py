@@ -20,6 +20,7 @@ FloatArray = NDArray[np.float64]
 
 LEAST = 8  # sightings of a feature that is kept: what is lost at once is often no point of the body
 FEWEST, MANY = 8, 1000  # features at a time that may be asked for
+SAME_RATE = 1e-3  # by which the rates that two videos tell may differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,7 @@ class Tracked:
         row_offset: their mean difference, px: what the calibration leaves.
         noise_ratio: that error over the one which the pixels' own noise would make; the covariances have it.
         found: number of features that were found, of which those with fewer than LEAST sightings are not in the tracks.
+        missing: pairs that are missing by the numbers in the images' names, and count where a rate tells the times.
     """
 
     tracks: FeatureTracks
@@ -40,6 +42,7 @@ class Tracked:
     row_offset: float
     noise_ratio: float
     found: int
+    missing: int = 0
 
 
 def track(
@@ -58,7 +61,8 @@ def track(
         left: folder of images, or video, of the left camera.
         right: that of the right one; images of one place in the order are of one time.
         pair: the cameras.
-        times: (n,), s, of each pair; or how many there are a second, from time 0 on: by default as the left video says.
+        times: (n,), s, of each pair; or how many there are a second, from time 0 on: by default as the videos say.
+            Where numbers are missing in the images' names, so are pairs.
         epoch: UTC of time 0 in ISO 8601, if it is known.
         most: features at a time.
         progress: told the share that is done.
@@ -70,21 +74,40 @@ def track(
     if not FEWEST <= most <= MANY:
         raise InputError(f"features: found {most}, expected {FEWEST} to {MANY} at a time")
     sides = frames_of(left), frames_of(right)
-    given = _times(sides[0], times)
+    given = _times(*sides, times)
     tracker = Tracker(Rectified.of(pair), most)
     seen: list[Sightings] = []
     for images in _expected(sides, pair.left.resolution, len(given) if given.ndim else None):
         seen.append(tracker.sightings(*images))
         if progress is not None and len(sides[0]):
             progress(len(seen) / len(sides[0]))
-    return _tracked(given if given.ndim else np.arange(len(seen)) / given, seen, epoch)
+    places = sides[0].places(len(seen))
+    missing = 0 if given.ndim else int(places[-1]) + 1 - len(seen)
+    found = _tracked(given if given.ndim else places / given, seen, epoch, missing)
+    if found is None:
+        raise ComputationError(_why_none(tracker, len(seen)), Reason.TOO_FEW_FEATURES)
+    return found
 
 
-def _times(left: Folder | Video, times: float | ArrayLike | None) -> FloatArray:
+def _why_none(tracker: Tracker, pairs: int) -> str:
+    """How far the corners of the images have come, of which none is in the tracks."""
+    rows = f", {np.median(tracker.rows):+.0f} px from their rows in the median" if tracker.rows else ""
+    return (
+        f"no feature is seen {LEAST} times in {counted(pairs, 'pair')} of images: of "
+        f"{counted(tracker.corners, 'corner')} in the left ones, the right ones show {len(tracker.rows)}{rows}, and "
+        f"{tracker.numbered} were placed well enough to be followed"
+    )
+
+
+def _times(left: Folder | Video, right: Folder | Video, times: float | ArrayLike | None) -> FloatArray:
     """The times (n,) that are given, or the rate ()."""
     if times is None:
         if left.rate is None:
             raise InputError(f"{left.path}: does not tell the images' times, expected a rate or times")
+        if right.rate is not None and abs(right.rate - left.rate) > SAME_RATE * left.rate:
+            raise InputError(
+                f"{right.path}: found {right.rate:g} images a second, expected {left.rate:g} as in {left.path}"
+            )
         times = left.rate
     given = np.asarray(times, dtype=np.float64)
     if given.ndim == 0 and not (np.isfinite(given) and given > 0):
@@ -106,15 +129,14 @@ def _expected(
         raise InputError(f"{sides[0].path}: {counted(number, 'image')}, expected {count}, one for each time")
 
 
-def _tracked(time: FloatArray, seen: Sequence[Sightings], epoch: str | None) -> Tracked:
-    """The sightings of all frames as tracks, with covariances as large as the rows' differences tell."""
+def _tracked(time: FloatArray, seen: Sequence[Sightings], epoch: str | None, missing: int) -> Tracked | None:
+    """The sightings of all frames as tracks, with covariances as large as the rows' differences tell; None if no
+    feature is seen for long enough.
+    """
     numbers, sightings = np.unique(np.concatenate([frame.numbers for frame in seen]), return_counts=True)
     kept = numbers[sightings >= LEAST]
     if not len(kept):
-        raise ComputationError(
-            f"{len(numbers)} features found in {counted(len(seen), 'pair')} of images, none of them {LEAST} times",
-            Reason.TOO_FEW_FEATURES,
-        )
+        return None
     rows = np.concatenate([frame.parallax for frame in seen])
     deviations = np.concatenate([frame.deviation for frame in seen])
     ratio = float(np.sqrt(np.mean((rows / deviations) ** 2)))
@@ -126,4 +148,4 @@ def _tracked(time: FloatArray, seen: Sequence[Sightings], epoch: str | None) -> 
         position[k, column], covariance[k, column] = frame.position[own], ratio**2 * frame.covariance[own]
     tracks = FeatureTracks(time, position, [f"F{number + 1}" for number in kept.tolist()], covariance, epoch)
     noise = float(np.sqrt(np.mean(rows**2) / 2))
-    return Tracked(tracks, noise, float(rows.mean()), ratio, len(numbers))
+    return Tracked(tracks, noise, float(rows.mean()), ratio, len(numbers), missing)

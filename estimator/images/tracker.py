@@ -74,14 +74,20 @@ class _Pairs:
 
 @dataclass(eq=False)
 class Tracker:
-    """Takes pairs of images, one after the other."""
+    """Takes pairs of images, one after the other.
+
+    corners: how many corners of left images were looked for in the right ones; rows: by how many px they are below
+    their rows there, where they were seen; numbered: how many of these were placed well enough to be followed.
+    """
 
     rectified: Rectified
     most: int = MOST
+    corners: int = 0
+    rows: list[float] = field(default_factory=list)
+    numbered: int = 0
     _pairs: _Pairs | None = None
     _before: tuple[Image, Image] | None = None
     _body: BodyMap = field(default_factory=BodyMap)
-    _numbered: int = 0
 
     def sightings(self, left: Image, right: Image) -> Sightings:
         """What the next pair of images shows."""
@@ -110,19 +116,18 @@ class Tracker:
         """New features, where there is room."""
         taken = np.zeros((0, 2)) if followed is None else followed.left.places.centre
         room, shift = self.most - len(taken), self.rectified.shift
-        places = [
-            (place, there)
-            for place in corners(images[0], taken, room if room >= self.most * ROOM else 0)
-            if (there := across(*images, place, shift)) is not None
-        ]
+        seen = corners(images[0], taken, room if room >= self.most * ROOM else 0)
+        places = [(place, there) for place in seen if (there := across(*images, place, shift)) is not None]
+        self.corners += len(seen)
+        self.rows += [float(there[1] - round(place[1])) for place, there in places]
         left, right = np.array(places, dtype=np.float64).reshape(-1, 2, 2).swapaxes(0, 1)
         expected = Places.upright(left), Places.upright(right)
         patches = Patches.at(surfaces[0], left)
         found = _Pairs.of(np.arange(len(left)), patches, surfaces, expected, shift, COARSEST_NEW)
-        first, self._numbered = self._numbered, self._numbered + len(found.numbers)
+        first, self.numbered = self.numbered, self.numbered + len(found.numbers)
         # The left patch is the feature's own: the residuals, which are none, don't tell its noise.
         own = Found(found.left.places, found.right.covariance, found.left.there)
-        return _Pairs(np.arange(first, self._numbered), found.patches, own, found.right)
+        return _Pairs(np.arange(first, self.numbered), found.patches, own, found.right)
 
 
 def _pixels(pairs: _Pairs) -> tuple[FloatArray, FloatArray]:

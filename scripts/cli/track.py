@@ -48,7 +48,8 @@ def track_images(
     output
         The tracks: .csv, .parquet, .nc or .zarr.
     rate
-        Pairs of images a second. Default: what the left video says.
+        Pairs of images a second, those that are missing by the numbers in the names as well. Default: what the videos
+        say.
     times
         A CSV file with the column time, in s or UTC, a row for each pair, instead of a rate.
     features
@@ -70,10 +71,11 @@ def track_images(
 def _words(found: Tracked, path: Path) -> list[str]:
     """The result in a few lines."""
     seen = found.tracks.seen
+    gaps = f"; by the numbers in the names {counted(found.missing, 'pair is', 'pairs are')} missing"
     return [
         f"{path}: {counted(int(seen.sum()), 'observation')} of {counted(seen.shape[1], 'feature')} in "
         f"{counted(len(seen), 'pair')} of images, {np.median(seen.sum(axis=1)):.0f} in a pair, "
-        f"a feature for {np.median(seen.sum(axis=0)):.0f} pairs (medians)",
+        f"a feature for {np.median(seen.sum(axis=0)):.0f} pairs (medians)" + (gaps if found.missing else ""),
         f"a feature is placed to {found.pixel_noise:.3f} px; rows of left and right differ by "
         f"{found.row_offset:+.3f} px in the mean",
     ]
@@ -88,6 +90,7 @@ def _values(found: Tracked, path: Path) -> dict[str, object]:
         "features": seen.shape[1],
         "observations": int(seen.sum()),
         "features_found": found.found,
+        "pairs_missing": found.missing,
         "pixel_noise": found.pixel_noise,
         "row_offset": found.row_offset,
         "noise_ratio": found.noise_ratio,

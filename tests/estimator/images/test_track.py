@@ -1,12 +1,15 @@
 """Tracks from images beside the motion that these were rendered from."""
 
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from baryscope.estimator.images import track
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.study.images.scene import write_images
-from pictures import scene
+from pictures import scene, video
 
 pytest.importorskip("cv2", reason="OpenCV, the extra images, is not installed")
 
@@ -75,6 +78,37 @@ def test_times_are_those_that_are_given(written):
             track(*written, scene(FRAMES).pair, times=times)
 
 
+def test_pairs_that_are_missing_by_their_numbers_take_their_time(written, tmp_path):
+    """The rate is the camera's: what it dropped on both sides made the rest of the tracks too early."""
+    for side in written:
+        shutil.copytree(side, tmp_path / side.name)
+        files = sorted((tmp_path / side.name).iterdir(), key=lambda file: int(file.stem))
+        files[1].unlink()
+    sides = [tmp_path / side.name for side in written]
+    found = track(*sides, scene(FRAMES).pair, times=2.0)
+    assert found.missing == 1
+    np.testing.assert_allclose(found.tracks.time, 0.5 * np.delete(np.arange(FRAMES), 1))
+    given = track(*sides, scene(FRAMES).pair, times=np.arange(FRAMES - 1.0))
+    assert given.missing == 0
+
+
+def test_videos_of_two_rates_are_refused(tmp_path):
+    left, right = (video(tmp_path / f"{rate}.avi", rate, [100] * 3) for rate in (12.5, 25.0))
+    with pytest.raises(InputError, match=r"25.0.avi: found 25 images a second, expected 12.5 as in .*12.5.avi"):
+        track(left, right, scene(FRAMES).pair)
+
+
 def test_too_few_images_are_refused(tmp_path):
-    with pytest.raises(ComputationError, match=r"features found in 3 pairs of images, none of them 8 times"):
+    with pytest.raises(ComputationError, match="no feature is seen 8 times in 3 pairs of images: of ") as no:
         track(*write_images(scene(3), tmp_path), scene(3).pair, times=1.0)
+    assert ", +0 px from their rows in the median, and " in str(no.value)
+
+
+def test_rows_that_do_not_match_are_told(tmp_path):
+    """Of a rig whose calibration is off by three pixels, nothing was told but that there are no features."""
+    pair = scene(FRAMES).pair
+    u, v = pair.right.principal_point
+    wrong = replace(pair, right=pair.right.model_copy(update={"principal_point": (u, v - 3)}))
+    with pytest.raises(ComputationError, match=r"[+-]\d px from their rows in the median") as no:
+        track(*write_images(scene(FRAMES), tmp_path), wrong, times=1.0)
+    assert ", +0 px" not in str(no.value)
