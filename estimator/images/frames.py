@@ -42,12 +42,12 @@ class Folder:
     def __iter__(self) -> Iterator[tuple[str, Image]]:
         unused: int | None = None  # lower bits of 16
         for file in self.files:
-            image = _decoded(file)
-            if image.dtype != np.uint8:
+            values = _decoded(file)
+            if values.dtype != np.uint8:
                 if unused is None:
                     unused = max(_brightest(self.files).bit_length() - 8, 0)
-                image = np.minimum(image >> unused, 255).astype(np.uint8)
-            yield str(file), image
+                values = np.minimum(values >> unused, 255)
+            yield str(file), values.astype(np.uint8)
 
 
 @dataclass(frozen=True)

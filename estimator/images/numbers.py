@@ -46,17 +46,15 @@ def refuse_other_numbers(left: Sequence[Path], right: Sequence[Path]) -> None:
     Raises:
         InputError: it names the first image without a partner.
     """
-    numbers = numbers_of(left), numbers_of(right)
-    if numbers[0] is None or numbers[1] is None:
+    ours, theirs = numbers_of(left), numbers_of(right)
+    if ours is None or theirs is None or (len(left) == len(right) and len(np.unique(theirs - ours)) == 1):
         return
-    if len(left) == len(right) and len(np.unique(numbers[1] - numbers[0])) == 1:
-        return
-    common = np.intersect1d(*numbers)
+    common = np.intersect1d(ours, theirs)
     if 2 * len(common) < max(len(left), len(right)):
         return
     alone = [
         (number, file, other[0].parent)
-        for files, own, other in ((left, numbers[0], right), (right, numbers[1], left))
+        for files, own, other in ((left, ours, right), (right, theirs, left))
         for number, file in zip(own.tolist(), files, strict=True)
         if number not in common
     ]
