@@ -41,7 +41,8 @@ def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
     fits: list[Fit] = []
     for axes in (pair.parent_pose[0], pair.child.rotation):
         back = np.swapaxes(axes, 1, 2)
-        functions = motion_functions(pair.relative, [back @ pair.parent_pose[0], back @ pair.child.rotation])
+        bodies = [back @ pair.parent_pose[0], back @ pair.child.rotation]
+        functions = motion_functions(pair.relative, bodies, of_one_size=pair.parent is not None)
         moved = np.einsum("kij,kj->ki", back, wanted)
         fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
@@ -62,11 +63,17 @@ def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
     )
 
 
-def motion_functions(R_P_C: FloatArray, coordinates: Sequence[FloatArray]) -> list[FloatArray]:
+def motion_functions(
+    R_P_C: FloatArray, coordinates: Sequence[FloatArray], of_one_size: bool = False
+) -> list[FloatArray]:
     """Groups of what skin may do with the motion, (n, c, q): functions of time along the axes of some coordinates.
 
     Along the axes of each of the coordinates (n, c, k): the joint's angles; along those of the first: combinations of
     angles and rates of one size, and of their products. As functions of time they have the mean 0.
+
+    of_one_size: the angles along all coordinates are one group: the skin of one body slides with them as that of the
+    other does. Else what both together show is taken for that of one, as of a hinge along its axis, and the other's,
+    which shifts the centre as much across it, for none.
     """
     angle = angles(R_P_C)
     rate = np.gradient(angle, axis=0)
@@ -77,7 +84,8 @@ def motion_functions(R_P_C: FloatArray, coordinates: Sequence[FloatArray]) -> li
     products = linear[:, i] * linear[:, j]
     products = products - products.mean(axis=0)
     squares = _orthogonal(products - linear @ (linear.T @ products))[:, :MOST_SQUARES]
-    groups = [(angle, axes) for axes in coordinates] + [(linear, coordinates[0]), (squares, coordinates[0])]
+    of_bodies = [np.concatenate(coordinates, axis=2)] if of_one_size else list(coordinates)
+    groups = [(angle, axes) for axes in of_bodies] + [(linear, coordinates[0]), (squares, coordinates[0])]
     n, c, _ = coordinates[0].shape
     return [np.einsum("ni,nck->ncki", one, axes).reshape(n, c, -1) for one, axes in groups if one.size]
 

@@ -114,7 +114,9 @@ NOISES: dict[str, Skin] = {
         np.sqrt(0.5) * (in_step(rng, motion) + lasting(rng, (FRAMES, 3), LASTING))
     ),
     "by angle": by_angle,
+    "by angle, child": by_angle,
 }
+ONE_BODY = "by angle, child"  # of which the parent's skin stays
 SLACK = "loose joint"  # of which the joint itself wanders by as much, and skin does not
 
 
@@ -132,7 +134,8 @@ def recorded(motion: str, noise: str, seed: int) -> Recording:
         loose = SKIN * np.sqrt(0.5) * (rng.normal(size=(FRAMES, 3)) + lasting(rng, (FRAMES, 3), LASTING))
     bodies = []
     for R, place in ((R_T_P, origin), (R_T_C, joint + np.einsum("kij,kj->ki", R_T_P, loose) - R_T_C @ IN_CHILD)):
-        skin = np.zeros((FRAMES, 3)) if noise == SLACK else SKIN * NOISES[noise](rng, moved)
+        stays = noise == SLACK or (noise == ONE_BODY and R is R_T_P)
+        skin = np.zeros((FRAMES, 3)) if stays else SKIN * NOISES[noise](rng, moved)
         points = place[:, None] + (SHAPE + skin[:, None]) @ np.swapaxes(R, 1, 2)
         bodies.append(points + OWN * rng.normal(size=points.shape))
     return Recording(t, bodies[0], bodies[1], joint, R_T_P[:, :, 1])
