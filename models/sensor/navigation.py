@@ -128,7 +128,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("tumble.known", "1", "Whether the target tumbles freely, and how is known", boolean=True),
         shown("navigation.valid", "1", "Whether the filter tracks the target: status is 2", boolean=True),
         shown("status", "1", ", ".join(f"{k}: {word}" for k, word in enumerate(STATUSES)), limits=(0.0, 4.0)),
-        shown("sight.position", "m", "Where the last sample saw features, on average, frame C; 0 before the first", (3,)),
+        shown("sight.position", "m", "Where the last sample saw features, in the mean, frame C; 0: none", (3,)),
         shown("samples", "1", "Number of samples that were taken", limits=NOT_NEGATIVE),
         shown("processNoise", "m2/s3", "Estimated density of white acceleration", limits=NOT_NEGATIVE),
         shown("noiseRatio", "1", "Mean square of the residuals over the expected one", limits=NOT_NEGATIVE),
