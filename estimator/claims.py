@@ -10,8 +10,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.diagnostics import observability_of
-from baryscope.estimator.findings import Departure, ExcessResiduals, FramesLeftOut, LackOfFit, WrongSigma
+from baryscope.estimator.adjustment.diagnostics import observability_of, with_attitude
+from baryscope.estimator.findings import (
+    Departure,
+    ExcessResiduals,
+    Extrapolated,
+    FramesLeftOut,
+    LackOfFit,
+    UnknownBurn,
+    WrongSigma,
+)
 from baryscope.estimator.prediction import Widening
 from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import Cluster, Estimate, Motion, Status
@@ -19,6 +27,7 @@ from baryscope.estimator.result import Cluster, Estimate, Motion, Status
 FloatArray = NDArray[np.float64]
 
 SMOOTH = "polynomial"  # the path that has no model to depart from
+FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
 FEATURES = 3  # that a frame shows at least, to tell an attitude
 LEAST_SHARE = 0.01  # of all frames, successive ones without a used observation
 SIGNIFICANCE = 1e-7  # probability by chance, below which a departure is named
@@ -26,8 +35,9 @@ BY_CHANCE = 1e-3  # probability of so many successive frames that are left out
 
 
 def claimed(result: Estimate) -> Estimate:
-    """The result with its departure and the frames it leaves out named, and as wide as its misfits show."""
+    """The result with its departure, extrapolation and frames left out named, and as wide as its misfits show."""
     named = replace(result, findings=result.findings + _departure(result) + _left_out(result))
+    named = replace(named, findings=named.findings + _extrapolated(named))
     return widened(named, _widening(named)) if named.status is Status.MODEL_DOES_NOT_FIT else named
 
 
@@ -59,6 +69,24 @@ def _left_out(result: Estimate) -> tuple[FramesLeftOut, ...]:
     shift = np.linalg.norm(np.nanmean(result.residuals[frames], axis=1), axis=1)
     begin, end = result.time[frames[[0, -1]]]
     return (FramesLeftOut(float(begin), float(end), int(run), float(np.median(shift))),)
+
+
+def _extrapolated(result: Estimate) -> tuple[Extrapolated, ...]:
+    """A finding if a path that is told is extrapolated so far that its law claims more than the tracks.
+
+    The law of a smooth path is what this shows where it is seen. Whether it holds beyond, as on an ellipse that nears
+    its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have.
+    """
+    seen = with_attitude(result.used & ~result.rejected)
+    told = result.observability is not None and result.observability.observable.all()
+    lawful = result.path != SMOOTH and not any(isinstance(one, Departure | UnknownBurn) for one in result.findings)
+    if lawful or not told or not len(seen):
+        return ()
+    assert result.covariance is not None  # noqa: S101  what is told has one
+    variance = np.trace(result.covariance, axis1=1, axis2=2)
+    if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
+        return ()
+    return (Extrapolated(float(result.time[seen[0]]), float(result.time[seen[-1]])),)
 
 
 def _widening(result: Estimate) -> Widening:

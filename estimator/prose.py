@@ -75,7 +75,7 @@ def sentence(finding: Finding) -> str:
         case Extrapolated():
             return (
                 f"attitudes are seen from {finding.begin:.1f} to {finding.end:.1f} s only: beyond, the path is "
-                "extrapolated, which nothing checks without an orbit"
+                "extrapolated, which nothing checks without an orbit that has all forces"
             )
         case Departure():
             return (

@@ -1,21 +1,18 @@
 """From an adjustment to the values of a result: clusters, observability, residuals, rejected observations."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import as_slice
 from baryscope.estimator.adjustment.reweighting import REJECTED
-from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.trajectory import smooth_in
-from baryscope.estimator.findings import Extrapolated, FewFrames
+from baryscope.estimator.findings import FewFrames
 from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.observability import UNOBSERVABLE, Observability, PrincipalAxes
 from baryscope.estimator.registration.body import Body
-from baryscope.estimator.result import Cluster, Estimate
+from baryscope.estimator.result import Cluster
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
@@ -23,7 +20,6 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 ATTITUDE = 2  # observations of a frame that tell an attitude, together with path and offset
-FAR = 3.0  # standard deviation beyond the frames with an attitude over the greatest among them
 
 
 def cluster_of(body: Body, points: FloatArray, covariance: FloatArray, labels: Sequence[str]) -> Cluster:
@@ -82,30 +78,11 @@ def few_frames(weight: FloatArray, unknowns: float) -> tuple[FewFrames, ...]:
     unknowns as with free attitudes, where as many frames are needed as path and offsets have unknowns.
     """
     unknowns += 3  # of the offset
-    frames = len(_with_attitude(weight >= REJECTED))
+    frames = len(with_attitude(weight >= REJECTED))
     return (FewFrames(frames, unknowns),) if 2 * frames < unknowns else ()
 
 
-def with_extrapolation(result: Estimate, path: Path) -> Estimate:
-    """The result with a finding if a smooth path that is told is extrapolated so far that its law claims more than the
-    tracks.
-
-    The law is what the path shows where it is seen. Whether it holds beyond, as on an ellipse that nears its periapsis,
-    nothing tells but an orbit.
-    """
-    seen = _with_attitude(result.used & ~result.rejected)
-    told = result.observability is not None and result.observability.observable.all()
-    if smooth_in(path) is None or not told or not len(seen):
-        return result
-    assert result.covariance is not None  # noqa: S101  what is told has one
-    variance = np.trace(result.covariance, axis1=1, axis2=2)
-    if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
-        return result
-    found = Extrapolated(float(result.time[seen[0]]), float(result.time[seen[-1]]))
-    return replace(result, findings=(*result.findings, found))
-
-
-def _with_attitude(used: BoolArray) -> IntArray:
+def with_attitude(used: BoolArray) -> IntArray:
     """The frames with an attitude, by the observations (n, m) that are used and not rejected."""
     return np.flatnonzero(used.sum(axis=1) >= ATTITUDE)
 

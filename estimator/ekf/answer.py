@@ -11,7 +11,6 @@ from baryscope.estimator.adjustment.diagnostics import (
     few_frames,
     observability_of,
     rejected_by,
-    with_extrapolation,
 )
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, REJECTED
 from baryscope.estimator.details import FilterDetails
@@ -54,7 +53,7 @@ def answer_of(found: Passes, begin: float) -> Estimate:
     cluster = _cluster(tracks, at.points[features], features, last.weight, answer)
     weight = np.where(tracks.seen, np.maximum(last.weight, NEGLIGIBLE), 0.0)
     gravity_gradient = start.rotation.orbit is not None
-    result = Estimate(
+    return Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=answer.position,
@@ -89,7 +88,6 @@ def answer_of(found: Passes, begin: float) -> Estimate:
         process_noise=process_noise_of(found),
         predictor=PredictedTumble(found, tracks.labels, features, answer.products),
     )
-    return with_extrapolation(result, problem.path)
 
 
 def _burns(found: Passes) -> tuple[UnknownBurn, ...]:

@@ -23,7 +23,6 @@ from baryscope.estimator.adjustment.diagnostics import (
     observability_of,
     rejected_by,
     residuals_of,
-    with_extrapolation,
 )
 from baryscope.estimator.adjustment.evidence import conditional, held
 from baryscope.estimator.adjustment.path_noise import predicted_path, process_noise_of
@@ -120,7 +119,7 @@ def _tumbling(
     gravity_gradient = best.rotation.orbit is not None
     span, prior, own = (float(tracks.time[0]), float(tracks.time[-1])), best.priors.own, best.posterior
     of_path = predicted_path(best.path, best.x, of_x, span, prior, own)
-    result = Estimate(
+    return Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=origin,
@@ -157,7 +156,6 @@ def _tumbling(
             _torque_density(best, options),
         ),
     )
-    return with_extrapolation(result, best.path)
 
 
 def _findings(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:

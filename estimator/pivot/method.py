@@ -19,7 +19,6 @@ from baryscope.estimator.adjustment.diagnostics import (
     observability_of,
     rejected_by,
     residuals_of,
-    with_extrapolation,
 )
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, attitude_information
@@ -106,7 +105,7 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
     predictor = predicted_path(found.path, x, of_x, span, found.path.prior, found.posterior)
     weight = found.observations.weight
     weight = np.where(tracks.seen & ~found.inliers, np.maximum(weight, NEGLIGIBLE), weight)
-    result = Estimate(
+    return Estimate(
         time=tracks.time,
         labels=tracks.labels,
         position=path.position(x),
@@ -133,7 +132,6 @@ def estimate_of(found: Pivot, tracks: FeatureTracks, options: PathOptions, begin
         process_noise=process_noise_of(found.path, found.sampled, x, found.path.prior, found.posterior),
         predictor=predictor,
     )
-    return with_extrapolation(result, found.path)
 
 
 def _of_true_size(found: Pivot, scale: int, of_x: FloatArray, offsets: FloatArray) -> FloatArray:

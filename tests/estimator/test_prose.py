@@ -73,7 +73,7 @@ def test_verdict_names_a_skew_axis():
         (
             Extrapolated(26.14, 40.7),
             "attitudes are seen from 26.1 to 40.7 s only: beyond, the path is extrapolated, which nothing checks "
-            "without an orbit",
+            "without an orbit that has all forces",
         ),
         (
             FramesLeftOut(3.0, 15.5, 13, 0.456),
