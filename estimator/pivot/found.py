@@ -135,11 +135,15 @@ class Pivot:
             return self.spurious_share
         return float(np.linalg.eigvals(self.solution.offset_covariance @ self.shown_spurious).real.max())
 
-    def shown_spurious_share_of(self, body: int) -> float:
-        """The same for the offset of one body, by its index: others may tell nothing of theirs, and share the path."""
+    def shown_spurious_share_of(self, body: int, directions: FloatArray) -> float:
+        """The same for the offset of one body, by its index, along some directions (d, 3) of its axes, unit vectors.
+
+        Other bodies may tell nothing of their offsets, and share the path; along other directions it may not be told.
+        """
         own = slice(3 * body, 3 * body + 3)
-        of_body = self.solution.offset_covariance[own, own] @ self.shown_spurious[own, own]
-        return float(np.linalg.eigvals(of_body).real.max())
+        along = self.solution.offset_covariance[own, own] @ directions.T
+        feigned = along.T @ self.shown_spurious[own, own] @ along
+        return float(np.linalg.eigvals(np.linalg.solve(directions @ along, feigned)).real.max())
 
     def at_mean(self, errors: SharedErrors | None) -> "Pivot":
         """The solution at the mean over the hyperparameters, in place of that for the likeliest; errors: the camera's.

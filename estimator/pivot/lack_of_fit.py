@@ -1,24 +1,41 @@
-"""The test of a fitted path for lack of fit of its model."""
+"""The tests of a fitted path for lack of fit of its model."""
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
+from scipy.special import chdtrc, fdtrc
 
+from baryscope.estimator.adjustment.degrees_of_freedom import values_for_path
 from baryscope.estimator.adjustment.subsample import subsampled
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.sampled_path import SampledPath
-from baryscope.estimator.findings import LackOfFit
+from baryscope.estimator.findings import ExcessResiduals, LackOfFit
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import gauss_newton_step
 from baryscope.estimator.pivot.joint_covariance import JointCovariance, without_spurious_information
+from baryscope.estimator.registration.clusters import Registered
 
 FloatArray = NDArray[np.float64]
 
+MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
+EXCESSIVE = 1e-5  # probability of that ratio by chance, below which it is named
 MIN_NEW_SHARE = 0.01  # share of a cubic that the path model cannot represent, from which it is tested
 SIGNIFICANCE = 1e-7  # probability of a lack of fit by chance
 TEST_FRAMES = 1500  # frames used in the test, at most
 MAX_SPURIOUS_GROWTH = 1.5  # of an offset's variance by removal of spurious information, for the test to be valid
+
+
+def excess_residuals(found: Pivot, registered: Registered) -> ExcessResiduals | None:
+    """A finding if the variance of the residuals is above that of the registration, by more than chance.
+
+    The registration's are some of the values of the solution: of independent ones the ratio would scatter more.
+    """
+    ratio = found.residual_variance / max(registered.noise**2, 1e-300)
+    dof = values_for_path(found.bodies, found.observations) - found.path_unknowns
+    chance = fdtrc(max(dof, 0.0) / found.lasting, registered.values / found.lasting, ratio)
+    if ratio <= MAX_VARIANCE_RATIO or chance >= EXCESSIVE:
+        return None
+    return ExcessResiduals(found.path.name, float(np.sqrt(ratio)))
 
 
 def lack_of_fit(found: Pivot, time: FloatArray) -> LackOfFit | None:

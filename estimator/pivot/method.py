@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
-from baryscope.estimator.adjustment.degrees_of_freedom import least_variance, values_for_path
+from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.diagnostics import (
     attitude_series,
     cluster_of,
@@ -35,21 +34,26 @@ from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.seen import errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path, smooth_in, trajectory_of
-from baryscope.estimator.findings import DifferentPoints, ExcessResiduals, FewFrames, Finding
+from baryscope.estimator.findings import DifferentPoints, FewFrames, Finding
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS, is_at_rest, without_spurious_information
-from baryscope.estimator.pivot.lack_of_fit import lack_of_fit
+from baryscope.estimator.pivot.lack_of_fit import excess_residuals, lack_of_fit
 from baryscope.estimator.pivot.refinement import ROUNDING, Start, refined
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
 from baryscope.estimator.pivot.start import Initial, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
-from baryscope.estimator.pivot.unexplained import following_rotation, with_corrected_orbit, wrong_orbit
+from baryscope.estimator.pivot.unexplained import (
+    following_rotation,
+    with_corrected_orbit,
+    with_needed_noise,
+    wrong_orbit,
+)
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -66,8 +70,6 @@ BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
-MAX_VARIANCE_RATIO = 1.5  # variance of the residuals over that of the registration, above which the path does not fit
-SIGNIFICANCE = 1e-5  # probability of that ratio by chance, below which it is named
 
 
 def estimate_by_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -305,15 +307,15 @@ def _lasting(registered: Registered, observations: Observations) -> float:
 
 
 def _refined(start: Start, options: PathOptions) -> Pivot:
-    """The refined solution, with covariances at once with the path's own prior.
+    """The refined solution, with covariances at once with the path's own prior; with the noise that it needs.
 
     They make the start so good that to begin anew from a simple path would spoil it, unless it leads nowhere.
     """
-    if start.measured.precision is not None and start.first_prior is not None:
-        found = refined(replace(start, first_prior=None), options)
-        if found.converged:
-            return found
-    return refined(start, options)
+    at_once = start.measured.precision is not None and start.first_prior is not None
+    found = refined(replace(start, first_prior=None) if at_once else start, options)
+    if at_once and not found.converged:
+        found = refined(start, options)
+    return with_needed_noise(found, start, options)
 
 
 def _is_cut_short(found: Pivot) -> bool:
@@ -364,8 +366,9 @@ def _findings(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tu
     ]
     measured = found.observations
     if found.residual_variance > least_variance(measured, ROUNDING):
-        if measured.precision is None and (ratio := _excess(found, registered)) > MAX_VARIANCE_RATIO:
-            findings.append(ExcessResiduals(found.path.name, float(np.sqrt(ratio))))
+        excess = excess_residuals(found, registered) if measured.precision is None else None
+        if excess is not None:
+            findings.append(excess)
         elif found.path.prior.free.all() and (finding := lack_of_fit(found, tracks.time)):
             findings.append(finding)
     frames, unknowns = sum(len(body.frames) for body in found.bodies), found.path_unknowns + 3 * len(found.bodies)
@@ -373,17 +376,6 @@ def _findings(found: Pivot, registered: Registered, tracks: FeatureTracks) -> tu
     if (frames if smooth_in(found.path) is None else 2 * frames) < unknowns:
         findings.append(FewFrames(frames, unknowns))
     return tuple(findings)
-
-
-def _excess(found: Pivot, registered: Registered) -> float:
-    """The variance of the residuals over that of the registration; 1 if it is greater by chance.
-
-    The registration's are some of the values of the solution: of independent ones the ratio would scatter more.
-    """
-    ratio = found.residual_variance / max(registered.noise**2, 1e-300)
-    dof = values_for_path(found.bodies, found.observations) - found.path_unknowns
-    chance = fdtrc(max(dof, 0.0) / found.lasting, registered.values / found.lasting, ratio)
-    return ratio if chance < SIGNIFICANCE else 1.0
 
 
 def _restricted(measured: Observations, right: Observations, bodies: tuple[Body, ...]) -> Observations:

@@ -1,4 +1,5 @@
-"""What a path leaves unexplained: whether its process noise is a wrong orbit, or the path may follow the rotation.
+"""What a path leaves unexplained: whether it needs its process noise, or that is a wrong orbit, or the path may follow
+the rotation.
 
 The significance of a hyperparameter is twice the logarithm of the likelihood ratio against no effect. Without an effect
 it is 0 in half of all cases, and χ² with one degree of freedom in the others (Self and Liang 1987).
@@ -14,15 +15,50 @@ from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_or
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import FollowsRotation, WrongOrbit
-from baryscope.estimator.observability import Observability
+from baryscope.estimator.observability import UNOBSERVABLE, Observability
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
+from baryscope.estimator.pivot.free_attitudes import linearised
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS
+from baryscope.estimator.pivot.reduced import bounded_cost
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 FEIGNED = 0.4  # share of the information on an offset that is spurious, where a path may follow the rotation
+FAINT = 1e-30  # m²/s³: a density without effect
+HARMLESS = 0.5  # claim over the features' radius: the offset is off by some two radii, four deviations, at most
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
+
+
+def with_needed_noise(found: Pivot, start: Start, options: PathOptions) -> Pivot:
+    """The solution, or that which is reached from one without process noise, if it is likelier by more than chance.
+
+    Where hardly more than noise tells the offsets, steps that may use process noise can end with wrong offsets that
+    need it. Without it they come near the right ones.
+    """
+    path = start.path
+    if not isinstance(path, Disturbed) or path.density is not None or smooth_in(path) is not None:
+        return found
+    if not (found.converged and found.has(DENSITY)) or found.shown_spurious_share < SPURIOUS:
+        return found
+    try:
+        quiet = refined(replace(start, path=replace(path, density=FAINT), first_prior=None), options)
+        near = replace(start, bodies=quiet.bodies, x=quiet.solution.x, observations=quiet.observations, weight=None)
+        other = refined(replace(near, first_prior=path.prior.holding({DENSITY: np.log(FAINT)})), options)
+    except ComputationError:
+        return found
+    variance = min(found.variance, other.variance)
+    return other if _cost(other, start, variance) < _cost(found, start, variance) - SIGNIFICANT else found
+
+
+def _cost(found: Pivot, start: Start, variance: float) -> float:
+    """−2 ln of the marginal likelihood, up to a constant, of the observations of a start, with outliers of a bounded
+    cost.
+    """
+    weight = np.where(start.observations.weight > 0, found.observations.weight, 0.0)
+    problem = linearised(found.bodies, found.observations, found.sampled, found.solution.x, found.shift, found.offsets)
+    return bounded_cost(problem, weight, variance, found.path.prior, found.posterior.theta)
 
 
 def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
@@ -55,14 +91,19 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
 def following_rotation(found: Pivot, observability: Observability) -> tuple[FollowsRotation, ...]:
     """The finding of a path that may follow the rotation, with an offset that is wrong by as much.
 
-    Where hardly more than noise tells the offset, attitudes that outliers have spoilt can make such a path likelier
-    than the true one; then neither is to be trusted. That is so of significant process noise, and of a smooth path that
-    is much curved, unless the claim is that the offset is not told anyway.
+    Where hardly more than noise tells the offset, attitudes that outliers have spoilt, or that turn little, can make
+    such a path likelier than the true one; then neither is to be trusted. That is so of significant process noise,
+    along directions in which the claim does not hold any place in the body, and of a smooth path that is much curved,
+    unless the claim is that the offset is not told anyway.
     """
-    able = found.has(DENSITY) if smooth_in(found.path) is None else found.path_unknowns > CURVED
-    if not (able and observability.observable.all()):
+    axes, radius = observability.body, observability.threshold / UNOBSERVABLE
+    if smooth_in(found.path) is None:
+        told = found.has(DENSITY) & (axes.deviations <= HARMLESS * radius)
+    else:
+        told = np.full(3, found.path_unknowns > CURVED and observability.observable.all())
+    if not told.any():
         return ()
-    share = found.shown_spurious_share_of(observability.cluster)
+    share = found.shown_spurious_share_of(observability.cluster, axes.directions[told])
     if share <= FEIGNED:
         return ()
     return (FollowsRotation(share, found.path_unknowns),)
