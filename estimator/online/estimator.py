@@ -39,7 +39,7 @@ class OnlineStatus(StrEnum):
     """No frame yet with three features that are not in a line."""
     STARTING = "starting"
     """The position of the centre of mass is less certain than the features are far from each other, or what
-    only the noise of the attitudes seemed to show is more than half of what is known of it along some axis, or
+    only the noise of the attitudes seemed to show is as much as what is known of it along some axis, or
     fewer than six nodes were taken: they have few more values than unknowns."""
     TRACKING = "tracking"
     DOUBTFUL = "doubtful"

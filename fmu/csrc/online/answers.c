@@ -18,19 +18,25 @@ static double noise_ratio(const Online *filter) {
     return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
 }
 
-/* Whether what was taken back is a good part of what is known of the offset, along some direction: what is left is not to be
-   trusted then. */
-static int only_seems(const Online *filter, const Now *now) {
+/* What was taken back as mere noise, over what is known of the offset, along the direction of which it is most. */
+static double seeming_part(const Online *filter, const Now *now) {
     double v[3] = {1.0, 0.7, 0.4}, size = 0.0;
     for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
         double u[3];
         times(filter->seeming, v, u);
         for (int k = 0; k < 3; k++) v[k] = dot(&now->own[OFFSET + k][6], u) + dot(&now->wider[OFFSET + k][6], u);
         size = sqrt(dot(v, v));
-        if (!(size > 0.0)) return 0;
+        if (!(size > 0.0)) return 0.0;
         for (int k = 0; k < 3; k++) v[k] /= size;
     }
-    return size > SEEMING;
+    return size;
+}
+
+/* By how much covariances are to be wider, where what was taken back is a good part of what is known: that itself is noisy, and
+   if it was all that is known, nothing is left. */
+static double factor_of(const Online *filter, const Now *now) {
+    double part = seeming_part(filter, now);
+    return noise_ratio(filter) * (part > SEEMING && part < 1.0 ? (1.0 - SEEMING) / (1.0 - part) : 1.0);
 }
 
 /* Whether successive innovations surely agree: the path bends otherwise than any member of the bank takes it for. So they do
@@ -48,7 +54,7 @@ static OnlineStatus worth_of(const Online *filter, const Now *now, double P[6][6
     if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
-    return only_seems(filter, now) ? STARTING : TRACKING;
+    return seeming_part(filter, now) < 1.0 ? TRACKING : STARTING;
 }
 
 static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][6]) {
@@ -60,7 +66,7 @@ static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][
    transition to there. */
 static void go_ahead(const Online *filter, Now *now, double time, const double *acceleration, double x[6],
                      double P[6][6], double F[6][6]) {
-    double factor = noise_ratio(filter), all[6][6], moved[6] = {0.0};
+    double factor = factor_of(filter, now), all[6][6], moved[6] = {0.0};
     push_on(&filter->options, filter->time, time, acceleration, moved);
     for (int i = 0; i < 6; i++) {
         x[i] = filter->x[i];
@@ -158,9 +164,10 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     Now now;
     double x[6], P[6][6], F[6][6], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
-    double X[3][3], of_b[3][3], all[6][6], shift[3], arc[3][3], factor = noise_ratio(filter);
+    double X[3][3], of_b[3][3], all[6][6], shift[3], arc[3][3];
     int at = BODY + 3 * slot;
     look(filter, &now);
+    double factor = factor_of(filter, &now);
     go_ahead(filter, &now, time, acceleration, x, P, F);
     multiplied(F, filter->F, all);
     for (int i = 0; i < 3; i++) {
@@ -187,9 +194,9 @@ int online_point(const Online *filter, double time, const double *acceleration, 
 }
 
 int online_features(const Online *filter, long long *names, double *positions, double *covariances) {
-    double factor = noise_ratio(filter);
     Now now;
     look(filter, &now);
+    double factor = factor_of(filter, &now);
     for (int f = 0; f < (int)filter->used; f++) {
         names[f] = filter->feature[f].name;
         for (int i = 0; i < 3; i++) {

@@ -50,9 +50,10 @@ typedef struct {
 /* The path as it is known now; 0 where that is not to be trusted. */
 static int known_path(const Online *filter, Path *path) {
     Now now;
-    double P[6][6], highest = -INFINITY, factor = noise_ratio(filter);
+    double P[6][6], highest = -INFINITY;
     if (filter->frames == 0.0) return 0;
     look(filter, &now);
+    double factor = factor_of(filter, &now);
     for (int i = 0; i < 6; i++) {
         path->x[i] = filter->x[i] + now.x[i];
         for (int j = 0; j < 6; j++) path->P[i][j] = now.own[i][j] + now.wider[i][j], P[i][j] = factor * path->P[i][j];

@@ -144,3 +144,20 @@ def test_a_camera_whose_attitude_is_noisy_shows_the_tumble_all_the_same():
         assert all(state.status is OnlineStatus.TRACKING for state in states[130:])
         nees.append(errors(states[-1:], path[-1:])[1][0])
     assert np.sum(nees) < chi2.ppf(1 - ALPHA, 24)
+
+
+def test_where_noise_seems_to_show_much_claims_are_wider_and_where_it_shows_all_nothing_is_known():
+    """A spin that cones by 2° is tracked, though most of what attitudes show is noise; a pure one never."""
+    time, sigma = np.arange(700.0), 0.1
+    path, turn = straight(time), 2 * np.pi * np.arange(700.0) / 120.0
+    nees = []
+    for tilt in (0.03, 0.0):
+        angles = np.stack([turn, np.full_like(turn, tilt), 0.6 * turn], axis=1)
+        places = path[:, None] + POINTS @ np.swapaxes(Rotation.from_euler("ZXZ", angles).as_matrix(), 1, 2)
+        for draw in range(6):
+            noise = np.random.default_rng([25, draw]).standard_normal(places.shape)
+            states = run(OnlineEstimator(sigma), time, places + sigma * noise)
+            known = [state.status is OnlineStatus.TRACKING for state in states]
+            assert np.mean(known[400:]) > 0.8 if tilt else not any(known)
+            nees.append(errors(states[-1:], path[-1:])[1][0])
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 3 * len(nees))
