@@ -18,25 +18,10 @@ static double noise_ratio(const Online *filter) {
     return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
 }
 
-/* What was taken back as mere noise, over what is known of the offset, along the direction of which it is most. */
-static double seeming_part(const Online *filter, const Now *now) {
-    double v[3] = {1.0, 0.7, 0.4}, size = 0.0;
-    for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
-        double u[3];
-        times(filter->seeming, v, u);
-        for (int k = 0; k < 3; k++) v[k] = dot(&now->own[OFFSET + k][6], u) + dot(&now->wider[OFFSET + k][6], u);
-        size = sqrt(dot(v, v));
-        if (!(size > 0.0)) return 0.0;
-        for (int k = 0; k < 3; k++) v[k] /= size;
-    }
-    return size;
-}
-
 /* By how much covariances are to be wider, where what was taken back is a good part of what is known: that itself is noisy, and
    if it was all that is known, nothing is left. */
 static double factor_of(const Online *filter, const Now *now) {
-    double part = seeming_part(filter, now);
-    return noise_ratio(filter) * (part > SEEMING && part < 1.0 ? (1.0 - SEEMING) / (1.0 - part) : 1.0);
+    return noise_ratio(filter) * (now->seems > SEEMING && now->seems < 1.0 ? (1.0 - SEEMING) / (1.0 - now->seems) : 1.0);
 }
 
 /* Whether successive innovations surely agree: the path bends otherwise than any member of the bank takes it for. So they do
@@ -54,7 +39,7 @@ static OnlineStatus worth_of(const Online *filter, const Now *now, double P[6][6
     if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
-    return seeming_part(filter, now) < 1.0 ? TRACKING : STARTING;
+    return now->seems < 1.0 ? TRACKING : STARTING;
 }
 
 static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][6]) {

@@ -67,6 +67,20 @@ static void together(const Member *large, const Member bank[MEMBERS + 1], Now *n
     now->white = exp(white);
 }
 
+/* What was taken back as mere noise, over what is known of the offset, along the direction of which it is most. */
+static double seeming_part(const Online *filter, const Now *now) {
+    double v[3] = {1.0, 0.7, 0.4}, size = 0.0;
+    for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
+        double u[3];
+        times(filter->seeming, v, u);
+        for (int k = 0; k < 3; k++) v[k] = dot(&now->own[OFFSET + k][6], u) + dot(&now->wider[OFFSET + k][6], u);
+        size = sqrt(dot(v, v));
+        if (!(size > 0.0)) return 0.0;
+        for (int k = 0; k < 3; k++) v[k] /= size;
+    }
+    return size;
+}
+
 /* At the filter's time. */
 static void look(const Online *filter, Now *now) {
     Member bank[MEMBERS + 1], further[MEMBERS + 1];
@@ -88,6 +102,7 @@ static void look(const Online *filter, Now *now) {
         taken = take_open_node(filter, further);
     }
     together(&large, taken ? further : bank, now);
+    now->seems = seeming_part(filter, now);
 }
 
 /* Look now, and go on from what is seen, until another frame fits: far ahead of the open node there is no straight way back to it. */

@@ -135,6 +135,7 @@ typedef struct {
 typedef struct {
     double x[MOTION], own[MOTION][MOTION], wider[MOTION][MOTION];
     double white, jerk; /* densities of white acceleration and jerk, m2/s3, m2/s5 */
+    double seems;       /* what was taken back as noise, over what is known of the offset */
 } Now;
 
 /* Attitude (w, x, y, z) B to C, rate in B, coefficients of an inertia of trace 1; 1 if the gravity gradient acts. */
