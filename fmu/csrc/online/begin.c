@@ -118,13 +118,13 @@ static void begin(Online *filter, Frame *frame, const Path *path) {
     online_start(filter, &options);
     filter->lasting = lasting, filter->frames_per_error = frames_per_error, filter->pairs = pairs;
     for (int k = 0; k < 5; k++) filter->kind[k] = kind[k];
-    filter->time = filter->turned = filter->registered = time;
+    filter->time = filter->turned = filter->registered = filter->referred = time;
     if (frame->count < 3 || !spread_out(frame)) return;
     if (path) resume_path(filter, path);
     else guess_path(filter, frame);
     filter->widest = (filter->P[PLACE][PLACE] + filter->P[PLACE + 1][PLACE + 1] + filter->P[PLACE + 2][PLACE + 2]) / 3.0;
     filter->first_attitude = own_attitude(frame);
-    for (int k = 0; k < 3; k++) filter->R[k][k] = filter->attitude[k][k] = 1.0;
+    for (int k = 0; k < 3; k++) filter->R[k][k] = filter->attitude[k][k] = filter->reference[k][k] = 1.0;
     double exact[6][6] = {{0}};
     for (int i = 0; i < frame->count; i++) {
         frame->passage[i] = (Passage){.M = {{1.0, 0, 0}, {0, 1.0, 0}, {0, 0, 1.0}}};

@@ -276,7 +276,10 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     turn_tumble(&filter->tumble, &filter->options, turn);
     turn_axes(turn, before);
     angle_between(filter->R, before, turn);
-    for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / (time - filter->turned);
+    double of_attitude = level.turn[0][0] + level.turn[1][1] + level.turn[2][2], span = time - filter->turned;
+    for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / span;
+    filter->of_rate = (filter->of_attitude + of_attitude) / (span * span);
+    filter->of_attitude = of_attitude;
     follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, level.turn);
     filter->turned = time;
     double V[6][6];

@@ -42,33 +42,67 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
     return ACCEPTED;
 }
 
+/* The angular rate in C from a time on, with its variance over all axes: of the last two nodes, or of the first one's frames. */
+static void last_rate(const Online *filter, double rate[3], double *variance, double *since) {
+    const Node *node = &filter->node;
+    double turn[3], span = filter->referred - node->begin;
+    for (int k = 0; k < 3; k++) rate[k] = filter->rate[k];
+    *variance = filter->of_rate, *since = filter->turned;
+    if (dot(rate, rate) > 0.0 || node->count < 2.0 || !(span > 0.0)) return;
+    angle_between(filter->reference, node->R, turn);
+    for (int k = 0; k < 3; k++) rate[k] = turn[k] / span;
+    *variance = 2.0 * filter->unsure / (span * span), *since = node->begin;
+}
+
+#define WEAK 4.0 /* times the variance of an attitude that was foreseen has one that tells little */
+
 /* The attitude at a time: of the tumble where it is known, else of a constant rate, which may change by its square. */
 static void foresee(const Online *filter, double time, OnlineTumble *found, Foreseen *foreseen) {
-    double turn[3], T = time - filter->registered, square = dot(filter->rate, filter->rate);
+    double rate[3], of_rate, turned, turn[3], T = time - filter->referred;
     online_tumble(filter, time, found);
     if (found->known != 0.0) {
         copy(found->R, foreseen->R);
         foreseen->variance = found->turn[0][0] + found->turn[1][1] + found->turn[2][2];
         return;
     }
-    copy(filter->attitude, foreseen->R);
-    for (int k = 0; k < 3; k++) turn[k] = filter->rate[k] * T;
+    last_rate(filter, rate, &of_rate, &turned);
+    copy(filter->reference, foreseen->R);
+    for (int k = 0; k < 3; k++) turn[k] = rate[k] * T;
     turn_left(turn, foreseen->R);
-    double change = square * T * (time - filter->turned);
-    foreseen->variance = square > 0.0 && square * T * T < 1.0 ? filter->unsure + change * change : INFINITY;
+    double square = dot(rate, rate), change = square * T * (time - turned);
+    foreseen->variance = square > 0.0 && square * T * T < 1.0 ? filter->unsure + of_rate * T * T + change * change : INFINITY;
+}
+
+/* What the next attitude is foreseen from: that of a registered frame, or where it was foreseen if that is far better known. */
+static void refer(Online *filter, const Foreseen *foreseen, const Pose *pose) {
+    double variance = attitude_variance(filter, pose);
+    int better = WEAK * foreseen->variance < variance && !is_far(filter, foreseen, pose);
+    copy(better ? foreseen->R : pose->R, filter->reference);
+    filter->unsure = better ? foreseen->variance : variance;
+    filter->referred = filter->time;
 }
 
 /* Whether the attitude of a frame is far from the foreseen one: points of it are not what they are taken for. But if that goes
    on, the target turns so. */
 static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *pose) {
-    double turn[3], T[3][3], angle = angle_between(pose->R, foreseen->R, turn);
-    of_pose(pose, 3, T);
-    double variance = T[0][0] + T[1][1] + T[2][2] + 3.0 * square_of_camera(filter);
-    filter->surprises = angle * angle > GATE * (variance + foreseen->variance) ? filter->surprises + 1.0 : 0.0;
+    filter->surprises = is_far(filter, foreseen, pose) ? filter->surprises + 1.0 : 0.0;
     if (filter->surprises > 0.0 && filter->surprises < STUBBORN) return 1;
     filter->surprises = 0.0;
-    filter->unsure = variance;
     return 0;
+}
+
+/* Whether a frame has a pose that is not surprising, if need be with the names of two points exchanged. */
+static int is_expected(Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+    double turn[3];
+    Pose other = {.count = 0};
+    int fits = registered(filter, frame, foreseen, pose), far = fits && is_far(filter, foreseen, pose);
+    double angle = fits ? angle_between(pose->R, foreseen->R, turn) : INFINITY;
+    if (fits && !far && (isfinite(foreseen->variance) || angle < LARGE)) exchange_misfits(filter, frame, pose);
+    else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, foreseen, &other) &&
+             (far || angle_between(other.R, foreseen->R, turn) < 0.5 * angle))
+        *pose = other, fits = 1;
+    else fits = fits && registered(filter, frame, foreseen, pose);
+    return fits && !is_surprising(filter, foreseen, pose);
 }
 
 /* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
@@ -103,7 +137,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         begin(filter, &frame, NULL);
         return ACCEPTED;
     }
-    int fits = registered(filter, &frame, &foreseen, &pose) && !is_surprising(filter, &foreseen, &pose);
+    int fits = is_expected(filter, &frame, &foreseen, &pose);
     if (!fits) look_and_keep(filter);
     advance(filter, time, moved);
     if (is_better_first(filter, &frame)) {
@@ -112,7 +146,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     }
     if (tumble.known != 0.0 && known_in(&frame) < 3) {
         guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time));
-        fits = registered(filter, &frame, &foreseen, &pose) && !is_surprising(filter, &foreseen, &pose);
+        fits = is_expected(filter, &frame, &foreseen, &pose);
     }
     if (!fits) {
         int strangers = known_in(&frame) < 3;
@@ -123,6 +157,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     }
     filter->looked = 0.0;
     settle_names(filter, &frame);
+    note_names(filter, &frame, names);
     filter->squares += pose.squares;
     filter->freedom += 3.0 * pose.count - 6.0;
     filter->sightings += pose.count;
@@ -131,6 +166,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     if (covariances) carry_covariances(filter, &frame, &pose);
     filter->lost = 0.0;
     copy(pose.R, filter->attitude);
+    refer(filter, &foreseen, &pose);
     filter->registered = time;
     if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > widest_within(&filter->node)) {
         far_enough(filter, R);

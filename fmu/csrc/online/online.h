@@ -76,6 +76,7 @@ typedef struct {
     double last; /* time of the last sighting, s */
     double sightings;
     double refused; /* sightings in a row that did not fit */
+    double exchanged; /* sightings in a row under the name of another feature, which was seen under its own */
     double information[3][3]; /* of its place in B, as if its sightings were independent, 1/m2 */
     double looked, sighted[3]; /* sightings with a covariance; ln of the last one's range over the map's, of this, of its variance */
 } Feature;
@@ -180,7 +181,8 @@ typedef struct {
     double lost;   /* frames in a row that did not fit the map */
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
     double attitude[3][3], registered; /* of the last frame that fits, and its time */
-    double unsure;   /* variance of its rotation vector, rad2 */
+    double of_rate, of_attitude;       /* variances of rate and R, over all axes */
+    double reference[3][3], referred, unsure; /* attitude from which the next one is foreseen, its time, its variance, rad2 */
     double surprises; /* frames in a row with an attitude far from the foreseen one */
     double x[6];                       /* r, v at `time` */
     double from[6], F[6][6], elapsed;  /* r, v at the time of the covariances, the transition since, s */

@@ -3,6 +3,7 @@
 #define GATE 21.1        /* chi-square of 3 degrees of freedom with p = 1e-4 */
 #define ROUGHLY 9.0      /* a pose from three points has up to three times the noise */
 #define ALIKE 0.1        /* rad, within which the map's covariances need not be turned */
+#define LARGE 1.0 /* rad */
 enum { ROUNDS = 6, TRIPLES = 60 };
 
 /* The weight of a residual at the attitude R, with which the map's covariance turns; 0 where it has none. */
@@ -158,18 +159,20 @@ static int agreed(const Online *filter, Frame *frame, const Foreseen *foreseen, 
     return settled(filter, frame, best);
 }
 
+/* The pose from all points that are in the map, near a foreseen attitude; 0 if one does not fit. */
+static int fits_as_a_whole(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+    for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
+    copy(foreseen->R, pose->R);
+    for (int i = 0; i < frame->count; i++) frame->fits[i] = frame->slot[i] >= 0;
+    return adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE);
+}
+
 /* The pose of a frame near a foreseen attitude, or by agreement; 0 if fewer than three, or half of them, fit. */
 static int registered(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
     int known = 0;
-    for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) pose->R[i][j] = foreseen->R[i][j];
-    for (int i = 0; i < frame->count; i++) {
-        frame->fits[i] = frame->slot[i] >= 0;
-        known += frame->fits[i];
-    }
+    for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;
     if (known < 3) return 0;
-    if (adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE)) {
+    if (fits_as_a_whole(filter, frame, foreseen, pose)) {
         double turn[3];
         if (angle_between(pose->R, foreseen->R, turn) < ALIKE) return 1;
         if (settled(filter, frame, pose) && pose->count == known) return 1;

@@ -52,6 +52,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 #include "again.c"
 #include "update.c"
 #include "features.c"
+#include "exchange.c"
 #include "spin.c"
 #include "tumble.c"
 #include "lasting.c"

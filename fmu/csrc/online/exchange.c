@@ -1,0 +1,88 @@
+/* Points that have each other's names: trackers exchange two features, for a frame or for a while. */
+
+enum { FEW = 8 }; /* known points, of which two may leave too few that are right */
+
+/* That of the rotation vector of a pose, rad2, summed over the axes. */
+static double attitude_variance(const Online *filter, const Pose *pose) {
+    double T[3][3];
+    of_pose(pose, 3, T);
+    return T[0][0] + T[1][1] + T[2][2] + 3.0 * square_of_camera(filter);
+}
+
+/* Give two points each other's names. */
+static void exchange(Frame *frame, int i, int j) {
+    int slot = frame->slot[i];
+    long long name = frame->name[i];
+    frame->slot[i] = frame->slot[j], frame->name[i] = frame->name[j];
+    frame->slot[j] = slot, frame->name[j] = name;
+}
+
+/* Whether the attitude of a pose is far from the foreseen one. */
+static int is_far(const Online *filter, const Foreseen *foreseen, const Pose *pose) {
+    double turn[3], angle = angle_between(pose->R, foreseen->R, turn);
+    return angle * angle > GATE * (attitude_variance(filter, pose) + foreseen->variance);
+}
+
+/* The pose of a frame of which all points fit if two have exchanged their names, nearest to the foreseen attitude; 0 if there
+   is none that is not far from it. */
+static int exchanged(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+    int found = 0, first = 0, second = 0;
+    double turn[3], angle, least = INFINITY;
+    if (known_in(frame) == 3 && !(GATE * foreseen->variance < LARGE * LARGE)) return 0; /* most triangles fit some such attitude */
+    for (int i = 0; i < frame->count; i++)
+        for (int j = i + 1; j < frame->count; j++) {
+            if (frame->slot[i] < 0 || frame->slot[j] < 0) continue;
+            exchange(frame, i, j);
+            if (fits_as_a_whole(filter, frame, foreseen, pose) && !is_far(filter, foreseen, pose) &&
+                (angle = angle_between(pose->R, foreseen->R, turn)) < least)
+                found = 1, least = angle, first = i, second = j;
+            exchange(frame, i, j);
+        }
+    if (!found) return 0;
+    exchange(frame, first, second);
+    return fits_as_a_whole(filter, frame, foreseen, pose);
+}
+
+/* Points that do not fit the pose, but each other's places, have exchanged their names. */
+static void exchange_misfits(const Online *filter, Frame *frame, Pose *pose) {
+    int any = 0;
+    for (int i = 0; i < frame->count; i++)
+        for (int j = i + 1; j < frame->count; j++) {
+            double arm[3], e[3];
+            if (frame->slot[i] < 0 || frame->slot[j] < 0 || frame->fits[i] || frame->fits[j]) continue;
+            exchange(frame, i, j);
+            weighed(filter, frame, i, pose->R), weighed(filter, frame, j, pose->R);
+            if (residual(filter, frame, pose, i, arm, e) < GATE && residual(filter, frame, pose, j, arm, e) < GATE)
+                frame->fits[i] = frame->fits[j] = any = 1;
+            else exchange(frame, i, j), weighed(filter, frame, i, pose->R), weighed(filter, frame, j, pose->R);
+        }
+    if (any) adjusted(filter, frame, pose);
+}
+
+/* Give two features each other's names. */
+static void rename_both(Online *filter, int f, int g) {
+    long long name = filter->feature[f].name, other = filter->feature[g].name;
+    filter->feature[f].name = other, filter->feature[g].name = name;
+    for (int s = 0; s < (int)filter->node.used; s++) {
+        Sum *sum = &filter->node.seen[s];
+        sum->name = sum->name == name ? other : sum->name == other ? name : sum->name;
+    }
+}
+
+/* Two features that come under each other's names again and again have these from now on; names: of the points as they came. */
+static void note_names(Online *filter, Frame *frame, const long long names[]) {
+    for (int i = 0; i < frame->count; i++) {
+        int f = frame->slot[i];
+        if (f >= 0 && frame->fits[i])
+            filter->feature[f].exchanged = frame->name[i] == names[i] ? 0.0 : filter->feature[f].exchanged + 1.0;
+    }
+    for (int i = 0; i < frame->count; i++)
+        for (int j = i + 1; j < frame->count; j++) {
+            if (frame->name[i] != names[j] || frame->name[j] != names[i]) continue;
+            Feature *one = &filter->feature[frame->slot[i]], *other = &filter->feature[frame->slot[j]];
+            if (one->exchanged < PATIENT || other->exchanged < PATIENT) continue;
+            rename_both(filter, frame->slot[i], frame->slot[j]);
+            frame->name[i] = names[i], frame->name[j] = names[j];
+            one->exchanged = other->exchanged = 0.0;
+        }
+}

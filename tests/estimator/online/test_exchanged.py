@@ -1,0 +1,61 @@
+"""The online estimator where two features have each other's names: in single frames, or for a while."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from baryscope.estimator.online import OnlineEstimator, OnlineStatus
+from tops import POINTS, SIGMA, errors, run, straight, tracks
+
+ALPHA = 1e-4  # of the chi-square bands
+KITE = np.array([[1.5, 0.2, 0.3], [-1.5, 0.2, 0.3], [0.0, 1.4, 0.32], [0.0, -0.9, 0.27]])  # nearly so if 0 is 1
+
+
+def exchanged(seen, frames, pair=(0, 1)):
+    """Tracks (n, m, 3) where two features have each other's names in some frames."""
+    found = seen.copy()
+    found[np.ix_(frames, pair)] = seen[np.ix_(frames, pair[::-1])]
+    return found
+
+
+@pytest.mark.parametrize("points", [KITE, POINTS[:4]], ids=["kite", "four"])
+def test_single_frames_with_two_names_exchanged_cost_nothing(points):
+    """One in eight from the second on, before anything is known of the rate: the kite fits after half a turn, too."""
+    time = np.arange(240.0)
+    path, nees = straight(time), []
+    for draw in range(8):
+        rng = np.random.default_rng([51, draw])
+        seen = tracks(rng, time, path, points)
+        frames = 1 + np.flatnonzero(rng.random(len(time) - 1) < 0.125)
+        plain, mixed = (run(OnlineEstimator(SIGMA), time, one) for one in (seen, exchanged(seen, frames)))
+        assert OnlineStatus.LOST not in [state.status for state in mixed]
+        assert np.linalg.norm(mixed[-1].position - plain[-1].position) < 0.1 * SIGMA
+        nees.append(errors(mixed, path)[1][-1])
+    assert sum(nees) < chi2.ppf(1 - ALPHA, 24)
+
+
+def test_two_names_that_stay_exchanged_for_a_while_are_found_in_every_frame():
+    """For forty frames of 240, then again: two of four features, so that the others tell no attitude by themselves."""
+    time = np.arange(240.0)
+    path, nees = straight(time), []
+    for draw in range(8):
+        seen = tracks(np.random.default_rng([52, draw]), time, path, KITE)
+        frames = np.r_[60:100, 150:200]
+        states = run(OnlineEstimator(SIGMA), time, exchanged(seen, frames))
+        assert OnlineStatus.LOST not in [state.status for state in states]
+        nees.append(errors(states, path)[1][[100, 200, -1]])
+    assert (np.sum(nees, axis=0) < chi2.ppf(1 - ALPHA, 24)).all()
+
+
+def test_two_of_many_features_that_exchange_their_names_stay_in_the_map():
+    """Others tell the attitude; what is seen of the two is as good as before, so that neither is measured afresh."""
+    time = np.arange(180.0)
+    seen = tracks(np.random.default_rng(53), time, straight(time))
+    frames = np.arange(100, 140)
+    plain, mixed = OnlineEstimator(SIGMA), OnlineEstimator(SIGMA)
+    run(plain, time, seen)
+    run(mixed, time, exchanged(seen, frames))
+    known, found = plain.features(), mixed.features()
+    assert found.names.tolist() == known.names.tolist()
+    variances, wanted = (np.trace(one.covariance, axis1=1, axis2=2) for one in (found, known))
+    np.testing.assert_allclose(variances, wanted, rtol=0.01)
