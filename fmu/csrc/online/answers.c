@@ -43,7 +43,6 @@ static OnlineStatus worth_of(const Online *filter, const Now *now, double P[6][6
 }
 
 static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][6]) {
-    if (filter->frames == 0.0) return WAITING;
     return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
 }
 
@@ -71,18 +70,32 @@ static void go_ahead(const Online *filter, Now *now, double time, const double *
     }
 }
 
+/* Before the first frame there is no path and no attitude. */
+static void leave_unknown(OnlineState *state) {
+    for (int i = 0; i < 3; i++) {
+        state->r[i] = state->v[i] = NAN;
+        for (int j = 0; j < 3; j++) state->R[i][j] = NAN;
+    }
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) state->covariance[i][j] = NAN;
+}
+
 int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
     if (!isfinite(time) || time < filter->time) return BAD_TIME;
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
-    Now now;
-    double x[6], P[6][6], F[6][6];
-    look(filter, &now);
-    go_ahead(filter, &now, time, acceleration, x, P, F);
-    state->time = time;
+    *state = (OnlineState){.time = time, .status = WAITING};
     state->features = filter->used;
     state->density = filter->density;
     state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
     state->lasting = filter->frames_per_error;
+    if (filter->frames == 0.0) {
+        leave_unknown(state);
+        return ACCEPTED;
+    }
+    Now now;
+    double x[6], P[6][6], F[6][6];
+    look(filter, &now);
+    go_ahead(filter, &now, time, acceleration, x, P, F);
     state->status = status_of(filter, &now, P);
     for (int i = 0; i < 3; i++) {
         state->r[i] = x[i], state->v[i] = x[3 + i];
@@ -180,6 +193,7 @@ int online_point(const Online *filter, double time, const double *acceleration, 
 
 int online_features(const Online *filter, long long *names, double *positions, double *covariances) {
     Now now;
+    if (filter->frames == 0.0) return 0;
     look(filter, &now);
     double factor = factor_of(filter, &now);
     for (int f = 0; f < (int)filter->used; f++) {

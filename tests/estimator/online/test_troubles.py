@@ -161,3 +161,10 @@ def test_where_noise_seems_to_show_much_claims_are_wider_and_where_it_shows_all_
             assert np.mean(known[400:]) > 0.8 if tilt else not any(known)
             nees.append(errors(states[-1:], path[-1:])[1][0])
     assert sum(nees) < chi2.ppf(1 - ALPHA, 3 * len(nees))
+
+
+def test_before_the_first_frame_nothing_is_known():
+    state = OnlineEstimator(0.01).update(0.0, np.full((3, 3), np.nan))
+    assert state.status == "waiting"
+    for name in ("position", "velocity", "covariance", "attitude"):
+        assert np.isnan(getattr(state, name)).all(), name
