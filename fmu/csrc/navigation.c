@@ -76,16 +76,13 @@ static void remember(Model *model, const double *values, double time, double nex
     }
 }
 
-/* Bring the filter to the last communication point before a time, through each step with its own command. */
-static void go_through(const Model *model, Online *filter, double end)
+/* The first communication point after one time and before another, which is meant if there is none. What is known goes
+   through all of them, through each step with its own command. */
+static double next_point(const Model *model, double begin, double end)
 {
-    double moved[6];
-    for (int i = 0; i < model->count && filter->frames > 0.0; i++) {
-        const double time = model->past[i].time;
-        if (time <= filter->time || time >= end) continue;
-        moved_between(model, filter->time, time, moved);
-        advance(filter, time, moved);
-    }
+    for (int k = 0; k < model->count; k++)
+        if (model->past[k].time > begin && model->past[k].time < end) return model->past[k].time;
+    return end;
 }
 
 /* ---- samples ---- */
@@ -158,7 +155,11 @@ static void take_sample(Model *model, const double *values, char *message)
     }
     if (count == 0) return;
     const double time = values[AT_SAMPLE_TIME] - model->started;
-    go_through(model, &model->filter, time);
+    double next;
+    while (model->filter.frames > 0.0 && (next = next_point(model, model->filter.time, time)) < time) {
+        moved_between(model, model->filter.time, next, moved);
+        advance(&model->filter, next, moved);
+    }
     moved_between(model, model->filter.time, time, moved);
     if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, moved) != ACCEPTED) {
         leave_out(model, UNUSABLE, message, "the sample at %.17g s is not finite in frame C: not taken", values[AT_SAMPLE_TIME]);
@@ -201,11 +202,11 @@ static void write_tumble(const Model *model, double *values, double time)
     memcpy(values + AT_INERTIA, inertia, sizeof inertia);
 }
 
-static void write_features(const Online *filter, double *values)
+static void write_features(const Online *filter, const Now *now, double *values)
 {
     long long names[MOST_FEATURES];
     double places[MOST_FEATURES][3], covariances[MOST_FEATURES][9];
-    const int known = online_features(filter, names, places[0], covariances[0]);
+    const int known = map_of(filter, now, names, places[0], covariances[0]);
     memset(values + AT_BODY_FEATURES, 0, 3 * N_FEATURES * sizeof *values);
     memset(values + AT_BODY_COVARIANCES, 0, 6 * N_FEATURES * sizeof *values);
     memset(values + AT_BODY_KNOWN, 0, N_FEATURES * sizeof *values);
@@ -219,21 +220,25 @@ static void write_features(const Online *filter, double *values)
 /* The outputs at a time. False if the filter has no finite state there. */
 static bool write_outputs(const Model *model, double *values, double time)
 {
-    OnlineState now, ahead;
-    double moved[6];
+    OnlineState now, then;
+    Ahead ahead;
     static const double none[3];
+    const Online *filter = &model->filter;
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
     memcpy(values + AT_SIGHT, model->sight, sizeof model->sight);
     write_tumble(model, values, time);
-    if (model->filter.frames == 0.0) return true;
-    Online filter = model->filter;
-    look_and_keep(&filter);
-    go_through(model, &filter, time);
-    moved_between(model, filter.time, time, moved);
-    if (time > filter.time) advance(&filter, time, moved);
-    if (online_predict(&filter, time, none, &now) != ACCEPTED) return false;
-    if (online_predict(&filter, time + values[AT_HORIZON], none, &ahead) != ACCEPTED) return false;
+    if (filter->frames == 0.0) return true;
+    start_ahead(filter, &ahead);
+    while (ahead.time < time) {
+        double moved[6];
+        const double next = next_point(model, ahead.time, time);
+        moved_between(model, ahead.time, next, moved);
+        go_ahead(&filter->options, &ahead, next, moved);
+    }
+    state_there(filter, &ahead, &now);
+    push_ahead(filter, &ahead, time + values[AT_HORIZON], none);
+    state_there(filter, &ahead, &then);
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
     memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);
     write_upper(now.covariance[0], 6, values + AT_POSITION_COVARIANCE);
@@ -243,9 +248,9 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
     values[AT_NOISE_LASTING] = now.lasting;
-    write_features(&model->filter, values);
-    memcpy(values + AT_PREDICTED, ahead.r, sizeof ahead.r);
-    write_upper(ahead.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);
+    write_features(filter, &ahead.now, values);
+    memcpy(values + AT_PREDICTED, then.r, sizeof then.r);
+    write_upper(then.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);
     for (int k = AT_OUTPUTS; k < AT_OUTPUTS + N_OUTPUTS; k++)
         if (!isfinite(values[k])) return false;
     return true;

@@ -27,27 +27,25 @@ static void unit_update(Unit *unit, unsigned kinds)
     unit->values[AT_TIME] = unit->time;
 }
 
-static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
+static bool unit_parameters_hold(const double parameters[N_PARAMETERS], char message[MESSAGE_SIZE])
 {
-    return all_hold(CHECKS, N_CHECKS, unit_margins, unit_found, unit->values + AT_PARAMETERS, message);
+    return all_hold(CHECKS, N_CHECKS, unit_margins, unit_found, parameters, message);
 }
 
 static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE])
 {
-    if (!parameters_hold(unit, message)) return false;
+    if (!unit_parameters_hold(unit->values + AT_PARAMETERS, message)) return false;
     memset(&unit->model, 0, sizeof unit->model);
     model_start(&unit->model, unit->values, unit->time);
     unit->initialised = true;
     return true;
 }
 
-static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
+static void unit_tune(Unit *unit)
 {
-    if (unit->initialised) return true;
-    if (!parameters_hold(unit, message)) return false;
+    if (unit->initialised) return;
     model_tune(&unit->model, unit->values);
     unit->initialised = true;
-    return true;
 }
 
 static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE])

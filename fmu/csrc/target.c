@@ -137,9 +137,9 @@ static bool unit_set_states(Unit *unit, const double states[N_STATES], char mess
 
 /* ---- initialisation ---- */
 
-static bool parameters_hold(const Unit *unit, char message[MESSAGE_SIZE])
+static bool unit_parameters_hold(const double parameters[N_PARAMETERS], char message[MESSAGE_SIZE])
 {
-    return all_hold(CHECKS, N_CHECKS, target_margins, target_found, unit->values + AT_PARAMETERS, message);
+    return all_hold(CHECKS, N_CHECKS, target_margins, target_found, parameters, message);
 }
 
 /* Compute constants and tolerance from the parameters. */
@@ -199,7 +199,7 @@ static void start_integrators(Unit *unit)
 
 static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE])
 {
-    if (!parameters_hold(unit, message)) return false;
+    if (!unit_parameters_hold(unit->values + AT_PARAMETERS, message)) return false;
     const double *arguments[] = {unit->values + AT_PARAMETERS};
     double *to_state[] = {unit->values + AT_STATES}, *to_scale[] = {unit->scale};
     target_initial(arguments, to_state, NULL, NULL, 0);
@@ -214,13 +214,11 @@ static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE])
     return true;
 }
 
-static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE])
+static void unit_tune(Unit *unit)
 {
-    if (unit->initialised) return true;
-    if (!parameters_hold(unit, message)) return false;
+    if (unit->initialised) return;
     take_parameters(unit);
     unit->integrators_stale = true;
-    return true;
 }
 
 /* ---- advancing ---- */

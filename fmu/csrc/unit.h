@@ -66,8 +66,11 @@ static void unit_update(Unit *unit, unsigned kinds);
 /* Check the parameters and compute the initial state. On failure, `message` holds the reason. */
 static bool unit_initialise(Unit *unit, char message[MESSAGE_SIZE]);
 
-/* Take over parameters that were set during a run. On failure, `message` holds the reason; the caller restores them. */
-static bool unit_tune(Unit *unit, char message[MESSAGE_SIZE]);
+/* Whether parameters pass the checks. If not, `message` holds the reason. */
+static bool unit_parameters_hold(const double parameters[N_PARAMETERS], char message[MESSAGE_SIZE]);
+
+/* Take over parameters that were set during a run and pass the checks. */
+static void unit_tune(Unit *unit);
 
 /* Advance to `time` with the inputs held, or changing at their rates. On failure the unit is unchanged and `message`, empty before,
    holds the reason; else it may hold what was left out. */

@@ -125,13 +125,26 @@ static bool finite_values(const Instance *instance, const char *function, const 
     return true;
 }
 
-/* Take over tuned parameters, or restore all values that this call has set. */
-static Status tune(Instance *instance, const char *function, const Unit *former)
+static double value_at(Type type, const void *values, size_t place)
 {
+    return type == REAL ? ((const double *)values)[place] : (double)((const bool *)values)[place];
+}
+
+/* Whether the parameters, with those that are about to be set, pass the checks; if not, says why. */
+static bool tunable(const Instance *instance, const char *function, Type type, Selection selection, const void *values)
+{
+    double tuned[N_PARAMETERS];
     char message[MESSAGE_SIZE];
-    if (unit_tune(&instance->core.unit, message)) return OK;
-    memcpy(&instance->core.unit, former, sizeof *former);
-    return refuse(instance, "%s: %s", function, message);
+    size_t place = 0;
+    memcpy(tuned, instance->core.unit.values + AT_PARAMETERS, sizeof tuned);
+    for (size_t i = 0; i < selection.count; i++) {
+        const Variable *one = &VARIABLES[selection.references[i]];
+        for (int k = 0; k < one->size; k++, place++)
+            if (one->kind & (PARAMETER | TUNABLE)) tuned[one->offset + k - AT_PARAMETERS] = value_at(type, values, place);
+    }
+    if (unit_parameters_hold(tuned, message)) return true;
+    refuse(instance, "%s: %s", function, message);
+    return false;
 }
 
 /* All values are checked before the first one is set. */
@@ -153,18 +166,16 @@ static Status instance_set(void *component, const char *function, Type type, Sel
     }
     Unit *unit = &instance->core.unit;
     const bool tuning = kinds & TUNABLE && !(instance->core.state & (INSTANTIATED | INITIALIZATION));
-    Unit former;
-    if (tuning) memcpy(&former, unit, sizeof former);
-    real = values, boolean = values;
+    if (tuning && !tunable(instance, function, type, selection, values)) return ERROR;
+    size_t place = 0;
     for (size_t i = 0; i < selection.count; i++) {
         const Variable *one = &VARIABLES[selection.references[i]];
         const bool guess = one->kind == STATE && instance->core.state == INSTANTIATED; /* the parameters tell the states */
-        for (int k = 0; k < one->size; k++) {
-            const double value = type == REAL ? *real++ : (double)*boolean++;
-            if (!guess) unit_set(unit, one->offset + k, value);
-        }
+        for (int k = 0; k < one->size; k++, place++)
+            if (!guess) unit_set(unit, one->offset + k, value_at(type, values, place));
     }
-    return tuning ? tune(instance, function, &former) : OK;
+    if (tuning) unit_tune(unit);
+    return OK;
 }
 
 static Status instance_none(void *component, Call call, const char *function, const char *type, size_t count)

@@ -46,32 +46,55 @@ static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][
     return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
 }
 
-/* What is known goes on to a time, until which an acceleration pushes the chaser: the state there, its covariance, and the
-   transition to there. */
-static void go_ahead(const Online *filter, Now *now, double time, const double *acceleration, double x[6],
-                     double P[6][6], double F[6][6]) {
-    double factor = factor_of(filter, now), all[6][6], moved[6] = {0.0};
-    push_on(&filter->options, filter->time, time, acceleration, moved);
+/* What is known, on its way from the filter's time to later ones: r, v, the transition to there, and what the bank says. */
+typedef struct {
+    double time, x[6], F[6][6];
+    Now now;
+} Ahead;
+
+/* At the filter's time. */
+static void start_ahead(const Online *filter, Ahead *ahead) {
+    look(filter, &ahead->now);
+    ahead->time = filter->time;
     for (int i = 0; i < 6; i++) {
-        x[i] = filter->x[i];
-        for (int j = 0; j < 6; j++) F[i][j] = i == j;
-    }
-    int count = time > filter->time ? steps_between(&filter->options, filter->time, time) : 0;
-    for (int s = 0; s < count; s++) {
-        double step[6][6], T = (time - filter->time) / count, from = filter->time + s * T;
-        transition(&filter->options, from, from + T, x, step);
-        carry_now(now, T, step);
-        multiplied(step, F, all);
-        for (int k = 0; k < 36; k++) F[k / 6][k % 6] = all[k / 6][k % 6];
-    }
-    for (int i = 0; i < 6; i++) {
-        x[i] += now->x[i] - moved[i];
-        for (int j = 0; j < 6; j++) P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
+        ahead->x[i] = filter->x[i];
+        for (int j = 0; j < 6; j++) ahead->F[i][j] = i == j;
     }
 }
 
-/* Before the first frame there is no path and no attitude. */
-static void leave_unknown(OnlineState *state) {
+/* To a later time, until which pushes have moved the chaser. */
+static void go_ahead(const OnlineOptions *options, Ahead *ahead, double end, const double moved[6]) {
+    int count = end > ahead->time ? steps_between(options, ahead->time, end) : 0;
+    for (int s = 0; s < count; s++) {
+        double step[6][6], before[6][6], T = (end - ahead->time) / count, from = ahead->time + s * T;
+        transition(options, from, s + 1 < count ? from + T : end, ahead->x, step);
+        carry_now(&ahead->now, T, step);
+        for (int k = 0; k < 36; k++) before[k / 6][k % 6] = ahead->F[k / 6][k % 6];
+        multiplied(step, before, ahead->F);
+    }
+    for (int i = 0; i < 6; i++) ahead->x[i] -= moved[i];
+    ahead->time = end;
+}
+
+/* To a later time, until which an acceleration pushes the chaser. */
+static void push_ahead(const Online *filter, Ahead *ahead, double end, const double *acceleration) {
+    double moved[6] = {0.0};
+    push_on(&filter->options, ahead->time, end, acceleration, moved);
+    go_ahead(&filter->options, ahead, end, moved);
+}
+
+/* The covariance of (r, v) there. */
+static void claim(const Online *filter, const Now *now, double P[6][6]) {
+    double factor = factor_of(filter, now);
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++) P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
+}
+
+/* What a filter says of a time before its first frame: there is no path and no attitude. */
+static void begin_state(const Online *filter, double time, OnlineState *state) {
+    *state = (OnlineState){.time = time, .status = WAITING, .features = filter->used, .density = filter->density};
+    state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
+    state->lasting = filter->frames_per_error;
     for (int i = 0; i < 3; i++) {
         state->r[i] = state->v[i] = NAN;
         for (int j = 0; j < 3; j++) state->R[i][j] = NAN;
@@ -80,29 +103,31 @@ static void leave_unknown(OnlineState *state) {
         for (int j = 0; j < 6; j++) state->covariance[i][j] = NAN;
 }
 
-int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
-    if (!isfinite(time) || time < filter->time) return BAD_TIME;
-    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
-    *state = (OnlineState){.time = time, .status = WAITING};
-    state->features = filter->used;
-    state->density = filter->density;
-    state->noise_ratio = filter->freedom > 0.0 ? filter->squares / filter->freedom : 1.0;
-    state->lasting = filter->frames_per_error;
-    if (filter->frames == 0.0) {
-        leave_unknown(state);
-        return ACCEPTED;
-    }
-    Now now;
-    double x[6], P[6][6], F[6][6];
-    look(filter, &now);
-    go_ahead(filter, &now, time, acceleration, x, P, F);
-    state->status = status_of(filter, &now, P);
+/* What it says after that. */
+static void state_there(const Online *filter, const Ahead *ahead, OnlineState *state) {
+    double P[6][6];
+    begin_state(filter, ahead->time, state);
+    claim(filter, &ahead->now, P);
+    state->status = status_of(filter, &ahead->now, P);
     for (int i = 0; i < 3; i++) {
-        state->r[i] = x[i], state->v[i] = x[3 + i];
-        for (int j = 0; j < 3; j++) state->R[i][j] = time == filter->registered ? filter->attitude[i][j] : NAN;
+        state->r[i] = ahead->x[i] + ahead->now.x[i], state->v[i] = ahead->x[3 + i] + ahead->now.x[3 + i];
+        for (int j = 0; j < 3 && ahead->time == filter->registered; j++) state->R[i][j] = filter->attitude[i][j];
     }
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) state->covariance[i][j] = 0.5 * (P[i][j] + P[j][i]);
+}
+
+int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
+    if (!isfinite(time) || time < filter->time) return BAD_TIME;
+    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
+    Ahead ahead;
+    if (filter->frames == 0.0) {
+        begin_state(filter, time, state);
+        return ACCEPTED;
+    }
+    start_ahead(filter, &ahead);
+    push_ahead(filter, &ahead, time, acceleration);
+    state_there(filter, &ahead, state);
     return ACCEPTED;
 }
 
@@ -160,19 +185,21 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
-    Now now;
-    double x[6], P[6][6], F[6][6], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
+    Ahead ahead;
+    double P[6][6], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
     double X[3][3], of_b[3][3], all[6][6], shift[3], arc[3][3];
     int at = BODY + 3 * slot;
-    look(filter, &now);
-    double factor = factor_of(filter, &now);
-    go_ahead(filter, &now, time, acceleration, x, P, F);
-    multiplied(F, filter->F, all);
+    start_ahead(filter, &ahead);
+    push_ahead(filter, &ahead, time, acceleration);
+    const Now *now = &ahead.now;
+    double factor = factor_of(filter, now);
+    claim(filter, now, P);
+    multiplied(ahead.F, filter->F, all);
     for (int i = 0; i < 3; i++) {
-        b[i] = filter->b[slot][i] + now.x[OFFSET + i];
+        b[i] = filter->b[slot][i] + now->x[OFFSET + i];
         for (int j = 0; j < 3; j++) {
-            of_b[i][j] = factor * (filter->P[at + i][at + j] + now.wider[OFFSET + i][OFFSET + j]);
-            X[i][j] = factor * now.wider[i][OFFSET + j]; /* of r, then, and b */
+            of_b[i][j] = factor * (filter->P[at + i][at + j] + now->wider[OFFSET + i][OFFSET + j]);
+            X[i][j] = factor * now->wider[i][OFFSET + j]; /* of r, then, and b */
             for (int k = 0; k < 6; k++)
                 X[i][j] += factor * all[i][k] * filter->P[PLACE + k][at + j];
         }
@@ -183,7 +210,7 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     curve(arm, (const double(*)[3])tumble.turn, shift, arc);
     product(tumble.R, of_b, RB);
     for (int i = 0; i < 3; i++) {
-        position[i] = x[i] + arm[i] + shift[i];
+        position[i] = ahead.x[i] + now->x[i] + arm[i] + shift[i];
         for (int j = 0; j < 3; j++)
             covariance[3 * i + j] = 0.5 * (P[i][j] + P[j][i]) + dot(X[i], tumble.R[j]) + dot(X[j], tumble.R[i]) +
                                     dot(RB[i], tumble.R[j]) + dot(KC[i], K[j]) + arc[i][j];
@@ -191,19 +218,24 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     return ACCEPTED;
 }
 
+/* The map, by what is known at any time from the filter's on; returns how many features it has. */
+static int map_of(const Online *filter, const Now *now, long long *names, double *positions, double *covariances) {
+    double factor = factor_of(filter, now);
+    for (int f = 0; f < (int)filter->used; f++) {
+        names[f] = filter->feature[f].name;
+        for (int i = 0; i < 3; i++) {
+            positions[3 * f + i] = filter->b[f][i] + now->x[OFFSET + i];
+            for (int j = 0; j < 3; j++)
+                covariances[9 * f + 3 * i + j] =
+                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + now->wider[OFFSET + i][OFFSET + j]);
+        }
+    }
+    return (int)filter->used;
+}
+
 int online_features(const Online *filter, long long *names, double *positions, double *covariances) {
     Now now;
     if (filter->frames == 0.0) return 0;
     look(filter, &now);
-    double factor = factor_of(filter, &now);
-    for (int f = 0; f < (int)filter->used; f++) {
-        names[f] = filter->feature[f].name;
-        for (int i = 0; i < 3; i++) {
-            positions[3 * f + i] = filter->b[f][i] + now.x[OFFSET + i];
-            for (int j = 0; j < 3; j++)
-                covariances[9 * f + 3 * i + j] =
-                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + now.wider[OFFSET + i][OFFSET + j]);
-        }
-    }
-    return (int)filter->used;
+    return map_of(filter, &now, names, positions, covariances);
 }

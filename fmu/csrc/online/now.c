@@ -1,43 +1,47 @@
 /* What is known now, from all frames: those of the open node, which the filter has not taken yet, too. */
 
-/* The bank takes the open node; 0 if it can't. A node with a jump has to be closed first, and one that is not far beyond
-   its noise would seem to show too much. */
-static int take_open_node(const Online *filter, Member bank[MEMBERS]) {
+/* What the open node says, and M, what it only seems to show; 0 where it is not to be taken. A node with a jump, against the
+   likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
+static int open_node(const Online *filter, const Member *best, Level *level, double M[3][3]) {
     Frame frame;
     Pose pose;
     Sweep sweep;
-    Level level;
     OnlineTumble tumble;
     Foreseen foreseen = {.variance = INFINITY};
-    double share[MOST_FEATURES][OF_MAP][3], common[3][3], M[3][3], e[3], L[9], B[MOTION][3], beyond;
+    double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[MOTION][3], beyond;
     if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);
     if (!registered(filter, &frame, &foreseen, &pose)) return 0;
     add_second_order(filter, &frame, &pose, &sweep);
-    level_of(filter, &frame, &pose, lag, &sweep, share, &level);
-    if (is_loose(&level)) return 0;
-    common_noise(filter, &frame, &pose, &level, common);
+    level_of(filter, &frame, &pose, lag, &sweep, share, level);
+    if (is_loose(level)) return 0;
+    common_noise(filter, &frame, &pose, level, common);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) level.noise[a][b] += common[a][b];
-    seeming(pose.R, level.turn, level.noise, M);
-    if (!innovation(&bank[likeliest(bank)], &level, e, L, B)) return 0;
+        for (int b = 0; b < 3; b++) level->noise[a][b] += common[a][b];
+    seeming(pose.R, level->turn, level->noise, M);
+    if (!innovation(best, level, e, L, B)) return 0;
     whitened(L, e);
-    if (dot(e, e) > GATE) return 0;
+    return !(dot(e, e) > GATE);
+}
+
+/* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
+static int take_level(Member bank[MEMBERS], const Level *level, double M[3][3], double widest) {
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        add_change(&bank[m], &level);
-        if (!update_member(&bank[m], &level)) return 0;
-        take_back_of_member(&bank[m], M, filter->widest);
+        add_change(&bank[m], level);
+        if (!update_member(&bank[m], level)) return 0;
+        take_back_of_member(&bank[m], M, widest);
     }
     return 1;
 }
 
-/* The members that there are; others only are none. */
-static void copy_bank(const Member from[MEMBERS + 1], Member to[MEMBERS + 1]) {
+/* The bank at the filter's time: the members that there are; others only are none. step: see `step_since`. */
+static void bank_now(const Online *filter, const double step[6], Member bank[MEMBERS + 1]) {
     for (int m = 0; m <= SHADOW; m++)
-        if (is_alive(&from[m])) to[m] = from[m];
-        else to[m].weight = -INFINITY;
+        if (is_alive(&filter->bank[m])) bank[m] = filter->bank[m];
+        else bank[m].weight = -INFINITY;
+    if (filter->elapsed > 0.0) advance_bank(bank, filter->density, filter->elapsed, step, filter->F);
 }
 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
@@ -83,25 +87,20 @@ static double seeming_part(const Online *filter, const Now *now) {
 
 /* At the filter's time. */
 static void look(const Online *filter, Now *now) {
-    Member bank[MEMBERS + 1], further[MEMBERS + 1];
-    double step[6];
+    Member bank[MEMBERS + 1];
+    Level level;
+    double step[6], M[3][3];
     if (filter->looked != 0.0) {
         *now = filter->now;
         return;
     }
     step_since(filter, step);
     Member large = large_at(filter, filter->from);
-    copy_bank(filter->bank, bank);
-    if (filter->elapsed > 0.0) {
-        advance_member(&large, (Law){.white = filter->density}, filter->elapsed, step, filter->F);
-        advance_bank(bank, filter->density, filter->elapsed, step, filter->F);
-    }
-    int taken = 0;
-    if (filter->node.count > 0.0) {
-        copy_bank(bank, further);
-        taken = take_open_node(filter, further);
-    }
-    together(&large, taken ? further : bank, now);
+    bank_now(filter, step, bank);
+    if (filter->elapsed > 0.0) advance_member(&large, (Law){.white = filter->density}, filter->elapsed, step, filter->F);
+    int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &level, M);
+    if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, step, bank);
+    together(&large, bank, now);
     now->seems = seeming_part(filter, now);
 }
 

@@ -109,10 +109,11 @@ static int is_expected(Online *filter, Frame *frame, const Foreseen *foreseen, P
 /* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
 static double place_deviation(const Online *filter, const OnlineTumble *tumble, double time) {
     static const double none[3];
-    Now now;
-    double x[6], P[6][6], F[6][6], square = 0.0;
-    look(filter, &now);
-    go_ahead(filter, &now, time, none, x, P, F);
+    Ahead ahead;
+    double P[6][6], square = 0.0;
+    start_ahead(filter, &ahead);
+    push_ahead(filter, &ahead, time, none);
+    claim(filter, &ahead.now, P);
     for (int k = 0; k < 3; k++)
         square += (P[k][k] + tumble->turn[k][k] * mean_square(filter->b, (int)filter->used)) / 3.0;
     return sqrt(square);

@@ -29,6 +29,11 @@ def trapping(step):
     return trapped
 
 
+def tune(unit):
+    """Set a tunable parameter, to what it is."""
+    unit.set(["prediction.horizon"], unit.get(["prediction.horizon"]))
+
+
 def fly(path, steps, traps):
     with open_system(path) as master:
         if traps:
@@ -36,6 +41,7 @@ def fly(path, steps, traps):
                 unit.fmu.doStep = trapping(unit.fmu.doStep)
         for _ in range(steps):
             master.step()
+            tune(master.units["estimator"])
         for name, unit in sorted(master.units.items()):
             reals = [one for one in unit.references if one not in unit.booleans]
             print(name, *(value.hex() for value in unit.get(reals).tolist()))

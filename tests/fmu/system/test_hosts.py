@@ -44,3 +44,9 @@ def can_trap():
 def test_no_step_has_an_exception_of_floating_point(system, usual):
     """A host that traps them, as debuggers of models do, ended at the estimator's first frame: 0 / 0."""
     assert flown(system, traps=True) == usual
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems round stacks up")
+def test_steps_and_tuning_need_little_stack(system, usual):
+    """Threads of importers may have 256 kB, those of musl 128; the estimator needed 400, and 260 where it was tuned."""
+    assert flown(system, stack=LITTLE) == usual
