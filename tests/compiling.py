@@ -7,7 +7,7 @@ from baryscope.fmu.generate.compiler import WARNINGS, find_compiler
 
 
 def compiled(folder, *arguments):
-    """Run the compiler in the folder; warnings are errors."""
+    """Run the compiler in the folder; warnings are errors, unless arguments undo that. Its messages."""
     result = subprocess.run(
         [*find_compiler(), "-std=c11", *WARNINGS, "-Werror", *arguments],
         cwd=folder,
@@ -16,6 +16,7 @@ def compiled(folder, *arguments):
         check=False,
     )
     assert result.returncode == 0, result.stderr
+    return result.stderr
 
 
 def library_of(folder, code, *arguments):

@@ -91,7 +91,7 @@ static Status instance_set_input_derivatives(void *component, const char *functi
     return OK;
 }
 
-/* Outputs change as the states do, with the inputs held: ẏ = ∂y/∂x ẋ. */
+/* Outputs change as the states do, with the inputs held: y' = (dy/dx) x'. */
 static Status instance_output_derivatives(void *component, const char *function, Selection selection, const int32_t *orders,
                                           double *values, size_t n_values)
 {

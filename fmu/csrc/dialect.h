@@ -3,6 +3,10 @@
 #ifndef BARYSCOPE_DIALECT_H
 #define BARYSCOPE_DIALECT_H
 
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+#error "-ffast-math and -ffinite-math-only take away the checks for values that are not finite: compile without them"
+#endif
+
 #if defined(__GNUC__) && !defined(PLAIN_C) /* gcc, clang and zig */
 #define ALWAYS_INLINE inline __attribute__((always_inline))
 #define FLATTEN __attribute__((flatten))

@@ -25,9 +25,10 @@ static double first_step(const Integrator *integrator)
     return fastest > 0.0 ? 0.01 / fastest : 1.0;
 }
 
-/* to = from + h Σ weights[j] k[j] over the first `count` stages. Zero weights are constants to the compiler and cost nothing. */
+/* to = from + h times the sum of weights[j] k[j] over the first `count` stages. Zero weights are constants to the compiler and
+   cost nothing. */
 static ALWAYS_INLINE void combine(
-    double *restrict to, const double *restrict from, double h, const double *weights, int count,
+    double *to, const double *from, double h, const double *weights, int count,
     double k[ALL_STAGES][WIDTH])
 {
     double sum[WIDTH] = {0.0};

@@ -1,5 +1,5 @@
 /* FMI 3.0 for Co-Simulation and Model Exchange: types and names. instance.h declares what the calls do. Functions for
-   features that the unit does not have (other types, Clocks, Scheduled Execution, …) are in fmi3_absent.c. */
+   features that the unit does not have (other types, Clocks, Scheduled Execution) are in fmi3_absent.c. */
 
 #include "instance.h"
 

@@ -6,6 +6,7 @@
 #ifndef BARYSCOPE_INSTANCE_H
 #define BARYSCOPE_INSTANCE_H
 
+#include "dialect.h"
 #include "unit.h"
 
 #include <stdint.h>

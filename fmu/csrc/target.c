@@ -127,7 +127,7 @@ static bool unit_check_states(Unit *unit, char message[MESSAGE_SIZE])
 
 static const double *unit_nominals(const Unit *unit) { return unit->scale; }
 
-static bool unit_set_states(Unit *unit, const double states[N_STATES], char message[MESSAGE_SIZE])
+static bool unit_set_states(Unit *unit, const double *states, char message[MESSAGE_SIZE])
 {
     if (!states_hold(states, message)) return false;
     for (int i = 0; i < N_STATES; i++) unit_set(unit, AT_STATES + i, states[i]);
@@ -159,7 +159,7 @@ static void take_parameters(Unit *unit)
 /* Whether the attitude's integrator works in the axes of its series. */
 static bool attitude_is_series(const Unit *unit) { return TURNED_SERIES && !attitude_is_free(unit); }
 
-/* Take over the inputs' rates, and what follows from that of the torque: J⁻¹ times it. */
+/* Take over the inputs' rates, and what follows from that of the torque: J^-1 times it. */
 static void start_ramps(Unit *unit)
 {
     static const double at_rest[ATTITUDE_SIZE] = {1.0};

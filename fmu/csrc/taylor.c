@@ -13,11 +13,11 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* ω, a factor of every product: RATE_PART in models/target.py */
+enum { FIRST_FACTOR = 4, N_FACTORS = 3 }; /* the rate, a factor of every product: RATE_PART in models/target.py */
 #define REST 1e-100                       /* relative changes slower than this, 1/s, count as rest */
 #define LONGEST_REACH 1e9                 /* for a body at rest, whose terms are zero */
 
-/* sums[j] += left × the j-th factor in `right`. */
+/* sums[j] += left times the j-th factor in `right`. */
 static ALWAYS_INLINE void add_products(Row sums[N_FACTORS], const Row *left, const Row *right)
 {
     UNROLL for (int j = 0; j < N_FACTORS; j++)

@@ -78,8 +78,8 @@ static bool unit_advance(Unit *unit, double time, char message[MESSAGE_SIZE]);
 
 /* ---- of units with continuous states ---- */
 
-/* Set all states, or none if the equations have no value there: `message` holds the reason. */
-static bool unit_set_states(Unit *unit, const double states[N_STATES], char message[MESSAGE_SIZE]);
+/* Set all N_STATES states, or none if the equations have no value there: `message` holds the reason. */
+static bool unit_set_states(Unit *unit, const double *states, char message[MESSAGE_SIZE]);
 
 /* Set the time derivative of an input. */
 static void unit_set_rate(Unit *unit, int index, double rate);

@@ -57,6 +57,12 @@ def c_source(functions: Iterable[ca.Function]) -> str:
     return re.sub(r"^casadi_real (?=casadi_\w+\()", "static casadi_real ", str(generator.dump()), flags=re.MULTILINE)
 
 
+def c_text(text: str) -> str:
+    """A C string literal, UTF-8 as octal escapes: compilers may read sources in another encoding."""
+    plain = (chr(byte) if 32 <= byte < 127 and byte not in b'"\\' else f"\\{byte:03o}" for byte in text.encode())
+    return '"' + "".join(plain) + '"'
+
+
 def without_null_checks(source: str) -> str:
     """CasADi's C for callers that pass no null pointers: with a branch for each number compilers take twice as long."""
     source = re.sub(r"\b(arg\[\d+\])\? (\1\[\d+\]) : 0;", r"\2;", source)
@@ -114,5 +120,5 @@ def _variable_row(reference: Reference) -> str:
 
 
 def _checks(name: str, checks: tuple[Check, ...]) -> list[str]:
-    rows = (f'    {{"{check.variable}", "{check.quantity}", "{check.expected}"}},' for check in checks)
-    return [f"static const Check {name}[N_{name}] = {{", *rows, "};"]
+    texts = (", ".join(map(c_text, (check.variable, check.quantity, check.expected))) for check in checks)
+    return [f"static const Check {name}[N_{name}] = {{", *(f"    {{{text}}}," for text in texts), "};"]

@@ -1,5 +1,6 @@
 """The sources in a unit, compiled by others: with their definitions, headers, prefixes and compilers."""
 
+import ast
 import os
 import re
 import shutil
@@ -14,6 +15,9 @@ import pytest
 from fmpy.util import create_cmake_project
 
 from baryscope.fmu import Session, build_fmu
+from baryscope.fmu.generate.build import describe_unit
+from baryscope.fmu.generate.codegen import c_text
+from baryscope.fmu.units import UNITS, blueprint_of
 from compiling import compiled
 
 DRIVER = Path(__file__).with_name("linked_unit.c")
@@ -159,3 +163,33 @@ def test_gnu_extensions_are_in_one_file(unit):
     generated = rb"#elif defined\(__GNUC__\).*\n.*__attribute__"  # CasADi's, guarded
     found |= {Path(name).name for name, text in sources.items() if b"__attribute__" in re.sub(generated, b"", text)}
     assert found == {"dialect.h"}
+
+
+@pytest.mark.parametrize("unit_name", UNITS)
+def test_compilers_of_other_makes_can_read_them(small, tmp_path, unit_name):
+    """ISO C but for one thing, which C23 allows: a pointer to an array of numbers that becomes one of const numbers.
+
+    No text depends on a compiler's encoding of sources: MSVC's is the machine's, where UTF-8 may hide a line's end.
+    """
+    _, sources = describe_unit(blueprint_of(unit_name, small), 2)
+    for name, content in sources.items():
+        (tmp_path / name).write_bytes(content)
+        assert content.isascii(), name
+    options = ["-DPLAIN_C", "-std=c99", "-Wpedantic", "-Wvla", "-Wno-error", f"-I{HEADERS}"]
+    messages = compiled(tmp_path, *options, "-c", "all.c", "-o", "all.o")
+    warnings = [line for line in messages.splitlines() if "warning:" in line and "different qualifiers" not in line]
+    assert not warnings
+
+
+def test_texts_of_checks_are_utf_8():
+    text = 'm³/s² "≤"\\'
+    literal = c_text(text)
+    assert literal.isascii()
+    assert ast.literal_eval(f"b{literal}").decode() == text
+
+
+def test_fast_math_is_refused(small_fmu, tmp_path):
+    """A unit compiled so took NaN for a number."""
+    fmpy.extract(str(small_fmu), str(tmp_path))
+    with pytest.raises(AssertionError, match="-ffast-math and -ffinite-math-only take away the checks"):
+        compiled(tmp_path / "sources", "-ffast-math", f"-I{HEADERS}", "-c", "all.c", "-o", "all.o")
