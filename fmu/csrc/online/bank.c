@@ -177,24 +177,22 @@ static double bent_by(int component, double T) { return component < 3 ? 0.5 * T 
 /* Over T s: x is step + F x, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
 static void advance_member(Member *member, Law law, double T, const double step[6], const double F[6][6]) {
     const int n = (int)member->errors;
-    double x[6], A[6][MOTION] = {{0}};
+    double x[6], by[6], A[6][MOTION], across[6][6];
     for (int a = 0; a < 6; a++) {
-        double by = n < MOTION ? 0.0 : bent_by(a, T);
-        x[a] = step[a] + by * member->x[LEVEL + a % 3];
-        for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k];
-        for (int b = 0; b < n; b++) {
-            double s = by * member->P[LEVEL + a % 3][b];
-            for (int k = 0; k < 6; k++) s += F[a][k] * member->P[k][b];
-            A[a][b] = s;
-        }
+        by[a] = n < MOTION ? 0.0 : bent_by(a, T);
+        x[a] = step[a] + by[a] * member->x[LEVEL + a % 3];
+        for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k], across[k][a] = F[a][k];
+        for (int b = 0; b < MOTION; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
+        for (int k = 0; k < 6; k++)
+            for (int b = 0; b < MOTION; b++) A[a][b] += F[a][k] * member->P[k][b];
     }
     for (int a = 0; a < 6; a++) {
+        double s[6];
         member->x[a] = x[a];
-        for (int b = 0; b <= a; b++) {
-            double by = n < MOTION ? 0.0 : bent_by(b, T), s = by * A[a][LEVEL + b % 3];
-            for (int k = 0; k < 6; k++) s += A[a][k] * F[b][k];
-            member->P[a][b] = member->P[b][a] = a == b ? s + ROUNDING * s : s;
-        }
+        for (int b = 0; b < 6; b++) s[b] = by[b] * A[a][LEVEL + b % 3];
+        for (int k = 0; k < 6; k++)
+            for (int b = 0; b < 6; b++) s[b] += A[a][k] * across[k][b];
+        for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = a == b ? s[b] + ROUNDING * s[b] : s[b];
         for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
     }
     add_noise(law.white, T, &member->P[0][0], MOTION);
@@ -210,20 +208,20 @@ static void advance_bank(Member bank[MEMBERS + 1], double density, double T, con
     }
 }
 
-/* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and the members' errors by it, B; 0 if
+/* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
    there is no factor. */
-static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[MOTION][3]) {
+static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[3][MOTION]) {
     const double(*late)[3] = level->lag, (*R)[3] = level->offset, *g = level->scale, bend = level->bend;
     for (int a = 0; a < MOTION; a++)
         for (int k = 0; k < 3; k++)
-            B[a][k] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
+            B[k][a] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
                       g[k] * member->P[a][SCALE] + bend * member->P[a][LEVEL + k];
     for (int k = 0; k < 3; k++) {
         e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
         e[k] -= g[k] * member->x[SCALE] + bend * member->x[LEVEL + k];
         for (int j = 0; j < 3; j++) {
-            L[3 * k + j] = B[k][j] + g[k] * B[SCALE][j] + bend * B[LEVEL + k][j] + level->noise[k][j];
-            for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[OFFSET + i][j] - late[k][i] * B[3 + i][j];
+            L[3 * k + j] = B[j][k] + g[k] * B[j][SCALE] + bend * B[j][LEVEL + k] + level->noise[k][j];
+            for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[j][OFFSET + i] - late[k][i] * B[j][3 + i];
         }
     }
     return factored(3, L);
@@ -232,17 +230,15 @@ static int innovation(const Member *member, const Level *level, double e[3], dou
 /* The update with a node; 0 if rounding has left the covariance indefinite. */
 static int update_member(Member *member, const Level *level) {
     const int n = (int)member->errors;
-    double e[3], L[9], B[MOTION][3];
+    double e[3], L[9], B[3][MOTION];
     if (!innovation(member, level, e, L, B)) return 0;
     whitened(L, e);
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    for (int a = 0; a < n; a++) {
-        whitened(L, B[a]);
-        member->x[a] += dot(B[a], e);
-    }
+    whiten_rows(L, n, MOTION, B[0]);
     for (int a = 0; a < n; a++) {
         double before = member->P[a][a];
-        for (int b = 0; b < n; b++) member->P[a][b] -= dot(B[a], B[b]);
+        member->x[a] += B[0][a] * e[0] + B[1][a] * e[1] + B[2][a] * e[2];
+        for (int b = 0; b < n; b++) member->P[a][b] -= B[0][a] * B[0][b] + B[1][a] * B[1][b] + B[2][a] * B[2][b];
         member->P[a][a] += ROUNDING * before;
     }
     return 1;

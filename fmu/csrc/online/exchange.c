@@ -13,8 +13,10 @@ static double attitude_variance(const Online *filter, const Pose *pose) {
 static void exchange(Frame *frame, int i, int j) {
     int slot = frame->slot[i];
     long long name = frame->name[i];
-    frame->slot[i] = frame->slot[j], frame->name[i] = frame->name[j];
-    frame->slot[j] = slot, frame->name[j] = name;
+    double spread[3][3];
+    copy(frame->spread[i], spread);
+    frame->slot[i] = frame->slot[j], frame->name[i] = frame->name[j], copy(frame->spread[j], frame->spread[i]);
+    frame->slot[j] = slot, frame->name[j] = name, copy(spread, frame->spread[j]);
 }
 
 /* Whether the attitude of a pose is far from the foreseen one. */
@@ -48,13 +50,13 @@ static void exchange_misfits(const Online *filter, Frame *frame, Pose *pose) {
     int any = 0;
     for (int i = 0; i < frame->count; i++)
         for (int j = i + 1; j < frame->count; j++) {
-            double arm[3], e[3];
+            double arm[3], e[3], We[3];
             if (frame->slot[i] < 0 || frame->slot[j] < 0 || frame->fits[i] || frame->fits[j]) continue;
             exchange(frame, i, j);
-            weighed(filter, frame, i, pose->R), weighed(filter, frame, j, pose->R);
-            if (residual(filter, frame, pose, i, arm, e) < GATE && residual(filter, frame, pose, j, arm, e) < GATE)
+            weighed(frame, i, pose->R), weighed(frame, j, pose->R);
+            if (residual(filter, frame, pose, i, arm, e, We) < GATE && residual(filter, frame, pose, j, arm, e, We) < GATE)
                 frame->fits[i] = frame->fits[j] = any = 1;
-            else exchange(frame, i, j), weighed(filter, frame, i, pose->R), weighed(filter, frame, j, pose->R);
+            else exchange(frame, i, j), weighed(frame, i, pose->R), weighed(frame, j, pose->R);
         }
     if (any) adjusted(filter, frame, pose);
 }

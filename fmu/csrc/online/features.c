@@ -14,21 +14,23 @@ static void weigh(const Online *filter, Frame *frame, int i, const double R[3][3
                   const double more[3][3]) {
     frame->sightings[i] = count;
     copy(more, frame->more[i]);
-    if (frame->slot[i] >= 0 && !weighed(filter, frame, i, R)) frame->slot[i] = -1;
+    if (frame->slot[i] < 0) return;
+    if (!inverted(filter->feature[frame->slot[i]].information, frame->spread[i]) || !weighed(frame, i, R)) frame->slot[i] = -1;
 }
 
 /* What a point says of its feature, seen from a pose whose place and rotation vector in C have the covariance V. */
 static void inform(Feature *feature, const Frame *frame, int i, const double arm[3], const double R[3][3],
                    double V[6][6]) {
-    double K[3][3], own[3][3], weight[3][3], T[3][3], J[3][6];
+    double K[3][3], own[3][3], weight[3][3], T[3][3];
     moved_by_turn(arm, K);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) J[a][b] = a == b, J[a][3 + b] = K[a][b];
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) {
-            own[a][b] = frame->noise[i][a][b];
-            for (int k = 0; k < 6; k++)
-                for (int l = 0; l < 6; l++) own[a][b] += J[a][k] * V[k][l] * J[b][l];
+        for (int b = 0; b < 3; b++) { /* (1, K) V (1, K)' */
+            own[a][b] = frame->noise[i][a][b] + V[a][b];
+            for (int l = 0; l < 3; l++) own[a][b] += V[a][3 + l] * K[b][l];
+            for (int k = 0; k < 3; k++) {
+                own[a][b] += K[a][k] * V[3 + k][b];
+                for (int l = 0; l < 3; l++) own[a][b] += K[a][k] * V[3 + k][3 + l] * K[b][l];
+            }
         }
     if (!inverted(own, weight)) return;
     product(weight, R, T);

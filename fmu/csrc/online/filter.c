@@ -157,7 +157,7 @@ static void renew(Online *filter, int begin, double covariance[3][3]) {
    errors before `first` are none. 0 where rounding has left the covariance indefinite. */
 static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
-    int n = size_of(filter), at = BODY + 3 * frame->slot[i];
+    const int n = size_of(filter), at = BODY + 3 * frame->slot[i], even = first - first % 2; /* where rows are aligned */
     double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], L[9], e[3], since = lag - passage->later;
     times(filter->R, filter->b[frame->slot[i]], arm);
     for (int k = 0; k < 3; k++) bent[k] = arm[k] + frame->bent[i][k];
@@ -173,7 +173,7 @@ static int update_point(Online *filter, const Frame *frame, int i, double lag, i
         const double *b0 = filter->P[at], *b1 = filter->P[at + 1], *b2 = filter->P[at + 2];
         double *out = B[c];
         for (int k = 0; k < 3; k++) S[c][k] *= passage->swept;
-        for (int j = first; j < n; j++)
+        for (int j = even; j < n; j++)
             out[j] = p[j] + q[j] - since * v[j] + K[c][0] * t0[j] + K[c][1] * t1[j] + K[c][2] * t2[j] + A[c][0] * b0[j] +
                      A[c][1] * b1[j] + A[c][2] * b2[j];
         e[c] = passage->y[c] - there[c] - dx[SHIFT + c] - dx[PLACE + c] + since * dx[SPEED + c];
@@ -193,16 +193,16 @@ static int update_point(Online *filter, const Frame *frame, int i, double lag, i
     for (int c = 0; c < 3; c++) {
         for (int d = 0; d < c; d++) {
             e[c] -= L[3 * c + d] * e[d];
-            for (int j = first; j < n; j++) B[c][j] -= L[3 * c + d] * B[d][j];
+            for (int j = even; j < n; j++) B[c][j] -= L[3 * c + d] * B[d][j];
         }
         double f = 1.0 / L[4 * c];
         e[c] *= f;
-        for (int j = first; j < n; j++) B[c][j] *= f;
+        for (int j = even; j < n; j++) B[c][j] *= f;
     }
-    for (int j = first; j < n; j++) dx[j] += B[0][j] * e[0] + B[1][j] * e[1] + B[2][j] * e[2];
+    for (int j = even; j < n; j++) dx[j] += B[0][j] * e[0] + B[1][j] * e[1] + B[2][j] * e[2];
     for (int k = first; k < n; k++) {
         double x = B[0][k], y = B[1][k], z = B[2][k], *row = filter->P[k], before = row[k];
-        for (int j = first; j < n; j++) row[j] -= x * B[0][j] + y * B[1][j] + z * B[2][j];
+        for (int j = even; j < n; j++) row[j] -= x * B[0][j] + y * B[1][j] + z * B[2][j];
         row[k] += ROUNDING * before;
         if (!(row[k] >= 0.0)) return 0;
     }

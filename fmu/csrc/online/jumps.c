@@ -9,7 +9,7 @@ once, or nodes later, then by what the mixture says. */
 
 /* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
 static int jumped(Online *filter, const Level *level, double span, double *jump) {
-    double e[3], L[9], B[MOTION][3];
+    double e[3], L[9], B[3][MOTION];
     int best = likeliest(filter->bank), found = -1;
     const Member *from = &filter->bank[best];
     if (!(span > 0.0) || !innovation(from, level, e, L, B)) return -1;
@@ -89,7 +89,7 @@ static int update_members(Online *filter, const Level *level, double span, doubl
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
    What they had before it was known that the path bends is forgotten then. */
 static void note_trend(Online *filter, const Level *level) {
-    double e[3], L[9], B[MOTION][3];
+    double e[3], L[9], B[3][MOTION];
     Member member = filter->bank[likeliest(filter->bank)];
     add_change(&member, level);
     if (!innovation(&member, level, e, L, B)) return;

@@ -42,12 +42,12 @@ static void drop_halves(Series *series, double gap) {
 /* The residuals of a registered frame. */
 static void note_residuals(Online *filter, const Frame *frame, const Pose *pose) {
     for (int i = 0; i < frame->count; i++) {
-        double arm[3], e[3], L[9], z[2][3];
+        double arm[3], e[3], We[3], L[9], z[2][3];
         if (!frame->fits[i]) continue;
         Series *series = &filter->series[frame->slot[i]];
         drop_halves(series, filter->frames - series->last - 1.0);
         series->last = filter->frames;
-        residual(filter, frame, pose, i, arm, e);
+        residual(filter, frame, pose, i, arm, e, We);
         for (int k = 0; k < 9; k++) L[k] = frame->noise[i][k / 3][k % 3];
         if (!factored(3, L)) continue;
         whitened(L, e);

@@ -94,7 +94,8 @@ static void add_second_order(const Online *filter, Frame *frame, const Pose *pos
     for (int i = 0; i < frame->count; i++) {
         double swept = frame->passage[i].swept;
         if (!frame->fits[i]) continue;
-        if (inverted(filter->feature[frame->slot[i]].information, place)) add_cross(turn, pose->R, place, 1.0, frame->noise[i]);
+        copy(frame->spread[i], place);
+        add_cross(turn, pose->R, place, 1.0, frame->noise[i]);
         if (swept == 0.0) continue;
         int at = BODY + 3 * frame->slot[i];
         for (int j = 0; j < 3; j++)

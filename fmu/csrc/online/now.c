@@ -8,7 +8,7 @@ static int open_node(const Online *filter, const Member *best, Level *level, dou
     Sweep sweep;
     OnlineTumble tumble;
     Foreseen foreseen = {.variance = INFINITY};
-    double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[MOTION][3], beyond;
+    double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[3][MOTION], beyond;
     if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);

@@ -29,13 +29,16 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
                       const double *covariances, Frame *frame) {
     if (count < 0 || count > MOST_FEATURES) return TOO_MANY;
     const double square = filter->options.sigma * filter->options.sigma, alike[6] = {square, 0.0, 0.0, square, 0.0, square};
+    double shared[3][3];
+    if (!covariances && !covariance_of(alike, shared)) return BAD_COVARIANCE;
     frame->count = count;
     for (int i = 0; i < count; i++) {
         if (!are_finite(points + 3 * i, 3)) return BAD_POINT;
         for (int j = 0; j < i; j++)
             if (names[j] == names[i]) return BAD_NAME;
         for (int k = 0; k < 3; k++) frame->y[i][k] = points[3 * i + k];
-        if (!covariance_of(covariances ? covariances + 6 * i : alike, frame->noise[i])) return BAD_COVARIANCE;
+        if (!covariances) copy(shared, frame->noise[i]);
+        else if (!covariance_of(covariances + 6 * i, frame->noise[i])) return BAD_COVARIANCE;
         frame->name[i] = names[i];
         frame->slot[i] = slot_of(filter, names[i]);
         weigh(filter, frame, i, R, 1.0, NOTHING);

@@ -32,7 +32,7 @@ enum {
     PLACE = 9,
     SPEED = 12,
     BODY = 15,
-    MOST_ERRORS = BODY + 3 * MOST_FEATURES,
+    MOST_ERRORS = BODY + 3 * MOST_FEATURES + 1, /* and one that is none: rows of an even length are aligned alike */
     DENSITIES = 8,
     BENDS = 8,   /* deviations of an acceleration by which a path bends */
     WANDERS = 2, /* how soon it is another */
@@ -175,8 +175,9 @@ typedef struct {
 } Tumble;
 
 typedef struct {
-    OnlineOptions options;
+    OnlineOptions options; /* first, where Python reads them */
     double time;
+    double P[MOST_ERRORS][MOST_ERRORS]; /* after an even number of doubles: rows are aligned, where the struct is */
     double frames; /* used */
     double lost;   /* frames in a row that did not fit the map */
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
@@ -213,7 +214,6 @@ typedef struct {
     Tumble tumble;
     double looked; /* 1: `now` is what is known at `time`, as of the last frame */
     Now now;
-    double P[MOST_ERRORS][MOST_ERRORS];
 } Online;
 
 typedef struct {

@@ -3,26 +3,25 @@
 #define GATE 21.1        /* chi-square of 3 degrees of freedom with p = 1e-4 */
 #define ROUGHLY 9.0      /* a pose from three points has up to three times the noise */
 #define ALIKE 0.1        /* rad, within which the map's covariances need not be turned */
-#define LARGE 1.0 /* rad */
+#define LARGE 1.0        /* rad, of a turn between frames where nothing is known of the rate */
 enum { ROUNDS = 6, TRIPLES = 60 };
 
 /* The weight of a residual at the attitude R, with which the map's covariance turns; 0 where it has none. */
-static int weighed(const Online *filter, Frame *frame, int i, const double R[3][3]) {
-    double spread[3][3], T[3][3], both[3][3];
-    if (!inverted(filter->feature[frame->slot[i]].information, spread)) return 0;
-    product(R, spread, T);
+static int weighed(Frame *frame, int i, const double R[3][3]) {
+    double T[3][3], both[3][3];
+    product(R, frame->spread[i], T);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) both[a][b] = frame->noise[i][a][b] + dot(T[a], R[b]) + frame->more[i][a][b];
     return inverted(both, frame->W[i]);
 }
 
-static void weigh_all(const Online *filter, Frame *frame, const double R[3][3]) {
+static void weigh_all(Frame *frame, const double R[3][3]) {
     for (int i = 0; i < frame->count; i++)
-        if (frame->slot[i] >= 0) weighed(filter, frame, i, R);
+        if (frame->slot[i] >= 0) weighed(frame, i, R);
 }
 
-static double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3]) {
-    double We[3];
+/* Of a point against the map: its arm R b, what it is off by, and that weighted; returns the weighted square. */
+static double residual(const Online *filter, const Frame *frame, const Pose *pose, int i, double arm[3], double e[3], double We[3]) {
     times(pose->R, filter->b[frame->slot[i]], arm);
     for (int k = 0; k < 3; k++) e[k] = frame->y[i][k] - pose->c[k] - arm[k];
     times(frame->W[i], e, We);
@@ -42,9 +41,8 @@ static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
         for (int i = 0; i < frame->count; i++) {
             if (!frame->fits[i]) continue;
             double arm[3], e[3], We[3], K[3][3], WK[3][3];
-            weighed(filter, frame, i, pose->R);
-            residual(filter, frame, pose, i, arm, e);
-            times(frame->W[i], e, We);
+            weighed(frame, i, pose->R);
+            residual(filter, frame, pose, i, arm, e, We);
             bend(frame, i, e, We);
             for (int k = 0; k < 3; k++) arm[k] += frame->bent[i][k];
             moved_by_turn(arm, K);
@@ -72,8 +70,8 @@ static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
     }
     pose->squares = 0.0;
     for (int i = 0; i < frame->count; i++) {
-        double arm[3], e[3];
-        if (frame->fits[i]) pose->squares += residual(filter, frame, pose, i, arm, e);
+        double arm[3], e[3], We[3];
+        if (frame->fits[i]) pose->squares += residual(filter, frame, pose, i, arm, e, We);
     }
     return 1;
 }
@@ -82,8 +80,8 @@ static int adjusted(const Online *filter, Frame *frame, Pose *pose) {
 static int sorted_out(const Online *filter, Frame *frame, const Pose *pose, double gate) {
     int changed = 0;
     for (int i = 0; i < frame->count; i++) {
-        double arm[3], e[3];
-        int fits = frame->slot[i] >= 0 && residual(filter, frame, pose, i, arm, e) < gate;
+        double arm[3], e[3], We[3];
+        int fits = frame->slot[i] >= 0 && residual(filter, frame, pose, i, arm, e, We) < gate;
         changed += fits != frame->fits[i];
         frame->fits[i] = fits;
     }
@@ -94,7 +92,7 @@ static int settled(const Online *filter, Frame *frame, Pose *pose) {
     for (int round = 0; round < ROUNDS; round++) {
         double before[3][3], turn[3];
         copy(pose->R, before);
-        weigh_all(filter, frame, before);
+        weigh_all(frame, before);
         if (!adjusted(filter, frame, pose)) return 0;
         if (!sorted_out(filter, frame, pose, GATE) && angle_between(pose->R, before, turn) < ALIKE) return 1;
     }
@@ -127,7 +125,7 @@ static int from_triple(const Online *filter, Frame *frame, const int at[3], Pose
         times(pose->R, b[frame->slot[at[p]]], arm);
         for (int k = 0; k < 3; k++) pose->c[k] += (frame->y[at[p]][k] - arm[k]) / 3.0;
     }
-    weigh_all(filter, frame, pose->R);
+    weigh_all(frame, pose->R);
     for (int i = 0; i < frame->count; i++) frame->fits[i] = i == at[0] || i == at[1] || i == at[2];
     return adjusted(filter, frame, pose);
 }
@@ -149,8 +147,8 @@ static int agreed(const Online *filter, Frame *frame, const Foreseen *foreseen, 
                 double turn[3], angle = angle_between(pose.R, foreseen->R, turn);
                 double cost = fmin(angle * angle / foreseen->variance, ROUGHLY * GATE);
                 for (int p = 0; p < n; p++) {
-                    double arm[3], e[3];
-                    cost += fmin(residual(filter, frame, &pose, known[p], arm, e), ROUGHLY * GATE);
+                    double arm[3], e[3], We[3];
+                    cost += fmin(residual(filter, frame, &pose, known[p], arm, e, We), ROUGHLY * GATE);
                 }
                 if (!found || cost < least) *best = pose, least = cost, found = 1;
             }

@@ -35,11 +35,10 @@ static void take_back(Online *filter, double M[3][3]) {
     damped(P, M, filter->widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
-            filter->P[j][i] = filter->P[i][j];
-        }
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j <= i; j++) filter->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+        for (int j = 0; j < i; j++) filter->P[j][i] = filter->P[i][j];
+    }
 }
 
 static void take_back_of_member(Member *member, double M[3][3], double widest) {
@@ -52,9 +51,8 @@ static void take_back_of_member(Member *member, double M[3][3], double widest) {
     damped(P, M, widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
-            member->P[j][i] = member->P[i][j];
-        }
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j <= i; j++) member->P[i][j] += G[0][i] * MG[0][j] + G[1][i] * MG[1][j] + G[2][i] * MG[2][j];
+        for (int j = 0; j < i; j++) member->P[j][i] = member->P[i][j];
+    }
 }

@@ -1,11 +1,11 @@
 /* A spin, the state of a tumble, and what it is wrong by: both go on by Euler's equation, and errors with white torque. */
 
-#define LEAST_TORQUE 1e-15 /* rad2/s3, of the angular acceleration */
-#define TORQUE_RATIO 10.0
 #define FINE 0.15 /* rad, a step of the integration */
 enum { MOST_STEPS = 500 };
 
-static double torque_of(int member) { return LEAST_TORQUE * pow(TORQUE_RATIO, member); }
+/* Densities of white torque, of the angular acceleration, rad2/s3. */
+static const double TORQUE[TORQUES] = {1e-15,       1e-15 * 1e1, 1e-15 * 1e2, 1e-15 * 1e3, 1e-15 * 1e4,
+                                       1e-15 * 1e5, 1e-15 * 1e6, 1e-15 * 1e7, 1e-15 * 1e8, 1e-15 * 1e9};
 
 static void inertia_of(const double j[5], double J[3][3]) {
     for (int a = 0; a < 3; a++)
@@ -134,18 +134,18 @@ static void error_on(SpinError *error, const double F[6][SPIN], const double Q[6
 
 /* The update with the turn in C from the spin's attitude to that of a node; returns the weighted square of the innovation. */
 static double update_error(SpinError *error, const double turn[3], const double noise[3][3]) {
-    double L[9], e[3], W[SPIN][3];
+    double L[9], e[3], W[3][SPIN];
     for (int k = 0; k < 3; k++) e[k] = turn[k] - error->x[k];
     for (int k = 0; k < 9; k++) L[k] = error->P[k / 3][k % 3] + noise[k / 3][k % 3];
     if (!factored(3, L)) return INFINITY;
     whitened(L, e);
-    for (int a = 0; a < SPIN; a++) {
-        for (int k = 0; k < 3; k++) W[a][k] = error->P[a][k];
-        whitened(L, W[a]);
-        error->x[a] += dot(W[a], e);
-    }
     for (int a = 0; a < SPIN; a++)
-        for (int b = 0; b < SPIN; b++) error->P[a][b] -= dot(W[a], W[b]);
+        for (int k = 0; k < 3; k++) W[k][a] = error->P[a][k];
+    whiten_rows(L, SPIN, SPIN, W[0]);
+    for (int a = 0; a < SPIN; a++) {
+        error->x[a] += W[0][a] * e[0] + W[1][a] * e[1] + W[2][a] * e[2];
+        for (int b = 0; b < SPIN; b++) error->P[a][b] -= W[0][a] * W[0][b] + W[1][a] * W[1][b] + W[2][a] * W[2][b];
+    }
     error->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
     return dot(e, e);
 }

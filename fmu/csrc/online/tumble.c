@@ -142,7 +142,7 @@ static double follow_course(Course *course, const OnlineOptions *options, double
     angle_between(R, foreseen, turn);
     int best = best_error(course);
     for (int m = 0; m < TORQUES; m++) {
-        error_on(&course->error[m], F, Q, torque_of(m));
+        error_on(&course->error[m], F, Q, TORQUE[m]);
         squares[m] = update_error(&course->error[m], turn, noise);
     }
     return squares[best];
@@ -202,7 +202,7 @@ static void sum_up(Tumble *tumble, int count) {
         for (int m = 0; m < TORQUES; m++) {
             double share = exp(tumble->course[c].error[m].weight);
             sum += share;
-            if (tumble->course[c].error[m].weight > UNLIKELY) torque += share * torque_of(m);
+            if (tumble->course[c].error[m].weight > UNLIKELY) torque += share * TORQUE[m];
             for (int a = 0; a < SPIN; a++) mean[a] += share * (apart[c][a] + tumble->course[c].error[m].x[a]);
         }
     }
@@ -232,7 +232,7 @@ static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const 
     angle_between(first->R, foreseen, off);
     for (int m = 0; m < TORQUES; m++) {
         SpinError *error = &course->error[m];
-        *error = (SpinError){.weight = 0.5 * log(torque_of(m))};
+        *error = (SpinError){.weight = 0.5 * log(TORQUE[m])};
         for (int a = 0; a < 3; a++) {
             for (int b = 0; b < 3; b++) error->P[a][b] = first->noise[a][b];
             error->x[a] = off[a];
@@ -283,7 +283,7 @@ static void start_filters(Tumble *tumble, const OnlineOptions *options, const At
     weigh_errors(tumble, count);
     for (int c = 0; c < count; c++) centre_course(&tumble->course[c]);
     sum_up(tumble, count);
-    tumble->known = 1.0;
+    tumble->known = 1.0, tumble->kept = 0.0;
     tumble->misfit = 1.0;
 }
 
