@@ -62,7 +62,8 @@ def build() -> bytes:
 
 def sources() -> dict[str, bytes]:
     """The C files by name, generated ones among them; `MAIN` is to be compiled."""
-    written = {path.name: path.read_bytes() for path in (files("baryscope.fmu") / "csrc" / "online").iterdir()}
+    room = files("baryscope.fmu") / "csrc"
+    written = {path.name: path.read_bytes() for path in (*(room / "online").iterdir(), room / "dialect.h")}
     generated = filter_headers() | {"dynamics.c": _dynamics()}
     return written | {name: text.encode() for name, text in generated.items()}
 
