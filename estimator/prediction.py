@@ -1,13 +1,13 @@
 """Position and velocity of the centre of mass, or of a point of the body, at any time: before, in gaps and ahead.
 
 A predictor holds the posterior of all unknowns together: those of the rotation and of the path, u, and the points,
-whose deviation for a change δu is −N δu beside an own one. A point b of the body is at g(t) + R(t) b. Its velocity is
-ġ + R (ω × b). Where the attitude is uncertain by tenths of a radian, the arc on which b moves counts, too. Before the
-first observation and after the last, process and torque noise add what they cause from there.
+whose deviation for a change δu is −N δu beside an own one. What of it is a point's is in `turning`. Before the first
+observation and after the last, process and torque noise add what they cause from there.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.dynamics.forces import untold_firings
-from baryscope.estimator.dynamics.growth import path_growth, rotation_growth
+from baryscope.estimator.dynamics.growth import path_growth
+from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import turn_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
+from baryscope.estimator.turning import TurningPoint, carried, curved
 from baryscope.models.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -146,8 +148,7 @@ class PredictedPath:
 
         Noise and errors of firings before and after them, and noise of higher modes.
         """
-        grown = path_growth(self.path, self.density, self.begin, self.end, time)
-        grown += untold_firings(self.path, self.begin, self.end, time)
+        grown = grown_outside(self.path, self.density, self.begin, self.end, time)
         noise = noise_in(self.path)
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
@@ -166,6 +167,14 @@ def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: F
     """What a function makes of times (n,), for CHUNK of them after the other."""
     parts = [function(time[first : first + CHUNK]) for first in range(0, len(time), CHUNK)]
     return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+
+
+def grown_outside(path: Path, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of position and velocity in C by noise of a density, m²/s³, and errors of firings,
+    before the tracks' begin and after their end, s.
+    """
+    grown = path_growth(path, density, begin, end, time)
+    return np.asarray(grown + untold_firings(path, begin, end, time))
 
 
 def _of_higher_modes(path: Disturbed, density: float, time: FloatArray) -> FloatArray:
@@ -210,9 +219,40 @@ class PredictedBody:
         seen = np.diag(own_covariance)[::3] > 0
         b, by_points = point_in_body(point, self.labels, self.points, seen, self.attached)
         by_unknowns, own = by_points @ self.by_unknowns, by_points @ own_covariance @ by_points.T
-        motion = self.rotation.at(np.array([self.path.begin, self.path.end, time.min(), time.max()]))
-        state, covariance = _by_chunks(lambda part: self._chunk(motion.at(part), b, by_unknowns, own), time)
-        return Prediction.of(time, state, covariance)
+        begin, end = self.path.begin, self.path.end
+        motion = self.rotation.at(np.array([begin, end]))
+        state, covariance = np.empty((len(time), 6)), np.empty((len(time), 6, 6))
+        before, after = time < begin, time > end
+        for part, one in ((before, motion.at(np.array([begin]))), (after, motion.at(np.array([end])))):
+            if part.any():
+                away = partial(self._away, self._turning(one, b, by_unknowns, own))
+                state[part], covariance[part] = _by_chunks(away, time[part])
+        inside = ~before & ~after
+        if inside.any():
+            state[inside], covariance[inside] = _by_chunks(
+                lambda some: self._chunk(motion.at(some), b, by_unknowns, own), time[inside]
+            )
+        return Prediction.of(time, state, covariance + self.path.added(time))
+
+    def _turning(self, motion: Attitudes, b: FloatArray, by_unknowns: FloatArray, own: FloatArray) -> TurningPoint:
+        """The body and a point of it, that changes by −by_unknowns δu beside an own deviation, at one time."""
+        size, x = self.rotation.size, self.path.x
+        state = {"epoch": float(motion.time[0]), "attitude": motion.attitude[0], "rate": motion.rate[0]}
+        start = replace(self.rotation, torque=None, **state)
+
+        def changed(turn: FloatArray, rate: FloatArray, inertia: FloatArray) -> Rotation:
+            found = start.changed(turn, np.concatenate([rate, inertia]))
+            return found if found.possible else replace(found, inertia=of_a_body(found.inertia))
+
+        by_motion = np.concatenate([motion.turn[0], motion.rate_sensitivity[0], np.eye(5, size, 3)])
+        by_u = np.concatenate([block_diag(by_motion, np.eye(len(x))), -by_unknowns])
+        covariance = by_u @ self.covariance @ by_u.T
+        covariance[-3:, -3:] += own
+        return TurningPoint(start, changed, b, covariance, self.torque_density)
+
+    def _away(self, there: TurningPoint, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6), and their covariance (n, 6, 6), on one side of the tracks."""
+        return there.away(time, *self.path.sampled(time))
 
     def _chunk(
         self, motion: Attitudes, b: FloatArray, by_unknowns: FloatArray, own: FloatArray
@@ -225,59 +265,15 @@ class PredictedBody:
         total[:, :, :size] += by_motion @ np.concatenate([motion.turn, motion.rate_sensitivity], axis=1)
         total[:, :, size:] += by_x
         covariance = total @ self.covariance @ np.swapaxes(total, 1, 2) + by_b @ own @ np.swapaxes(by_b, 1, 2)
-        turned = self._turned(motion)
-        covariance += self.path.added(motion.time) + by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
-        of_turn = motion.turn @ self.covariance[:size, :size] @ np.swapaxes(motion.turn, 1, 2) + turned[:, :3, :3]
+        of_turn = motion.turn @ self.covariance[:size, :size] @ np.swapaxes(motion.turn, 1, 2)
         shift, arc = curved(motion.attitude, motion.rate, b, of_turn)
         return state + arm + shift, covariance + arc
-
-    def _turned(self, motion: Attitudes) -> FloatArray:
-        """The covariance (n, 6, 6) of attitude and rate by noise of the torque that the tracks do not tell."""
-        path, time = self.path, motion.time
-        if self.torque_density > 0 and beyond(time, path.begin, path.end).any():
-            return rotation_growth(self.rotation, motion, self.torque_density, path.begin, path.end, time)
-        return np.zeros((len(time), 6, 6))
 
     def _own_covariance(self) -> FloatArray:
         """The covariance (3 m, 3 m) of the points for known u."""
         if self.points_covariance.ndim == 2:
             return self.points_covariance
         return np.asarray(block_diag(*self.points_covariance))
-
-
-def carried(R: FloatArray, rate: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Position and velocity (n, 6) in C of a point b (3,) in B that turns about the centre of mass.
-
-    R (n, 3, 3) R_C_B, of which a change is a rotation vector in B; rate (n, 3), rad/s in B. Also the Jacobians
-    (n, 6, 6) by attitude and rate, and (n, 6, 3) by b.
-    """
-    by_arm, speed = -R @ cross_matrices(b[None]), np.cross(rate, b)
-    by_turn = np.concatenate([by_arm, -R @ cross_matrices(speed)], axis=1)
-    by_motion = np.concatenate([by_turn, np.concatenate([np.zeros_like(R), by_arm], axis=1)], axis=2)
-    by_b = np.concatenate([R, R @ cross_matrices(rate)], axis=1)
-    return by_b @ b, by_motion, by_b
-
-
-def curved(R: FloatArray, rate: FloatArray, b: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """What the second order of an attitude's error θ, of covariance turn (n, 3, 3), does to a point, see `carried`.
-
-    θ moves c, which is b or ω × b, by θ × c + ½ θ × (θ × c). The last term's coordinates are θᵀ A θ with symmetric A,
-    of mean tr(A Θ) and covariances 2 tr(A Θ A′ Θ) (Isserlis). Errors of more than a radian are taken for one: a point
-    stays at its distance.
-
-    Returns:
-        The means (n, 6) and covariances (n, 6, 6) of position and velocity in C.
-    """
-    size = np.trace(turn, axis1=1, axis2=2)
-    turn = turn / np.maximum(size, 1.0)[:, None, None]
-    moved, axes = np.stack([np.broadcast_to(b, rate.shape), np.cross(rate, b)], axis=1), np.eye(3)
-    A = 0.25 * (axes[:, :, None] * moved[:, :, None, None, :] + moved[:, :, None, :, None] * axes[:, None, :])
-    A -= 0.5 * moved[..., None, None] * axes
-    by_turn = (A @ turn[:, None, None]).reshape(len(turn), 6, 3, 3)
-    mean = np.trace(by_turn, axis1=2, axis2=3).reshape(-1, 2, 3)
-    covariance = 2 * np.einsum("niab,njba->nij", by_turn, by_turn).reshape(-1, 2, 3, 2, 3)
-    in_C = np.einsum("nab,npbqc,ndc->npaqd", R, covariance, R)
-    return (mean @ np.swapaxes(R, 1, 2)).reshape(-1, 6), in_C.reshape(-1, 6, 6)
 
 
 def point_in_body(

@@ -23,6 +23,7 @@ LAYERS = [
     ["estimator.tracks", "estimator.online"],
     ["estimator.registration", "estimator.plausibility", "estimator.formats", "estimator.images"],
     ["estimator.details", "estimator.dynamics"],
+    ["estimator.turning"],
     ["estimator.prediction"],
     ["estimator.findings"],
     ["estimator.result"],

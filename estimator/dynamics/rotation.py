@@ -9,6 +9,7 @@ Only the ratios of the inertia's elements are observable, so J has trace 1. Its 
 coefficients of INERTIA_BASIS, a basis of the traceless symmetric matrices.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -28,7 +29,12 @@ from baryscope.estimator.dynamics.euler import (
 )
 from baryscope.estimator.dynamics.polynomials import cubic, cubic_slope_weights, cubic_weights, quintic
 from baryscope.estimator.dynamics.torque import GAUSS, Torque
-from baryscope.estimator.geometry.alignment import matrix_from_quaternion, quaternion_from_matrix
+from baryscope.estimator.geometry.alignment import (
+    matrix_from_quaternion,
+    quaternion_from_matrix,
+    quaternion_times_vector,
+    running_products,
+)
 from baryscope.estimator.geometry.so3 import exp_rotation
 from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError, Reason
@@ -109,16 +115,18 @@ class Rotation:
             raise too_long(float(np.linalg.norm(self.rate)), _span(self.epoch, time))
         found = self.try_at(time)
         if found is None:
-            raise ComputationError(
-                "the integration of the rotation diverges: over so long a time the gravity gradient makes it chaotic",
-                Reason.DIVERGED,
-            )
+            raise diverged()
         return found
 
     def try_at(self, time: FloatArray, node_angle: float = NODE_ANGLE) -> "Attitudes | None":
         """The same as `at`; None instead of an error. node_angle: from node to node, rad."""
         nodes = self._nodes_around(time, node_angle) if self.reaches(time) else None
         return nodes.between(time) if nodes is not None and nodes.finite else None
+
+    def motion_at(self, time: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Attitudes (n, 3, 3) and rates (n, 3) at times (n,) in s alone, for less; None instead of an error."""
+        nodes = self._nodes_around(time, NODE_ANGLE) if self.reaches(time) else None
+        return nodes.motion(time) if nodes is not None and nodes.followed else None
 
     def transition(self, start: "Attitudes", end: "Attitudes") -> FloatArray:
         """Φ (n, 6, 6) of attitude (a rotation vector) and rate, both in B, from n states to later or earlier ones.
@@ -146,6 +154,12 @@ def too_long(rate: float, span: float) -> ComputationError:
         "motion to be followed in so few frames; use a shorter part of the tracks, or the method pivot",
         Reason.TOO_LONG,
     )
+
+
+def diverged() -> ComputationError:
+    """The error to raise if a rotation cannot be integrated."""
+    why = "the integration of the rotation diverges: over so long a time the gravity gradient makes it chaotic"
+    return ComputationError(why, Reason.DIVERGED)
 
 
 def _span(epoch: float, time: FloatArray) -> float:
@@ -202,25 +216,35 @@ class _Nodes:
     quaternion: FloatArray  # (k, 4) R_C_B, scalar first, without jumps of sign
     rate: FloatArray  # (k, 3)
     acceleration: FloatArray  # (k, 3)
-    # (2 k, 3 size), in turn: the rotation vector in C by the unknowns, and its change at this slope to the next node
-    sensitivity: FloatArray
     size: int  # number of unknowns
+    sensing: Callable[[], FloatArray]  # what makes `sensitivity`
+
+    @cached_property
+    def sensitivity(self) -> FloatArray:
+        """(2 k, 3 size), in turn: the rotation vector in C by the unknowns, and its change at that slope in a step."""
+        return self.sensing()
+
+    @property
+    def followed(self) -> bool:
+        """Whether the integration of the motion, which begins within, has not diverged."""
+        return bool(np.isfinite(self.quaternion[[0, -1]]).all())
 
     @property
     def finite(self) -> bool:
-        """Whether the integration, which begins within, has not diverged."""
-        ends = self.quaternion[[0, -1]], self.sensitivity[[0, 1, -2, -1]]
-        return all(bool(np.isfinite(one).all()) for one in ends)
+        """Whether neither it nor the sensitivity has."""
+        return self.followed and bool(np.isfinite(self.sensitivity[[0, 1, -2, -1]]).all())
 
     def between(self, time: FloatArray) -> Attitudes:
+        return Attitudes(time, *self.motion(time), self.size, self)
+
+    def motion(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Attitudes (n, 3, 3) and rates (n, 3)."""
         h = self.time[1] - self.time[0]
         left, s = self._locate(time)
         q, q1, q2 = _quaternion_derivatives(self.quaternion, self.rate, self.acceleration)
         quaternion = quintic(s, left, q, h * q1, h * h * q2)
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
-        attitude = matrix_from_quaternion(quaternion)
-        rate = cubic(s, left, self.rate, h * self.acceleration)
-        return Attitudes(time, attitude, rate, self.size, self)
+        return matrix_from_quaternion(quaternion), cubic(s, left, self.rate, h * self.acceleration)
 
     def turn_at(self, time: FloatArray) -> FloatArray:
         """The rotation's Jacobian (n, 3, size) in C."""
@@ -249,18 +273,12 @@ def _quaternion_derivatives(
     q: FloatArray, rate: FloatArray, acceleration: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """q, q̇ = ½ q ⊗ ω and q̈ = ½ q ⊗ ω̇ − ¼ |ω|² q."""
-    first = 0.5 * _quaternion_times_vector(q, rate)
-    second = 0.5 * _quaternion_times_vector(q, acceleration) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
+    first = 0.5 * quaternion_times_vector(q, rate)
+    second = 0.5 * quaternion_times_vector(q, acceleration) - 0.25 * np.sum(rate**2, axis=1)[:, None] * q
     return q, first, second
 
 
-def _quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
-    """q ⊗ (0, v), quaternions (n, 4) scalar first, vectors (n, 3)."""
-    scalar = -np.einsum("ni,ni->n", q[:, 1:], v)
-    return np.column_stack([scalar, q[:, :1] * v + np.cross(q[:, 1:], v)])
-
-
-@np.errstate(over="ignore", invalid="ignore")  # sensitivities of a chaotic motion grow without bound: see `finite`
+@np.errstate(over="ignore", invalid="ignore")
 def _nodes(start: Rotation, begin: float, end: float, longest: float) -> _Nodes:
     """The motion and its sensitivities at nodes that span begin … end in s, integrated from the epoch.
 
@@ -282,18 +300,21 @@ def _nodes(start: Rotation, begin: float, end: float, longest: float) -> _Nodes:
     back, forth = _integrate(start, constants, inputs, before)
     starts, states = np.hstack([back[:, :-1], forth[:, :-1]]), np.hstack([back[:, :0:-1], forth])
     states[:4] /= np.linalg.norm(states[:4], axis=0)
-    steps = sensitivity_step(gravity_gradient, torque is not None)(starts, *inputs, constants)
-    sensitivity = np.zeros((len(time), 6, start.size))
-    sensitivity[before, 3:, :3] = np.eye(3)
-    _chain(sensitivity[before::-1], steps[:before], None if modes is None else modes[:before])
-    _chain(sensitivity[before:], steps[before:], None if modes is None else modes[before:])
     acceleration = rate_columns(gravity_gradient)(states, constants)[:, 4:7]
     if torque is not None:
         acceleration += torque.at(time)
-    turn = matrix_from_quaternion(states[:4].T)
-    sensitivity[:, 3:] = h * turn @ sensitivity[:, 3:]
-    of_turns = sensitivity.reshape(2 * len(time), 3 * start.size)
-    return _Nodes(time, states[:4].T, states[4:7].T, acceleration, of_turns, start.size)
+
+    @np.errstate(over="ignore", invalid="ignore")  # sensitivities of a chaotic motion grow without bound: see `finite`
+    def sensing() -> FloatArray:
+        steps = sensitivity_step(gravity_gradient, torque is not None)(starts, *inputs, constants)
+        sensitivity = np.zeros((len(time), 6, start.size))
+        sensitivity[before, 3:, :3] = np.eye(3)
+        _chain(sensitivity[before::-1], steps[:before], None if modes is None else modes[:before])
+        _chain(sensitivity[before:], steps[before:], None if modes is None else modes[before:])
+        sensitivity[:, 3:] = h * matrix_from_quaternion(states[:4].T) @ sensitivity[:, 3:]
+        return sensitivity.reshape(2 * len(time), 3 * start.size)
+
+    return _Nodes(time, states[:4].T, states[4:7].T, acceleration, start.size, sensing)
 
 
 def _highest_rate(start: Rotation) -> float:
@@ -330,7 +351,7 @@ def _integrate(
     rates = [_walk(advance(False, forced), start.rate, [one[:, p] for one in inputs], constants) for p in parts]
     turns = turn_of_step(forced)(np.hstack([one[:, :-1] for one in rates]), *inputs, constants).T
     back, forth = (
-        np.vstack([_running_products(np.column_stack([attitude, turns[:, p]])), rate, np.zeros(rate.shape[1])])
+        np.vstack([running_products(np.column_stack([attitude, turns[:, p]])), rate, np.zeros(rate.shape[1])])
         for p, rate in zip(parts, rates, strict=True)
     )
     return back, forth
@@ -347,17 +368,6 @@ def _walk(function: ca.Function, first: FloatArray, inputs: list[FloatArray], co
         found = function(states[:, begin], *(one[:, chunk] for one in padded), constants)
         states[:, begin + 1 : begin + 1 + CHUNK] = found
     return states[:, : count + 1]
-
-
-def _running_products(quaternions: FloatArray) -> FloatArray:
-    """The products (4, n) q₀, q₀ ⊗ q₁, q₀ ⊗ q₁ ⊗ q₂, … of quaternions (4, n), scalar first: by doubling."""
-    found, apart = quaternions, 1
-    while apart < found.shape[1]:
-        p, q = found[:, :-apart], found[:, apart:]
-        scalar = p[0] * q[0] - np.einsum("in,in->n", p[1:], q[1:])
-        vector = p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:], axis=0)
-        found, apart = np.hstack([found[:, :apart], np.vstack([scalar, vector])]), 2 * apart
-    return found
 
 
 def _chain(sensitivity: FloatArray, steps: FloatArray, modes: FloatArray | None) -> None:

@@ -141,10 +141,10 @@ def _answer(found: Passes, features: IntArray) -> _Answer:
     points = last.system.points
     offset, attached, least = attached_offset(found, features)
     of_offset = attached @ solution.of_theta[points, points] @ attached.T
-    spurious, _ = spurious_growth(solution, last.system, last.variance, attached, least)
+    spurious, _, _ = spurious_growth(solution, last.system, last.variance, attached, least)
     noise = found.problem.noise([last.member], last.noise_variance)
     products = product_gradient(last.system, noise, solution, of_offset + spurious @ spurious.T)
-    columns, of_states = growth(found, solution, last.system, features, products)
+    columns, of_states, _ = growth(found, solution, last.system, features, products)
     of_states = of_states[frames, PATH]
     of_path = solution.of_state[frames, PATH, PATH] + of_states @ np.swapaxes(of_states, 1, 2)
     return _Answer(

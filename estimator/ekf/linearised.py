@@ -91,18 +91,6 @@ class Linearised:
         """Where the points are among the parameters."""
         return points_in(self.drive.shape[2] - 1 - INERTIA)
 
-    def since(self, node: int) -> "Linearised":
-        """The system of the nodes from one on, to whose state the parameters belong."""
-        return replace(
-            self,
-            transition=self.transition[node:],
-            drive=self.drive[node:],
-            observed=self.observed[node:],
-            information=self.information[node:],
-            rhs=self.rhs[node:],
-            seen=self.seen[node:],
-        )
-
 
 def points_in(path_size: int) -> slice:
     """Where the points are among the parameters, for a path of that many unknowns."""

@@ -179,13 +179,13 @@ def _advance() -> ColumnFunction:
     return ColumnFunction("rotated", [q, w, c, h], ca.densify(found))
 
 
-def changed_inertia(inertia: FloatArray, error: FloatArray) -> FloatArray:
-    """The inertia (3, 3) of trace 1 for errors δ (5,) bounded by MAX_INERTIA_CHANGE, which is always that of a body.
+def changed_inertia(inertia: FloatArray, error: FloatArray, most: float = MAX_INERTIA_CHANGE) -> FloatArray:
+    """The inertia (3, 3) of trace 1 for errors δ (5,), at most so long, which is always that of a body.
 
     The second moments of the mass, M = ½ tr J − J, become A exp(Σ δ_i E_i) Aᵀ, with A Aᵀ = M and E the INERTIA_BASIS.
     """
     root = np.linalg.cholesky(mass_of(inertia))
-    error = error * min(1.0, MAX_INERTIA_CHANGE / (float(np.linalg.norm(error)) + 1e-300))
+    error = error * min(1.0, most / (float(np.linalg.norm(error)) + 1e-300))
     values, vectors = np.linalg.eigh(np.tensordot(error, INERTIA_BASIS, 1))
     half = root @ vectors * np.exp(values / 2)
     return of_a_body(inertia_of(half @ half.T))

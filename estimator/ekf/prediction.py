@@ -1,15 +1,19 @@
-"""Predictions of `ekf`: the smoothed states at the times that are asked for, see `further_nodes`."""
+"""Predictions of `ekf`: smoothed states within the tracks, see `further_nodes`, and from their ends on outside."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ekf.further_nodes import further_nodes
-from baryscope.estimator.ekf.linearised import PATH, STATE, TURN, moved
+from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, STATE, TURN, moved, points_in
+from baryscope.estimator.ekf.motion import PathProcess, changed_inertia
 from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.spurious import growth
-from baryscope.estimator.prediction import Point, Prediction, carried, curved, point_in_body
-from baryscope.estimator.tracks import FloatArray, IntArray
+from baryscope.estimator.geometry.so3 import exp_rotation
+from baryscope.estimator.prediction import Point, Prediction, beyond, grown_outside, point_in_body
+from baryscope.estimator.tracks import BoolArray, FloatArray, IntArray
+from baryscope.estimator.turning import OF_MOTION, TurningPoint, carried, curved
 
 AT_ONCE = 5000  # times, at each of which is a node of the smoother
 
@@ -35,23 +39,39 @@ class PredictedTumble:
             ComputationError: the rotation cannot be followed so far.
         """
         ascending, index = np.unique(time, return_inverse=True)
-        parts = [self._part(ascending[k : k + AT_ONCE], point) for k in range(0, len(ascending), AT_ONCE)]
+        frames = self.found.problem.start.nodes.frames
+        away = beyond(ascending, *self._ends)
+        parts = [
+            *(self._away(int(frames[0]), some, point) for some in _by(AT_ONCE, ascending[away < 0])),
+            *(self._within(some, point) for some in _by(AT_ONCE, ascending[away == 0])),
+            *(self._away(int(frames[-1]), some, point) for some in _by(AT_ONCE, ascending[away > 0])),
+        ]
         mean, covariance = (np.concatenate(values)[index] for values in zip(*parts, strict=True))
         return Prediction.of(time, mean, covariance)
 
-    def _part(self, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity (n, 6) at ascending times (n,), and their covariance (n, 6, 6)."""
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """The first and the last time of the tracks, s."""
+        time = self.found.problem.tracks.time
+        return float(time[0]), float(time[-1])
+
+    def _seen(self, count: int) -> BoolArray:
+        """Which of the points (count,) are seen."""
+        return np.isin(np.arange(count), self.features)
+
+    def _within(self, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6) at ascending times (n,) within the tracks, and their covariance (n, 6, 6)."""
         found = self.found
         further = further_nodes(found, time)
         rows, reference, system, solution = further.rows, further.reference, further.system, further.solution
-        of_offset, of_states = growth(found, solution, system, self.features, self.products)
+        of_offset, of_states, _ = growth(found, solution, system, self.features, self.products)
         after = moved(reference, solution.state, solution.theta)
         u, to_si = after.deviation, np.repeat([1.0, 1 / after.path.span], 3)
         mean = np.concatenate([after.path.position(u), after.path.velocity(u)], axis=1)[rows]
         if point is None:
             own, columns = solution.of_state[rows, PATH, PATH], of_states[rows, PATH]
             return mean, (own + columns @ np.swapaxes(columns, 1, 2)) * np.outer(to_si, to_si)
-        seen = np.isin(np.arange(len(after.points)), self.features)
+        seen = self._seen(len(after.points))
         b, by_points = point_in_body(point, self.labels, after.points, seen, self.features)
         arm, by_motion, by_b = carried(after.attitude[rows], after.rate[rows], b)
         by_path = np.broadcast_to(np.diag(to_si), by_motion.shape)
@@ -60,8 +80,76 @@ class PredictedTumble:
         crossed = solution.crossed[rows][:, :, points] @ by_points.T
         of_b = np.broadcast_to(by_points @ solution.of_theta[points, points] @ by_points.T, (len(rows), 3, 3))
         of_both = np.block([[solution.of_state[rows], crossed], [np.swapaxes(crossed, 1, 2), of_b]])
-        grown = by_points @ np.tile(np.eye(3), (len(after.points), 1)) @ of_offset
-        columns = by_both[:, :, :STATE] @ of_states[rows] + by_b @ grown
+        columns = by_both[:, :, :STATE] @ of_states[rows] + by_b @ _of_point(by_points, of_offset)
         covariance = by_both @ of_both @ np.swapaxes(by_both, 1, 2) + columns @ np.swapaxes(columns, 1, 2)
         shift, arc = curved(after.attitude[rows], after.rate[rows], b, solution.of_state[rows, TURN, TURN])
         return mean + arm + shift, covariance + arc
+
+    def _away(self, node: int, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
+        """The same at ascending times (n,) on that side of the tracks on which the node is the last."""
+        found, problem, at = self.found, self.found.problem, self.found.reference
+        origin = float(problem.start.nodes.time[node])
+        nodes = np.unique(np.concatenate([problem.start.nodes.time[[0, node]], time]))
+        path = problem.process(found.shift, nodes)
+        by_path, to_si = _by_state(path, int(np.searchsorted(nodes, origin))), np.repeat([1.0, 1 / path.span], 3)
+        u = by_path @ np.concatenate([at.deviation[node], at.x])
+        rows = np.searchsorted(nodes, time)
+        state = np.concatenate([path.position(u), path.velocity(u)], axis=1)[rows]
+        by_path = to_si[:, None] * by_path[rows]
+        slipping = 0.0 if problem.slips else 1.0
+        density = slipping * float(found.probability @ [member.path for member in found.members])
+        added = grown_outside(problem.path, density, *self._ends, time)
+        b, by_points = np.zeros(3), np.zeros((3, 3 * len(at.points)))
+        if point is not None:
+            b, by_points = point_in_body(point, self.labels, at.points, self._seen(len(at.points)), self.features)
+        joint = self._joint(node, by_points)
+        if point is None:
+            of_path = joint[OF_MOTION:-3, OF_MOTION:-3]
+            return state, by_path @ of_path @ np.swapaxes(by_path, 1, 2) + added
+        start = Rotation(origin, at.attitude[node], at.rate[node], at.inertia, problem.start.rotation.orbit)
+        about, theta = found.about.inertia, found.solution.theta[:INERTIA]
+
+        def changed(turn: FloatArray, rate: FloatArray, inertia: FloatArray) -> Rotation:
+            of_it = changed_inertia(about, theta + inertia, np.inf)
+            return Rotation(origin, start.attitude @ exp_rotation(turn), start.rate + rate, of_it, start.orbit)
+
+        torque = float(found.probability @ [member.turn for member in found.members])
+        mean, covariance = TurningPoint(start, changed, b, joint, torque).away(time, state, by_path)
+        return mean, covariance + added
+
+    def _joint(self, node: int, by_points: FloatArray) -> FloatArray:
+        """The covariance of attitude, rate, inertia, the path's u and x, and a point by_points (3, 3 m), at a node."""
+        found, solution = self.found, self.found.solution
+        of_offset, of_states, of_theta = growth(found, solution, found.last.system, self.features, self.products)
+        count, q = len(found.reference.x), len(solution.theta)
+        own, crossed = solution.of_state[node], solution.crossed[node]
+        whole = np.block([[own, crossed], [crossed.T, solution.of_theta]])
+        order = np.r_[TURN, RATE, STATE : STATE + INERTIA, PATH, STATE + INERTIA : STATE + INERTIA + count]
+        chosen = np.zeros((len(order) + 3, STATE + q))
+        chosen[np.arange(len(order)), order] = 1.0
+        chosen[-3:, STATE:][:, points_in(count)] = by_points
+        columns = chosen @ np.concatenate([of_states[node], of_theta])
+        columns[-3:] = _of_point(by_points, of_offset)
+        return np.asarray(chosen @ whole @ chosen.T + columns @ columns.T)
+
+
+def _of_point(by_points: FloatArray, of_offset: FloatArray) -> FloatArray:
+    """The columns (3, k) of a point, by_points (3, 3 m), where those of all points are of_offset (3, k)."""
+    return np.asarray(by_points @ np.tile(np.eye(3), (by_points.shape[1] // 3, 1)) @ of_offset)
+
+
+def _by(size: int, time: FloatArray) -> list[FloatArray]:
+    """Times (n,) in parts of a size, none of them empty."""
+    return [time[k : k + size] for k in range(0, len(time), size)]
+
+
+def _by_state(path: PathProcess, origin: int) -> FloatArray:
+    """The Jacobian (n, 6, 6 + s) of a process at n times by its u at one of them and its unknowns x."""
+    n = len(path.nominal)
+    moved_by = np.empty((n, 6, 6))
+    moved_by[origin] = np.eye(6)
+    for k in range(origin, n - 1):
+        moved_by[k + 1] = path.transition[k] @ moved_by[k]
+    for k in range(origin, 0, -1):
+        moved_by[k - 1] = np.linalg.solve(path.transition[k - 1], moved_by[k])
+    return np.concatenate([moved_by, path.columns - moved_by @ path.columns[origin]], axis=2)

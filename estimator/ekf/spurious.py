@@ -24,7 +24,7 @@ def attached_offset(found: Passes, features: IntArray) -> tuple[FloatArray, Floa
 
 def spurious_growth(
     solution: Solution, system: Linearised, variance: float, attached: FloatArray, least: float
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What the covariances grow by when the spurious information on the centre of mass is removed.
 
     An error φ of the attitude moves the centroid, at d from the centre of mass, by φ × d. Of φ only the deviation from
@@ -39,28 +39,30 @@ def spurious_growth(
         least: information, 1/m², that remains in a direction.
 
     Returns:
-        columns A (3, k) of d and B (n, d, k) of the states: their covariances grow by A Aᵀ and B Bᵀ.
+        columns A (3, k) of d, B (n, d, k) of the states and C (q, k) of θ: their covariances grow by A Aᵀ, B Bᵀ, C Cᵀ.
     """
     n, d = solution.state.shape
     points = system.points
     offset = attached @ solution.of_theta[points, points] @ attached.T
-    crossed = (solution.crossed[:, :, points] @ attached.T).reshape(n * d, 3).T
+    crossed = (solution.crossed[:, :, points] @ attached.T).reshape(n * d, 3)
+    crossed = np.concatenate([crossed, solution.of_theta[:, points] @ attached.T]).T
     position = system.information[:, :3, :3] / variance
     by_few, by_noise = (turned_information(position, spread) for spread in solution.spread)
     spurious = three_sigma_factor(RATE_AND_INERTIA) * by_few + three_sigma_factor(int(system.seen.sum())) * by_noise
-    of_offset, of_states = spurious_information_columns(offset, crossed, spurious, least)
-    return of_offset, of_states.reshape(n, d, -1)
+    of_offset, of_others = spurious_information_columns(offset, crossed, spurious, least)
+    return of_offset, of_others[: n * d].reshape(n, d, -1), of_others[n * d :]
 
 
 def growth(
     found: Passes, solution: Solution, system: Linearised, features: IntArray, products: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What the covariances grow by: by spurious information on some features' offset, and by products of errors.
 
     products (q, k): see `products.product_gradient`. Returns columns as `spurious_growth`.
     """
     _, attached, least = attached_offset(found, features)
-    of_offset, of_states = spurious_growth(solution, system, found.last.variance, attached, least)
+    of_offset, of_states, of_theta = spurious_growth(solution, system, found.last.variance, attached, least)
     pull = -products / found.last.variance
     of_offset = np.concatenate([of_offset, attached @ (solution.of_theta[system.points] @ pull)], axis=1)
-    return of_offset, np.concatenate([of_states, solution.crossed @ pull], axis=2)
+    of_states = np.concatenate([of_states, solution.crossed @ pull], axis=2)
+    return of_offset, of_states, np.concatenate([of_theta, solution.of_theta @ pull], axis=1)

@@ -168,3 +168,20 @@ def quaternion_from_matrix(matrix: FloatArray) -> FloatArray:
     best = np.argmax(np.einsum("iin->in", outer), axis=0)
     vector = np.take_along_axis(outer, best[None, None, :], axis=0)[0].T
     return np.asarray(vector / np.linalg.norm(vector, axis=1, keepdims=True))
+
+
+def quaternion_times_vector(q: FloatArray, v: FloatArray) -> FloatArray:
+    """q ⊗ (0, v), quaternions (n, 4) scalar first, vectors (n, 3)."""
+    scalar = -np.einsum("ni,ni->n", q[:, 1:], v)
+    return np.column_stack([scalar, q[:, :1] * v + np.cross(q[:, 1:], v)])
+
+
+def running_products(quaternions: FloatArray) -> FloatArray:
+    """The products (4, n) q₀, q₀ ⊗ q₁, q₀ ⊗ q₁ ⊗ q₂, … of quaternions (4, n), scalar first: by doubling."""
+    found, apart = quaternions, 1
+    while apart < found.shape[1]:
+        p, q = found[:, :-apart], found[:, apart:]
+        scalar = p[0] * q[0] - np.einsum("in,in->n", p[1:], q[1:])
+        vector = p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:], axis=0)
+        found, apart = np.hstack([found[:, :apart], np.vstack([scalar, vector])]), 2 * apart
+    return found

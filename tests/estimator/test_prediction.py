@@ -11,7 +11,8 @@ from baryscope.estimator import FeatureTracks, PathOptions, ScrewOptions, estima
 from baryscope.estimator.claims import with_wider
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.findings import FreeAttitudes
-from baryscope.estimator.prediction import PredictedPath, Widening, carried, curved
+from baryscope.estimator.prediction import PredictedPath, Widening
+from baryscope.estimator.turning import carried, curved
 from baryscope.models.errors import ComputationError, InputError
 from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turning
 from results import an_estimate

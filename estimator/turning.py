@@ -1,0 +1,142 @@
+"""Where a turning body carries a point of it, and how uncertain that is: in the tracks, and far away from them.
+
+A point b of the body is at g + R b and has the velocity ġ + R (ω × b). Where something is seen, errors of attitude and
+rate are small, and to first order, with the arc of the attitude in second, all is told. Away from the tracks they grow
+with time, the more so as the inertia is uncertain: the motion of a body whose inertia is another is no multiple of a
+small change. There, members of the posterior at the end of the tracks are turned each by its own motion. Their mean and
+covariance at that end are exactly those of the posterior, so that to first order they are so everywhere.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.growth import rotation_growth
+from baryscope.estimator.dynamics.rotation import Rotation, diverged
+from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.models.errors import ComputationError, Reason
+
+FloatArray = NDArray[np.float64]
+# A turn (3,) in B, rad, changes of the rate (3,), rad/s, and of five unknowns of the inertia → the rotation then
+Changed = Callable[[FloatArray, FloatArray, FloatArray], Rotation]
+
+OF_MOTION = 11  # unknowns: attitude, rate and inertia
+PAIRS = 64  # of members, opposite to each other
+UNTOLD = 1e-12  # least eigenvalue of a correlation matrix that counts
+MOST_NODES = 20_000  # of a member's integration, half a radian each: a minute for all of them
+SHORTER = (1.0, 0.5, 0.25, 0.0)  # of a member's way, until its motion can be followed
+
+
+def carried(R: FloatArray, rate: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Position and velocity (n, 6) in C of a point b (3,) in B that turns about the centre of mass.
+
+    R (n, 3, 3) R_C_B, of which a change is a rotation vector in B; rate (n, 3), rad/s in B. Also the Jacobians
+    (n, 6, 6) by attitude and rate, and (n, 6, 3) by b.
+    """
+    by_arm, speed = -R @ cross_matrices(b[None]), np.cross(rate, b)
+    by_turn = np.concatenate([by_arm, -R @ cross_matrices(speed)], axis=1)
+    by_motion = np.concatenate([by_turn, np.concatenate([np.zeros_like(R), by_arm], axis=1)], axis=2)
+    by_b = np.concatenate([R, R @ cross_matrices(rate)], axis=1)
+    return by_b @ b, by_motion, by_b
+
+
+def curved(R: FloatArray, rate: FloatArray, b: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What the second order of an attitude's error θ, of covariance turn (n, 3, 3), does to a point, see `carried`.
+
+    θ moves c, which is b or ω × b, by θ × c + ½ θ × (θ × c). The last term's coordinates are θᵀ A θ with symmetric A,
+    of mean tr(A Θ) and covariances 2 tr(A Θ A′ Θ) (Isserlis). Errors of more than a radian are taken for one: a point
+    stays at its distance.
+
+    Returns:
+        The means (n, 6) and covariances (n, 6, 6) of position and velocity in C.
+    """
+    size = np.trace(turn, axis1=1, axis2=2)
+    turn = turn / np.maximum(size, 1.0)[:, None, None]
+    moved, axes = np.stack([np.broadcast_to(b, rate.shape), np.cross(rate, b)], axis=1), np.eye(3)
+    A = 0.25 * (axes[:, :, None] * moved[:, :, None, None, :] + moved[:, :, None, :, None] * axes[:, None, :])
+    A -= 0.5 * moved[..., None, None] * axes
+    by_turn = (A @ turn[:, None, None]).reshape(len(turn), 6, 3, 3)
+    mean = np.trace(by_turn, axis1=2, axis2=3).reshape(-1, 2, 3)
+    covariance = 2 * np.einsum("niab,njba->nij", by_turn, by_turn).reshape(-1, 2, 3, 2, 3)
+    in_C = np.einsum("nab,npbqc,ndc->npaqd", R, covariance, R)
+    return (mean @ np.swapaxes(R, 1, 2)).reshape(-1, 6), in_C.reshape(-1, 6, 6)
+
+
+@dataclass(frozen=True, eq=False)
+class TurningPoint:
+    """What is known together at a time, beyond which nothing is seen: of a body's motion, and of a point of it.
+
+    rotation: with that time as its epoch, under no torque but gravity's; changed: see `Changed`; b (3,) in B, m;
+    covariance (v, v) of attitude, rate and inertia, as `changed` takes them, of v − 14 unknowns of the path, and of b;
+    torque_density: of white noise from there on, rad²/s³.
+    """
+
+    rotation: Rotation
+    changed: Changed
+    b: FloatArray
+    covariance: FloatArray
+    torque_density: float
+
+    def away(self, time: FloatArray, state: FloatArray, by_path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Position and velocity (n, 6) of the point in C, and their covariance (n, 6, 6), at times (n,) on one side.
+
+        state: those (n, 6) of the centre of mass, with their Jacobian (n, 6, v − 14) by the path's unknowns.
+
+        Raises:
+            ComputationError: the rotation cannot be followed so far.
+        """
+        if not self.rotation.reaches(time, MOST_NODES):
+            far, most = float(np.abs(time - self.rotation.epoch).max()), MOST_NODES * self.rotation.longest_step
+            raise ComputationError(
+                f"times: found {far:.3g} s away from the tracks, expected {most:.3g} s at most for a point: the target "
+                f"turns at {np.linalg.norm(self.rotation.rate):.3g} rad/s",
+                Reason.TOO_LONG,
+            )
+        motion, count = self.rotation.at(time), by_path.shape[2]
+        root, others, rest = self._parts()
+        ways = opposite_pairs(root.shape[1])
+        went = ways @ others.T
+        arms = [self._arm(change, b, time) for change, b in zip(ways @ root.T, self.b + went[:, count:], strict=True)]
+        members = np.array(arms) + np.moveaxis(by_path @ went[:, :count].T, 2, 0)
+        mean = members.mean(axis=0)
+        off = members - mean
+        turned = rotation_growth(
+            self.rotation, motion, self.torque_density, self.rotation.epoch, self.rotation.epoch, time
+        )
+        _, by_motion, by_b = carried(motion.attitude, motion.rate, self.b)
+        by_rest = np.concatenate([by_path, by_b], axis=2)
+        covariance = np.einsum("kni,knj->nij", off, off, optimize=True) / len(members)
+        covariance += by_rest @ rest @ np.swapaxes(by_rest, 1, 2) + by_motion @ turned @ np.swapaxes(by_motion, 1, 2)
+        shift, arc = curved(motion.attitude, motion.rate, self.b, turned[:, :3, :3])
+        return state + mean + shift, covariance + arc
+
+    def _parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """A root (11, k) of the motion's covariance, what the others (v - 11, k) do with it, and their rest."""
+        own, others = self.covariance[:OF_MOTION, :OF_MOTION], self.covariance[OF_MOTION:, OF_MOTION:]
+        size = np.sqrt(np.diag(own))
+        size = np.where(size > 0, size, 1.0)
+        values, axes = np.linalg.eigh(own / np.outer(size, size))
+        kept = values > UNTOLD * values[-1]
+        axes, values = axes[:, kept], np.sqrt(values[kept])
+        along = (self.covariance[OF_MOTION:, :OF_MOTION] / size) @ axes / values
+        return size[:, None] * axes * values, along, others - along @ along.T
+
+    def _arm(self, change: FloatArray, b: FloatArray, time: FloatArray) -> FloatArray:
+        """Position and velocity (n, 6) in C from the centre of mass of a member: its change (11,), its point b (3,)."""
+        for share in SHORTER:
+            turn, rate, inertia = np.split(share * change, [3, 6])
+            found = self.changed(turn, rate, inertia).motion_at(time)
+            if found is not None:
+                return carried(*found, b)[0]
+        raise diverged()
+
+
+@cache
+def opposite_pairs(k: int) -> FloatArray:
+    """Standard normal vectors (2 PAIRS, k) in opposite pairs, whose mean is exactly 0 and covariance exactly 1."""
+    drawn = np.random.default_rng(k).standard_normal((PAIRS, k))
+    drawn = np.linalg.solve(np.linalg.cholesky(drawn.T @ drawn / PAIRS), drawn.T).T
+    return np.concatenate([drawn, -drawn])
