@@ -20,7 +20,7 @@ from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
-from baryscope.estimator.geometry.gauge import turn_by_points
+from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.turning import TurningPoint, carried, curved
@@ -302,7 +302,7 @@ def point_in_body(
     if coordinates.shape != (3,) or not (np.abs(coordinates) <= FARTHEST).all():
         raise InputError(f"point is {point!r}, expected a feature's label or three coordinates within {FARTHEST:g} m")
     own = points[attached]
-    turned = -cross_matrices(coordinates[None])[0] @ turn_by_points(own)
+    turned = -cross_matrices(coordinates[None])[0] @ attached_turn(own)
     by_own = np.tile(np.eye(3), len(own)) / len(own) + turned
     by_points = np.zeros((3, m, 3))
     by_points[:, attached] = by_own.reshape(3, -1, 3)

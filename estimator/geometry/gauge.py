@@ -13,6 +13,7 @@ from baryscope.estimator.geometry.so3 import cross_matrices
 FloatArray = NDArray[np.float64]
 
 IN_LINE = 0.03  # rms distance from a line over that along it, up to which points are in a line
+ON_LINE = 1e-6  # distance of the origin from a line over the points' radius, below which it is on it
 
 
 def are_in_line(points: FloatArray, most: float = IN_LINE) -> bool:
@@ -29,13 +30,24 @@ def offset_by_points(points: FloatArray) -> FloatArray:
 
     A rotation of all points about their centroid rotates the axes, so the centroid rotates in them.
     """
-    centroid = points.mean(axis=0)
-    mean = np.tile(np.eye(3), len(points)) / len(points)
-    found = mean + cross_matrices(centroid[None])[0] @ turn_by_points(points)
-    if are_in_line(points):
-        across = np.cross(np.linalg.eigh(_inertia(points))[1][:, 0], centroid)
-        found = found - np.outer(across, across @ found) / max(float(across @ across), 1e-300)
-    return np.asarray(found)
+    return np.asarray(_mean(points) + cross_matrices(points.mean(axis=0)[None])[0] @ attached_turn(points))
+
+
+def attached_turn(points: FloatArray) -> FloatArray:
+    """Jacobian (3, 3 m), rad/m, of the rotation of axes attached to points (m, 3), from the origin.
+
+    Where they are in a line, that about it keeps the origin in one plane with it: the nearer it is to the line, the
+    more an error of the points turns them.
+    """
+    found = turn_by_points(points)
+    if not are_in_line(points):
+        return found
+    centroid, inertia = points.mean(axis=0), _inertia(points)
+    along = np.linalg.eigh(inertia)[1][:, 0]
+    across = np.cross(along, centroid)
+    least = ON_LINE**2 * float(np.trace(inertia)) / len(points)
+    by_points = across @ (_mean(points) + cross_matrices(centroid[None])[0] @ found)
+    return found + np.outer(along, by_points) / max(float(across @ across), least, 1e-300)
 
 
 def turn_by_points(points: FloatArray) -> FloatArray:
@@ -46,6 +58,11 @@ def turn_by_points(points: FloatArray) -> FloatArray:
     arms = cross_matrices(points - points.mean(axis=0))
     inverse = np.linalg.pinv(_inertia(points), rcond=IN_LINE**2, hermitian=True)
     return np.asarray(inverse @ arms.transpose(1, 0, 2).reshape(3, -1))
+
+
+def _mean(points: FloatArray) -> FloatArray:
+    """The Jacobian (3, 3 m) of the centroid by points (m, 3)."""
+    return np.tile(np.eye(3), len(points)) / len(points)
 
 
 def _inertia(points: FloatArray) -> FloatArray:

@@ -1,8 +1,9 @@
 """Axes that are attached to points in a line."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.geometry.gauge import offset_by_points, turn_by_points
+from baryscope.estimator.geometry.gauge import attached_turn, offset_by_points, turn_by_points
 
 LINE = np.array([2.0, -1.0, 0.5]) + np.array([[-1.0], [0.2], [0.8]]) * [0.48, 0.6, 0.64]
 
@@ -32,3 +33,23 @@ def test_points_off_a_line_have_axes_of_their_own():
     turn = [0.1, 0.2, -0.3]
     np.testing.assert_allclose(turn_by_points(off) @ np.cross(turn, off - off.mean(axis=0)).ravel(), turn, atol=1e-12)
     np.testing.assert_allclose(offset_by_points(off) @ np.tile(turn, 3), turn, atol=1e-12)
+
+
+def _axes(points):
+    """Axes (3, 3) along a line of points, and towards it from the origin."""
+    along = np.linalg.svd(points - points.mean(axis=0))[2][0]
+    along = along * np.sign(along @ (points[2] - points[0]))
+    out = points.mean(axis=0) - along * (along @ points.mean(axis=0))
+    out /= np.linalg.norm(out)
+    return np.column_stack([along, out, np.cross(along, out)])
+
+
+def test_axes_of_a_line_turn_about_it_with_the_origin():
+    """As axes along the line and towards it do, by differences: errors across the plane turn them about the line."""
+    step = 1e-6
+    found, about = attached_turn(LINE), []
+    for change in step * np.eye(9).reshape(9, 3, 3):
+        turned = Rotation.from_matrix(_axes(LINE + change) @ _axes(LINE - change).T).as_rotvec()
+        about.append(turned / (2 * step))
+    np.testing.assert_allclose(found, np.transpose(about), atol=1e-6)
+    assert np.abs(_axes(LINE)[:, 0] @ found).max() > 0.1
