@@ -23,16 +23,14 @@ from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen, errors_in, of_true_size
 from baryscope.estimator.dynamics.trajectory import chosen_path, trajectory_of
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion
-from baryscope.estimator.geometry.gauge import turn_by_points
-from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
+from baryscope.estimator.ml.attached import AttachedAxes
 from baryscope.estimator.ml.likelihood import Equations, FrameNoise, Model, equations
 from baryscope.estimator.observability import Observability
 from baryscope.estimator.options import DENSEST, PathOptions
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.thrust import KnownAcceleration
-from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude
@@ -171,15 +169,16 @@ def cramer_rao_bound(
     if errors is not None and errors.scale is not None:
         scale = RATE_AND_INERTIA + errors_in(path).start + errors.scale
         offset = of_true_size(points[seen].mean(axis=0), offset, crossed[:, scale], float(y[scale, scale]))
-    attitude, rate, inertia = _in_attached_axes(rotation, motion, found, y, seen)
+    attached = AttachedAxes.of(found, y, seen)
+    turn = np.concatenate([motion.turn, np.zeros((len(time), 3, len(y) - RATE_AND_INERTIA))], axis=2)
     body = Body(seen, np.arange(len(time)), points[seen], motion.attitude)
     return Bound(
         time,
         position_covariance,
         offset,
-        attitude,
-        rate,
-        inertia,
+        attached.covariance(turn, np.broadcast_to(np.eye(3), (len(time), 3, 3))),
+        attached.of_rate(rotation.rate),
+        attached.of_inertia(rotation.inertia),
         observations.count,
         observability_of([cluster_of(body, points[seen], offset, scenario.features.labels)], position_covariance),
         _predicted(path, y[RATE_AND_INERTIA:, RATE_AND_INERTIA:], known, time),
@@ -267,34 +266,3 @@ def _expected(
         return Observations(position, weight / scenario.sensor.noise**2)
     precision = np.linalg.inv(np.where(seen[..., None, None], covariance, np.eye(3)))
     return Observations(position, weight, precision)
-
-
-def _in_attached_axes(
-    rotation: Rotation, motion: Attitudes, found: Equations, y: FloatArray, seen: NDArray[np.intp]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Covariances of attitude (n, 3, 3), rate (3, 3) and inertia (5, 5) in axes attached to the features.
-
-    The axes of the equations are defined by the attitude at the epoch. The features' least-squares rotation relative to
-    them, −κ, depends on the points: κ = (Σ −[a]×²)⁻¹ Σ a × δb, a from the centroid. It changes rate and inertia, too.
-    """
-    by_points = turn_by_points(found.points[seen])
-    q = len(y)
-    followed = found.by_unknowns.reshape(len(found.points), 3, q)[seen].reshape(-1, q)
-    by_y = -by_points @ followed  # of κ
-    own = by_points @ found.covariance_of_points(seen) @ by_points.T
-
-    def covariance(of_y: FloatArray, of_kappa: FloatArray) -> FloatArray:
-        total = of_y + of_kappa @ by_y
-        return np.asarray(total @ y @ np.swapaxes(total, -1, -2) + of_kappa @ own @ np.swapaxes(of_kappa, -1, -2))
-
-    turn = np.concatenate([motion.turn, np.zeros((*motion.turn.shape[:2], q - RATE_AND_INERTIA))], axis=2)
-    of_rate, of_inertia = np.eye(3, q), np.eye(5, q, 3)
-    # In axes rotated by κ a vector v is v − κ × v and a tensor J is J − [κ]× J + J [κ]×.
-    J = rotation.inertia
-    turned = [J @ K - K @ J for K in cross_matrices(np.eye(3))]
-    by_kappa = np.array([[np.sum(basis * change) for change in turned] for basis in INERTIA_BASIS])
-    return (
-        covariance(turn, np.broadcast_to(np.eye(3), (len(turn), 3, 3))),
-        covariance(of_rate, cross_matrices(rotation.rate[None])[0]),
-        covariance(of_inertia, by_kappa),
-    )

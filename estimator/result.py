@@ -125,8 +125,8 @@ class Motion:
 
     velocity (n, 3) of the centre of mass in C, m/s. attitude (n, 3, 3) R_C_B of the axes of the cluster of most frames,
     NaN where it has no attitude; angular_rate (n, 3), rad/s in B. Covariances (n, 3, 3): of the velocity in C, (m/s)²;
-    of the attitude, a small rotation vector in B, rad²; of the rate in B, (rad/s)². With `pivot` and `ml` they do not
-    include the uncertainty of the points that define the axes B.
+    of the attitude, a small rotation vector in B, rad²; of the rate in B, (rad/s)². B is attached to the points of the
+    cluster, whose uncertainty they include with `ml` and `ekf`, not with `pivot`.
     """
 
     velocity: FloatArray | None = None

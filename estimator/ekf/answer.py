@@ -20,7 +20,8 @@ from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.products import product_gradient
 from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
 from baryscope.estimator.findings import FewFrames, UnknownBurn
-from baryscope.estimator.geometry.gauge import are_in_line, turn_by_points
+from baryscope.estimator.geometry.gauge import are_in_line, attached_turn
+from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.pivot.burns import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
@@ -163,16 +164,22 @@ def _motion(found: Passes, features: IntArray, answer: _Answer) -> Motion:
     at, frames, solution = found.reference, found.problem.start.nodes.frames, found.solution
     points, of_state = found.last.system.points, solution.of_state[frames]
     turn = np.zeros((3, 3 * len(at.points)))
-    turn.reshape(3, -1, 3)[:, features] = turn_by_points(at.points[features]).reshape(3, -1, 3)
-    crossed = solution.crossed[frames, TURN, points] @ turn.T
-    of_turn = turn @ solution.of_theta[points, points] @ turn.T
+    turn.reshape(3, -1, 3)[:, features] = attached_turn(at.points[features]).reshape(3, -1, 3)
+    of_turn, rate = turn @ solution.of_theta[points, points] @ turn.T, at.rate[frames]
+
+    def attached(own: slice, by_turn: FloatArray) -> FloatArray:
+        """The covariance (n, 3, 3) of what the axes' turn changes by by_turn (n, 3, 3)."""
+        crossed = solution.crossed[frames, own, points] @ turn.T @ np.swapaxes(by_turn, 1, 2)
+        turned = by_turn @ of_turn @ np.swapaxes(by_turn, 1, 2)
+        return np.asarray(of_state[:, own, own] + crossed + np.swapaxes(crossed, 1, 2) + turned)
+
     return Motion(
         velocity=answer.velocity,
         velocity_covariance=answer.velocity_covariance,
         attitude=at.attitude[frames],
-        attitude_covariance=of_state[:, TURN, TURN] + crossed + np.swapaxes(crossed, 1, 2) + of_turn,
-        angular_rate=at.rate[frames],
-        angular_rate_covariance=of_state[:, RATE, RATE],
+        attitude_covariance=attached(TURN, np.broadcast_to(np.eye(3), (len(rate), 3, 3))),
+        angular_rate=rate,
+        angular_rate_covariance=attached(RATE, cross_matrices(rate)),
     )
 
 

@@ -34,7 +34,8 @@ from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, ExcessResiduals, Finding, FreeAttitudes
 from baryscope.estimator.geometry.gauge import offset_by_points
-from baryscope.estimator.geometry.so3 import exp_rotation, turned_information
+from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, turned_information
+from baryscope.estimator.ml.attached import AttachedAxes
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, turned_by
 from baryscope.estimator.ml.priors import DENSITY
@@ -112,6 +113,8 @@ def _tumbling(
         cluster_of(body, best.found.points[body.features], offset, tracks.labels)
         for body, offset in zip(pivot.bodies, offsets, strict=True)
     )
+    main = clusters[main_cluster(clusters)].features
+    attached = AttachedAxes.of(best.found, y, main, best.variance)
     weight = best.observations.weight
     turned = turned_by(best.sampled, best.x)
     attitude = best.motion.attitude if turned is None else exp_rotation(turned) @ best.motion.attitude
@@ -124,7 +127,7 @@ def _tumbling(
         labels=tracks.labels,
         position=origin,
         covariance=covariance,
-        motion=_motion(best, turn, y, of_path, tracks.time),
+        motion=_motion(best, turn, attached, of_path, tracks.time),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
         noise=Noise(
@@ -140,7 +143,7 @@ def _tumbling(
         method="ml",
         path=pivot.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
-        details=_details(best, y, pivot.slip),
+        details=_details(best, attached, pivot.slip),
         wall_time=0.0,
         forces=factors_of(best.path, best.x, of_x),
         process_noise=process_noise_of(best.path, itself, best.x, prior, own),
@@ -152,7 +155,7 @@ def _tumbling(
             best.found.points,
             best.variance * best.found.points_covariance,
             best.found.by_unknowns,
-            clusters[main_cluster(clusters)].features,
+            main,
             _torque_density(best, options),
         ),
     )
@@ -193,22 +196,23 @@ def _excess_residuals(
     return (ExcessResiduals(FREE_TUMBLE, float(np.sqrt(cost / (dof + more) / (free_cost / dof)))),)
 
 
-def _motion(best: Likelihood, turn: Jacobians, y: FloatArray, of_path: PredictedPath, time: FloatArray) -> Motion:
-    """Velocity, attitude and angular rate with their covariances, from the covariance (q, q) of y.
+def _motion(
+    best: Likelihood, turn: Jacobians, attached: AttachedAxes, of_path: PredictedPath, time: FloatArray
+) -> Motion:
+    """Velocity, attitude and angular rate with their covariances, in attached axes.
 
     turn: the Jacobian of the attitude, as a rotation vector in C, by the rotation's unknowns.
     """
     size, R = best.rotation.size, best.motion.attitude
-    rate, of_rotation = interpolated(best.path.rate_at, best.path.frequency, time), y[:size, :size]
+    rate = interpolated(best.path.rate_at, best.path.frequency, time)
     by_rate = Jacobians.of(best.motion.rate_sensitivity_in_C, time, best.blocks)
-    R_B_C = np.swapaxes(R, 1, 2)
     return Motion(
         velocity=rate.position(best.x),
-        velocity_covariance=rate.covariance(y[size:, size:]) + of_path.untold_velocity(time),
+        velocity_covariance=rate.covariance(attached.y[size:, size:]) + of_path.untold_velocity(time),
         attitude=R,
-        attitude_covariance=R_B_C @ turn.covariances(of_rotation) @ R,
+        attitude_covariance=attached.over_time(turn, R, np.broadcast_to(np.eye(3), R.shape)),
         angular_rate=best.motion.rate,
-        angular_rate_covariance=R_B_C @ by_rate.covariances(of_rotation) @ R,
+        angular_rate_covariance=attached.over_time(by_rate, R, cross_matrices(best.motion.rate)),
     )
 
 
@@ -284,17 +288,17 @@ def _torque_density(best: Likelihood, options: PathOptions) -> float:
     return 0.0 if index is None else float(best.posterior.expectation[index])
 
 
-def _details(best: Likelihood, y: FloatArray, slip: float) -> TumbleDetails:
-    """The rotational state at the epoch, with standard deviations from the covariance of y; slip: of the position."""
+def _details(best: Likelihood, attached: AttachedAxes, slip: float) -> TumbleDetails:
+    """The rotational state at the epoch, with standard deviations in attached axes; slip: of the position."""
     rotation, found = best.rotation, best.posterior
     index = best.priors.own.index(DENSITY)
     return TumbleDetails(
         epoch=rotation.epoch,
         attitude=rotation.attitude,
         angular_rate=rotation.rate,
-        angular_rate_deviation=np.sqrt(np.diag(y)[:3]),
+        angular_rate_deviation=np.sqrt(np.diag(attached.of_rate(rotation.rate))),
         inertia=rotation.inertia,
-        inertia_deviation=float(np.sqrt(np.trace(y[3:RATE_AND_INERTIA, 3:RATE_AND_INERTIA]))),
+        inertia_deviation=float(np.sqrt(np.trace(attached.of_inertia(rotation.inertia)))),
         gravity_gradient=rotation.orbit is not None,
         torque_noise=None if index is None else float(np.exp(found.theta[index])),
         torque_noise_bounds=None if index is None else found.bounds(index),
