@@ -14,10 +14,10 @@ static void model_tune(Model *model, const double *values) { (void)model, (void)
 
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
-    double outputs[N_OUTPUTS];
+    double outputs[N_OUTPUTS], keep[N_KEPT];
     const double step[2] = {time - model->started, next - time};
-    const double *arguments[] = {step, values + AT_INPUTS, values + AT_PARAMETERS};
-    double *results[] = {outputs};
+    const double *arguments[] = {step, model->kept, values + AT_INPUTS, values + AT_PARAMETERS};
+    double *results[] = {outputs, keep};
     unit_outputs(arguments, results, NULL, NULL, 0);
     for (int i = 0; i < N_OUTPUTS; i++) {
         if (isfinite(outputs[i])) continue;
@@ -25,5 +25,6 @@ static bool model_step(Model *model, double *values, double time, double next, c
         return false;
     }
     memcpy(values + AT_OUTPUTS, outputs, sizeof outputs);
+    memcpy(model->kept, keep, sizeof keep);
     return true;
 }

@@ -27,6 +27,8 @@ _LINKS = (
     ("rig", "sample.number", "estimator", "sample.number"),
     ("estimator", "target.position", "controller", "target.position"),
     ("estimator", "target.velocity", "controller", "target.velocity"),
+    ("estimator", "target.positionCovariance", "controller", "target.positionCovariance"),
+    ("estimator", "target.velocityCovariance", "controller", "target.velocityCovariance"),
     ("estimator", "target.attitude", "controller", "target.attitude"),
     ("estimator", "target.angularRate", "controller", "target.angularRate"),
     ("estimator", "target.inertia", "controller", "target.inertia"),

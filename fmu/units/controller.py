@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from baryscope.fmu.units.blueprint import Blueprint, Core, FloatArray, Section, UnitKind, setting_of, starts_of
+from baryscope.models.approach.reckoning import SIZE
 from baryscope.models.approach.unit import ApproachSystem, approach_system, approach_table
 from baryscope.models.orbit import orbit_parameters
 from baryscope.models.scenario import Scenario
@@ -13,7 +14,7 @@ from baryscope.models.variables import AXES, Variable
 NAME = "ApproachController"
 USUAL = {
     "grapple.standoff": 2.0, "guidance.speed": 0.1, "guidance.rate": 0.02, "control.rate": 0.2,
-    "corridor.halfAngle": np.deg2rad(20.0),
+    "corridor.halfAngle": np.deg2rad(20.0), "navigation.patience": 20.0, "navigation.deviation": 0.5,
 }  # fmt: skip
 """Start values that no scenario has, SI."""
 LEAST_LIMIT, RESERVE = 0.05, 1.3  # m/s², of the thrust limit, and over what it takes to go around with the body
@@ -38,6 +39,12 @@ _LAW = (
     "from there, in the cone corridor.halfAngle.",
     "The command is the field's derivative along the motion, plus control.rate times what the velocity lacks of it, "
     "less the natural relative acceleration on the Kepler orbit; it is scaled down to thrust.limit.",
+    "Where navigation fails, the law goes on by dead reckoning for navigation.patience. Then the chaser retreats, out "
+    "of the corridor along its axis, then straight away from the target to retreat.distance from the centre of mass "
+    "and three deviations more, and rests there, until navigation could be used for as long as the patience.",
+    "Navigation fails where navigation.valid is false, where the keep-out sphere is nearer than three standard "
+    "deviations of target.position and one is above navigation.deviation, and, for a synchronised chaser, where the "
+    "tumble is not told any more.",
     "The body is taken to tumble freely, by target.inertia, of which any multiple does. Grapple point and direction "
     "are in the body axes of target.attitude: with an estimator's, those of its map.",
 )
@@ -47,8 +54,11 @@ _USE = (
     "master hands it on in the next step, it acts a step later (command.steps is 1). Where it acts in the same step, "
     "command.steps is 0; thrusters that wait have command.delay. It is computed for the middle of the step in which it "
     "acts: till then the body tumbles on, and the chaser with it.",
-    "While navigation.valid is false the command is zero, and other outputs are those of a chaser at hold.position; "
-    "but camera.attitude looks at sight.position, or while that is zero at target.position, unless that is, too.",
+    "Before navigation could be used for the first time the command is zero, and other outputs are those of a chaser "
+    "at hold.position; but camera.attitude looks at sight.position, or while that is zero at target.position, unless "
+    "that is, too. While the chaser retreats it looks where dead reckoning has the target, or at a new sight.position.",
+    "What is carried on from step to step is in saved states; a reset forgets it. Without covariances the target's "
+    "position counts as exact.",
     "All but the orbit can be tuned between steps: a new hold.position is glided to, synchronised begins the approach.",
 )
 
@@ -67,6 +77,7 @@ def controller_blueprint(scenario: Scenario) -> Blueprint:
             checks={"CHECKS": system.checks.checks},
             headers=("direct.h", "sampled.h"),
             files=("direct.c", "sampled.c"),
+            sizes={"N_KEPT": SIZE},
         ),
         setting=setting_of(scenario),
         sections=(
@@ -80,7 +91,8 @@ def controller_blueprint(scenario: Scenario) -> Blueprint:
 def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]:
     known, first = scenario.parameters(), scenario.features.points[0]
     moments = np.array([known[f"target.inertia.{axes}"] for axes in AXES])
-    sphere = CLEARANCE * float(np.linalg.norm(known["chaser.position0"]))
+    away = float(np.linalg.norm(known["chaser.position0"]))
+    sphere = CLEARANCE * away
     farthest = max(sphere, float(np.linalg.norm(first.position)) + USUAL["grapple.standoff"])
     around = float(np.sum(np.deg2rad(scenario.target.angular_rate_deg) ** 2)) * farthest
     given = {
@@ -92,6 +104,7 @@ def _starts(scenario: Scenario, system: ApproachSystem) -> dict[str, FloatArray]
         "grapple.point": first.position,
         "command.steps": 1.0,
         "keepOut.radius": sphere,
+        "retreat.distance": away,
         "thrust.limit": max(LEAST_LIMIT, RESERVE * around),
         **USUAL,
     }

@@ -1,1 +1,1 @@
-"""ApproachController: its guidance law, in `guidance`; its table of variables and functions, in `unit`."""
+"""ApproachController: the law in `guidance`, what it does without navigation in `reckoning`, the unit in `unit`."""

@@ -84,7 +84,7 @@ def glide_velocity(position: Symbol, goal: Goal, limits: Limits) -> Symbol:
     own = position * ca.fmin(1, reach / distance)
     inside = in_corridor(position, goal, limits)
     outside = ca.logic_and(goal.turns, ca.logic_not(inside))
-    offset = position - ca.if_else(outside, _entry(goal, limits), goal.position)
+    offset = position - ca.if_else(outside, entry(goal, limits.radius), goal.position)
     slope = ca.fmin(limits.rate, limits.speed / _length(offset))
     wanted = ca.cross(goal.turning, own) - slope * offset
     outward = position / distance
@@ -93,10 +93,10 @@ def glide_velocity(position: Symbol, goal: Goal, limits: Limits) -> Symbol:
     return wanted + ca.if_else(inside, 0, lack) * outward
 
 
-def _entry(goal: Goal, limits: Limits) -> Symbol:
-    """Where the corridor's axis leaves the sphere, or the goal if that is farther out."""
+def entry(goal: Goal, radius: Symbol) -> Symbol:
+    """Where the corridor's axis leaves a sphere about the CoM, or the goal if that is farther out."""
     along = ca.dot(goal.apex, goal.axis)
-    square = along**2 + limits.radius**2 - ca.dot(goal.apex, goal.apex)
+    square = along**2 + radius**2 - ca.dot(goal.apex, goal.apex)
     out = ca.sqrt(ca.fmax(square, TINY**2)) - along
     return goal.apex + ca.fmax(out, ca.dot(goal.position - goal.apex, goal.axis)) * goal.axis
 

@@ -1,24 +1,38 @@
 """ApproachController's table of variables and equations: from the target's motion in frame C to a command in LVLH.
 
 The law is that of `guidance`. Two goals: a point at rest in LVLH (`hold.position`), or, while `synchronised` and the
-tumble is known, a point before a grapple point of the body, which turns with it.
+tumble is known, a point before a grapple point of the body, which turns with it. Without navigation `reckoning` says
+where the chaser is and whether it retreats, to a third goal: away from the target.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from math import pi
 from typing import Self
 
 import casadi as ca
 
-from baryscope.models.approach.guidance import Goal, Limits, Motion, commanded, glide_velocity, in_corridor
+from baryscope.models.approach.guidance import Goal, Limits, Motion, commanded, entry, glide_velocity, in_corridor
+from baryscope.models.approach.reckoning import (
+    CLEAR,
+    MODES,
+    RECKONING,
+    RETREAT,
+    SIZE,
+    WAITING,
+    Belief,
+    believed,
+    carried_on,
+    outage_and_mode,
+    tumble_known,
+)
 from baryscope.models.attitude import angular_acceleration, symmetric_inverse, symmetric_matrix
 from baryscope.models.checks import DIRECTED, Check, CheckSet, orbit_checks
 from baryscope.models.frames import Symbol, normalised, quaternion_from_rotation, rotation_from_quaternion, rotation_I_L
 from baryscope.models.keplerian import PARAMETERS, Conic, Elements, conic, true_anomaly_after
 from baryscope.models.relative_motion import relative_acceleration
-from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, Kind, Variable, variable_table
+from baryscope.models.variables import AXES, LVLH, NOT_NEGATIVE, UPPER, Kind, Variable, variable_table
 
 SMALLEST_TURN = 1e-9  # rad, keeps its direction from a division by zero
 ALONG = 0.9  # cosine from which two directions are too much alike to span a plane
@@ -30,7 +44,7 @@ class ApproachSystem:
 
     Attributes:
         variables: the table.
-        outputs: time since the start and length of the step, inputs, parameters → outputs.
+        outputs: time since the start and length of the step, what was kept, inputs, parameters → outputs, what to keep.
         checks: the conditions on the parameters.
     """
 
@@ -43,14 +57,14 @@ class ApproachSystem:
 def approach_system() -> ApproachSystem:
     """Build the symbolic system."""
     table = approach_table()
-    step = ca.SX.sym("step", 2)
+    step, kept = ca.SX.sym("step", 2), ca.SX.sym("kept", SIZE)
     inputs, u = _symbols(table, Kind.INPUT)
     parameters, p = _symbols(table, Kind.PARAMETER)
-    values = _outputs(step, inputs, parameters)
+    values, keep = _outputs(step, Belief.of(kept), inputs, parameters)
     y = ca.vertcat(*(values[variable.name] for variable in table if variable.kind == Kind.OUTPUT))
     return ApproachSystem(
         variables=table,
-        outputs=ca.Function("unit_outputs", [step, u, p], [ca.cse(y)]),
+        outputs=ca.Function("unit_outputs", [step, kept, u, p], [y, keep.column], {"cse": True}),
         checks=CheckSet.over(p, _checks(parameters), "unit"),
     )
 
@@ -60,71 +74,77 @@ def _symbols(table: tuple[Variable, ...], kind: Kind) -> tuple[dict[str, Symbol]
     return symbols, ca.vertcat(*symbols.values())
 
 
-def _outputs(step: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> dict[str, Symbol]:
-    """Outputs by name. The command is for the middle of the step in which it acts, some steps and a delay later."""
+def _outputs(
+    step: Symbol, kept: Belief, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]
+) -> tuple[dict[str, Symbol], Belief]:
+    """Outputs by name, and what is to be kept.
+
+    The command is for the middle of the step in which it acts, some steps and a delay later.
+    """
     time, length = ca.vertsplit(step)
     elements = Elements.named(parameters)
     true_anomaly = true_anomaly_after(time, elements)
     orbit, R_I_L = conic(elements.ellipse, true_anomaly), rotation_I_L(elements.R_I_P, true_anomaly)
-    looked, inputs = _looked_at(inputs), _believed(orbit, R_I_L, inputs, parameters)
-    position_L = -R_I_L.T @ inputs["target.position"]
-    velocity_L = -R_I_L.T @ inputs["target.velocity"] - ca.cross(_spin(orbit), position_L)
-    body = _Body.told(R_I_L, inputs)
-    goal = _goal(body, orbit, inputs, parameters)
+    radius = parameters["keepOut.radius"]
+    belief = believed(kept, inputs, parameters, R_I_L.T, _spin(orbit))
+    outage, mode = outage_and_mode(belief, inputs, parameters, length)
+    position_L, velocity_L = belief.position, belief.velocity
+    body = _Body.told(R_I_L, belief)
     limits = Limits(
         parameters["guidance.speed"],
         parameters["guidance.rate"],
-        parameters["keepOut.radius"],
+        radius,
         ca.cos(parameters["corridor.halfAngle"]),
     )
-    late = (parameters["command.steps"] + 0.5) * length + parameters["command.delay"]
+    nominal = _goal(body, orbit, belief, parameters)
+    enclosed = ca.logic_and(ca.norm_2(position_L) < radius, in_corridor(position_L, nominal, limits))
+    reach = parameters["retreat.distance"] + CLEAR * belief.deviation
+
+    def aimed(goal: Goal, place: Symbol) -> Goal:
+        return _either(mode == RETREAT, _retreat(goal, place, reach, enclosed), goal)
+
+    goal = aimed(nominal, position_L)
+    late = parameters["command.steps"] * length + parameters["command.delay"]
     # Body and chaser then: the chaser is and moves in the body's axes as now. Nothing changes if the goal is at rest.
-    by = goal.turning * late + goal.turning_rate * late**2 / 2
-    then = _goal(body.later(by, late), orbit, inputs, parameters)
+    ahead = late + 0.5 * length
+    by = goal.turning * ahead + goal.turning_rate * ahead**2 / 2
     place, glide = _turned(position_L, by), _turned(velocity_L - ca.cross(goal.turning, position_L), by)
+    then = aimed(_goal(body.later(by, ahead), orbit, belief, parameters), place)
     moving = glide + ca.cross(then.turning, place)
     natural = relative_acceleration(place, moving, ca.SX.zeros(3), orbit)
     wanted = commanded(Motion(place, moving, natural), then, limits, parameters["control.rate"])
-    size, limit, valid = ca.norm_2(wanted), parameters["thrust.limit"], inputs["navigation.valid"]
-    return {
-        "command.acceleration": valid * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED)),
-        "command.limited": valid * (size > limit),
+    size, limit, flies = ca.norm_2(wanted), parameters["thrust.limit"], mode != WAITING
+    command = flies * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED))
+    looked = _looked_at(belief, mode, inputs, R_I_L)
+    delayed = ca.fmin(1, late / length)
+    acting = delayed * kept.command + (1 - delayed) * command
+    outputs = {
+        "command.acceleration": command,
+        "command.limited": flies * (size > limit),
         "goal.offset": position_L - goal.position,
         "goal.velocityError": velocity_L - glide_velocity(position_L, goal, limits),
-        "keepOut.distance": ca.norm_2(position_L) - limits.radius,
+        "keepOut.distance": ca.norm_2(position_L) - radius,
         "corridor.inside": in_corridor(position_L, goal, limits),
         "goal.synchronised": goal.turns,
+        "guidance.mode": mode,
+        "navigation.outage": outage,
         "camera.attitude": quaternion_from_rotation(_view(looked, R_I_L, parameters)),
     }
+    belief = replace(belief, known=mode != WAITING, outage=outage, command=command)
+    return outputs, carried_on(belief, acting, (time, length), elements)
 
 
-def _believed(
-    orbit: Conic, R_I_L: Symbol, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]
-) -> dict[str, Symbol]:
-    """The inputs if they are valid, else those of a chaser at rest at `hold.position`, and a target that does not turn.
-
-    In the first step of some masters all inputs that are connected are zero.
-    """
-    held = parameters["hold.position"]
-    others = {
-        "target.position": -R_I_L @ held,
-        "target.velocity": -R_I_L @ ca.cross(_spin(orbit), held),
-        "target.attitude": ca.SX([1, 0, 0, 0]),
-        "target.angularRate": ca.SX.zeros(3),
-        "target.inertia": ca.SX.zeros(6),
-    }
-    valid = inputs["navigation.valid"]
-    return dict(inputs) | {name: ca.if_else(valid, inputs[name], other) for name, other in others.items()}
-
-
-def _looked_at(inputs: Mapping[str, Symbol]) -> Symbol:
+def _looked_at(belief: Belief, mode: Symbol, inputs: Mapping[str, Symbol], R_I_L: Symbol) -> Symbol:
     """What the camera looks at: the CoM, but where that is not valid the place at which features were seen, if ever.
 
-    A filter that does not track yet may be wrong about the velocity, and carries the CoM out of view.
+    A filter that does not track yet may be wrong about the velocity, and carries the CoM out of view. A place that is
+    no news goes on with the dead reckoning; as long as that is trusted, it is what counts: frames that fit nowhere are
+    why navigation fails.
     """
-    seen = inputs["sight.position"]
-    other = ca.logic_and(ca.logic_not(inputs["navigation.valid"]), ca.norm_2(seen) > DIRECTED)
-    return ca.if_else(other, seen, inputs["target.position"])
+    aside = ca.if_else(mode == RECKONING, 0, belief.aside)
+    seen = ca.logic_or(belief.known, ca.norm_2(belief.sight) > DIRECTED)
+    other = ca.logic_and(ca.logic_not(inputs["navigation.valid"]), seen)
+    return ca.if_else(other, aside - R_I_L @ belief.position, inputs["target.position"])
 
 
 def _view(seen: Symbol, R_I_L: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
@@ -148,7 +168,7 @@ def _spin(orbit: Conic) -> Symbol:
 
 @dataclass(frozen=True)
 class _Body:
-    """The free body: attitude R_L_B, angular rate in B, a multiple of its inertia, and whether that is known."""
+    """The free body: attitude R_L_B, angular rate in B, a multiple of its inertia; whether it is known where to go."""
 
     R_L_B: Symbol
     rate: Symbol
@@ -156,12 +176,13 @@ class _Body:
     known: Symbol
 
     @classmethod
-    def told(cls, R_I_L: Symbol, inputs: Mapping[str, Symbol]) -> Self:
-        """As the inputs tell; of a sphere where they do not know the inertia."""
-        J = symmetric_matrix(ca.vertsplit(inputs["target.inertia"]))
-        known = ca.trace(J) > 0
-        R_L_B = R_I_L.T @ rotation_from_quaternion(normalised(inputs["target.attitude"]))
-        return cls(R_L_B, inputs["target.angularRate"], ca.if_else(known, J, ca.SX.eye(3)), known)
+    def told(cls, R_I_L: Symbol, belief: Belief) -> Self:
+        """As it is believed; of a sphere where the inertia is not known."""
+        known = tumble_known(belief.inertia, belief.point)
+        J = symmetric_matrix(ca.vertsplit(belief.inertia))
+        attitude = ca.if_else(known, belief.attitude, ca.SX([1, 0, 0, 0]))
+        R_L_B = R_I_L.T @ rotation_from_quaternion(normalised(attitude))
+        return cls(R_L_B, belief.rate, ca.if_else(known, J, ca.SX.eye(3)), known)
 
     def tumble(self, rate: Symbol) -> Symbol:
         """The angular acceleration at a rate, in B."""
@@ -174,13 +195,13 @@ class _Body:
         return replace(self, R_L_B=R_L_B, rate=self.rate + self.tumble(halfway) * seconds)
 
 
-def _goal(body: _Body, orbit: Conic, inputs: Mapping[str, Symbol], parameters: Mapping[str, Symbol]) -> Goal:
+def _goal(body: _Body, orbit: Conic, belief: Belief, parameters: Mapping[str, Symbol]) -> Goal:
     """The goal in L. Its angular rate is that of the body less that of L, differentiated in L; the body is free.
 
     It turns while `synchronised`, but only where tumble and grapple point are known: an estimator tells zeros before.
     """
-    apex_B, told = inputs["grapple.point"], inputs["grapple.direction"]
-    turns = ca.logic_and(parameters["synchronised"], ca.logic_and(body.known, ca.norm_2(apex_B) > DIRECTED))
+    apex_B, told = belief.point, belief.direction
+    turns = ca.logic_and(parameters["synchronised"], body.known)
     outward = ca.if_else(ca.norm_2(apex_B) > DIRECTED, apex_B, ca.SX([1, 0, 0]))
     axis_B = normalised(ca.if_else(ca.norm_2(told) > DIRECTED, told, outward))
     before_B = apex_B + parameters["grapple.standoff"] * axis_B
@@ -195,6 +216,23 @@ def _goal(body: _Body, orbit: Conic, inputs: Mapping[str, Symbol], parameters: M
         turning_rate=ca.if_else(turns, turning_rate, ca.SX.zeros(3)),
         turns=turns,
     )
+
+
+def _retreat(goal: Goal, place: Symbol, reach: Symbol, enclosed: Symbol) -> Goal:
+    """The goal of a chaser that retreats from its place to a distance from the CoM, or stays if it is farther.
+
+    Straight away, and then at rest in LVLH; but out of the corridor first, as it turns, where that encloses it.
+    """
+    distance, zero = ca.norm_2(place), ca.SX.zeros(3)
+    away = place / ca.fmax(distance, DIRECTED) * ca.fmax(reach, distance)
+    rests = replace(goal, position=away, turning=zero, turning_rate=zero, turns=ca.SX(0))
+    return _either(enclosed, replace(goal, position=entry(goal, reach)), rests)
+
+
+def _either(condition: Symbol, one: Goal, other: Goal) -> Goal:
+    """One goal if the condition holds, else the other."""
+    names = (field.name for field in fields(Goal))
+    return Goal(*(ca.if_else(condition, getattr(one, name), getattr(other, name)) for name in names))
 
 
 def _turned(vector: Symbol, by: Symbol) -> Symbol:
@@ -215,6 +253,8 @@ def approach_table() -> tuple[Variable, ...]:
     return (
         Variable("target.position", IN, "m", "The target's CoM, frame C (chaser, inertial axes)", (3,)),
         Variable("target.velocity", IN, "m/s", "Velocity of the target's CoM, frame C", (3,)),
+        Variable("target.positionCovariance", IN, "m2", "Covariance of target.position; 0: exact", (6,), axes=UPPER),
+        Variable("target.velocityCovariance", IN, "m2/s2", "Covariance of target.velocity; 0: exact", (6,), axes=UPPER),
         Variable("target.attitude", IN, "1", "Attitude quaternion (w, x, y, z), body to inertial", (4,)),
         Variable("target.angularRate", IN, "rad/s", "Angular rate of the target, body axes", (3,)),
         Variable(
@@ -222,7 +262,7 @@ def approach_table() -> tuple[Variable, ...]:
             axes=AXES,
         ),
         Variable(
-            "navigation.valid", IN, "1", "Whether the inputs may be used; else there is no command",
+            "navigation.valid", IN, "1", "Whether the inputs may be used; else dead reckoning, then a retreat",
             boolean=True, discrete=True,
         ),
         Variable("sight.position", IN, "m", "Where the target was seen last, frame C; 0: never", (3,)),
@@ -240,6 +280,12 @@ def approach_table() -> tuple[Variable, ...]:
         tunable("control.rate", "1/s", "Rate at which errors of velocity decay"),
         tunable("keepOut.radius", "m", "Radius of the keep-out sphere about the CoM; 0: none"),
         tunable("corridor.halfAngle", "rad", "Half angle of the cone before the grapple point", (0.0, pi)),
+        tunable("navigation.patience", "s", "How long to go on by dead reckoning without navigation, before a retreat"),
+        tunable(
+            "navigation.deviation", "m",
+            "Standard deviation of target.position from which to retreat, if the sphere is nearer than three",
+        ),
+        tunable("retreat.distance", "m", "Distance from the CoM to which to retreat, farther by three deviations"),
         tunable("command.steps", "1", "Steps until a command acts: 1 if handed on in the next step, 0 in the same"),
         tunable("command.delay", "s", "Time until a command acts on top of command.steps, as of thrusters"),
         tunable("thrust.limit", "m/s2", "Largest commanded acceleration"),
@@ -256,6 +302,15 @@ def approach_table() -> tuple[Variable, ...]:
         Variable("keepOut.distance", OUT, "m", "Distance from the keep-out sphere, below 0 inside", discrete=True),
         Variable("corridor.inside", OUT, "1", "Whether the sphere may be entered", boolean=True, discrete=True),
         Variable("goal.synchronised", OUT, "1", "Whether the goal turns with the body", boolean=True, discrete=True),
+        Variable(
+            "guidance.mode", OUT, "1", ", ".join(f"{k}: {word}" for k, word in enumerate(MODES)), discrete=True,
+            limits=(0.0, len(MODES) - 1.0),
+        ),
+        Variable(
+            "navigation.outage", OUT, "s",
+            "Grows while navigation cannot be used, falls while it can; above navigation.patience: retreat",
+            discrete=True, limits=NOT_NEGATIVE,
+        ),
         Variable(
             "camera.attitude", OUT, "1", "Attitude quaternion (w, x, y, z), camera to inertial, with the target ahead",
             (4,), discrete=True,
@@ -289,5 +344,8 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
         ),
         not_negative("command.steps", "steps"),
         not_negative("command.delay", "s"),
+        not_negative("navigation.patience", "s"),
+        not_negative("navigation.deviation", "m"),
+        not_negative("retreat.distance", "m"),
         positive("thrust.limit", "m/s2"),
     )  # fmt: skip

@@ -28,7 +28,8 @@ def fly(
 ) -> int:
     """Fly target, rig, estimator and controller as one loop, on estimates alone; write what was measured and estimated.
 
-    The exit code is 3 if at last the estimator does not track the target: it starts, doubts its estimate or is lost.
+    The exit code is 3 if at last the estimator does not track the target, as it starts, doubts its estimate or is lost,
+    or if the chaser retreats.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def fly(
     found = summary_of(loop)
     words = [*_words(found), f"report, for a browser: {folder / REPORT}", f"files in {folder}"]
     show.result(found | {"files": [str(path) for path in files]}, *words)
-    return 0 if found["status"] == "tracking" else UNTRUSTED
+    return 0 if found["status"] == "tracking" and found["retreating_since"] is None else UNTRUSTED
 
 
 def _words(found: dict[str, Any]) -> list[str]:
@@ -88,7 +89,19 @@ def _words(found: dict[str, Any]) -> list[str]:
     lines = [f"{found['duration']:.0f} s in steps of {found['step']:g} s, {found['samples']} samples of the rig"]
     if found["tracking_since"] is None:
         lines.append(f"the estimator never tracked the target: it is {found['status']}")
-        return lines
+    else:
+        lines += _tracked(found)
+    if found["inside"]:
+        lines.append(
+            f"inside the convex hull of the features for {found['inside']:.3g} s, since {found['inside_since']:.0f} s: "
+            "it may have hit the target"
+        )
+    return lines
+
+
+def _tracked(found: dict[str, Any]) -> list[str]:
+    """A flight of an estimator that tracked the target, in lines."""
+    lines = []
     tumble = found["tumble_known_since"]
     lines.append(
         f"tracking since {found['tracking_since']:.0f} s, "
@@ -97,7 +110,15 @@ def _words(found: dict[str, Any]) -> list[str]:
     if found["untracked"]:
         since = found["untracked_since"]
         at_last = "" if since is None else f", at last since {since:.0f} s; the estimator is {found['status']}"
-        lines.append(f"not tracking for {found['untracked']:.3g} s after that: the controller is told nothing{at_last}")
+        nothing = ": the controller is told nothing" if found["reckoned"] is None else ""
+        lines.append(f"not tracking for {found['untracked']:.3g} s after that{nothing}{at_last}")
+    if found["reckoned"] or found["retreated"]:
+        since = found["retreating_since"]
+        at_last = "" if since is None else f", at last since {since:.0f} s"
+        lines.append(
+            f"without navigation: dead reckoning for {found['reckoned']:.3g} s, retreat for {found['retreated']:.3g} s"
+            + at_last
+        )
     if found["position_rmse"] is not None:
         lines.append(
             f"second half: centre of mass within {1e3 * found['position_rmse']:.3g} mm rms, claimed "

@@ -28,7 +28,8 @@ LINKS = {  # unit → its input: the unit and the output that it comes from
     "controller": {
         **{f"target.{name}": ("estimator", f"target.{name}") for name in ("position", "velocity", "attitude")},
         **{f"target.{name}": ("estimator", f"target.{name}") for name in ("angularRate", "inertia")},
-        "navigation.valid": ("estimator", "navigation.valid"),
+        **{f"target.{name}": ("estimator", f"target.{name}") for name in ("positionCovariance", "velocityCovariance")},
+        **{name: ("estimator", name) for name in ("navigation.valid", "sight.position")},
     },
 }
 PARAMETERS: dict[str, dict[str, ArrayLike]] = {

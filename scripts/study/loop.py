@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.geometry.symmetric import FULL
@@ -15,6 +16,7 @@ from baryscope.fmu import Recording
 from baryscope.fmu.runtime import UnitError
 from baryscope.fmu.system import Master, open_system
 from baryscope.fmu.system.master import Unit
+from baryscope.models.approach.reckoning import RETREAT
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.keplerian import PARAMETERS
@@ -39,7 +41,7 @@ Pilot = Callable[[Mapping[str, Unit], float], None]
 
 Outputs have been handed on by then; what it sets holds in the next step.
 """
-COMMAND = "command.acceleration"
+COMMAND, MODE = "command.acceleration", "guidance.mode"
 MOST_STEPS = 10_000_000
 TRACKING = STATUSES.index("tracking")
 
@@ -60,9 +62,11 @@ class Loop:
         to_grapple: (n,), how far the chaser is from the true point before the true grapple point, m; from the grapple
             point itself where the controller has no `grapple.standoff`.
         miss: (n,), how far it is from where it shall be, m: from there while synchronised, else from `hold.position`,
-            or from where it starts if the controller has none. Where the estimator did not track the target, so that
-            the controller was told nothing, it shall be where it was to be before.
+            or from where it starts if the controller has none. While it retreats, or a controller that has no
+            `guidance.mode` was told nothing, it shall be where it was to be before.
         synchronised: (n,), whether the goal turns with the body; never with a controller that does not tell.
+        mode: (n,), of the controller, places in `MODES` of `baryscope.models.approach.reckoning`; NaN if it has none.
+        inside: (n,), whether the chaser's centre of mass is in the convex hull of the target's features.
         orbit: of the target, from the parameters of its unit.
     """
 
@@ -78,6 +82,8 @@ class Loop:
     to_grapple: FloatArray
     miss: FloatArray
     synchronised: BoolArray
+    mode: FloatArray
+    inside: BoolArray
     orbit: Orbit
 
     @property
@@ -217,7 +223,7 @@ class _Recorder:
         self._places = {
             "target": (*TRUTH_COLUMNS, "chaser.position"),
             "estimator": ("target.position", "target.positionCovariance", "status", "tumble.known"),
-            "controller": (COMMAND, "goal.synchronised"),
+            "controller": (COMMAND, "goal.synchronised", MODE),
         }
         for name, variables in self._places.items():
             for variable in variables:
@@ -243,7 +249,9 @@ class _Recorder:
         features = self._units["target"].vector("features").reshape(-1, 3)
         self._clearance[index] = np.linalg.norm(features, axis=1).min()
         self._to_grapple[index] = self._from_goal(features[0], self._rows["target target.position"][index])
-        if index > 0 and self._rows["estimator status"][index - 1] == TRACKING:  # as the controller was told
+        mode = self._rows[f"controller {MODE}"][index]
+        told = index > 0 and self._rows["estimator status"][index - 1] == TRACKING  # the controller, in this step
+        if (mode != RETREAT).all() if mode.size else told:
             self._turns = bool(self._rows["controller goal.synchronised"][index].any())
         off = self._rows["target chaser.position"][index] - self._hold
         self._miss[index] = self._to_grapple[index] if self._turns else np.linalg.norm(off)
@@ -264,6 +272,8 @@ class _Recorder:
         if not self._samples:
             raise UnitError("the rig has taken no sample: fly longer than its period and latency")
         rows, truth = self._rows, [self._rows[f"target {name}"] for name in TRUTH_COLUMNS]
+        mode, body = rows[f"controller {MODE}"], self._units["target"].vector("target.features").reshape(-1, 3)
+        turned = Rotation.from_quat(rows["target target.attitude"], scalar_first=True)
         table = {variable.name: variable for variable in variable_table(3) if variable.kind == Kind.OUTPUT}
         time, position, covariance = (np.array(values) for values in zip(*self._samples, strict=True))
         labels = tuple(str(k + 1) for k in range(position.shape[1]))
@@ -280,5 +290,16 @@ class _Recorder:
             to_grapple=self._to_grapple,
             miss=self._miss,
             synchronised=np.asarray((rows["controller goal.synchronised"] > 0).any(axis=1)),
+            mode=mode[:, 0] if mode.size else np.full(len(mode), np.nan),
+            inside=inside_hull(body, turned.apply(-rows["target target.position"], inverse=True)),
             orbit=self._orbit,
         )
+
+
+def inside_hull(points: FloatArray, places: FloatArray) -> BoolArray:
+    """Which places (n, 3) are in the convex hull of points (m, 3); none if these lie in a plane."""
+    try:
+        planes = ConvexHull(points).equations
+    except QhullError:
+        return np.zeros(len(places), dtype=np.bool_)
+    return np.asarray((places @ planes[:, :3].T + planes[:, 3] < 0).all(axis=1))

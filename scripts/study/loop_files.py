@@ -10,12 +10,13 @@ import numpy as np
 from baryscope import __version__
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.tables.tracks import COVARIANCE_COLUMNS
+from baryscope.models.approach.reckoning import RECKONING, RETREAT
 from baryscope.models.files import AnyPath, write_together
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.report import html_of
 from baryscope.study.flight import write_truth
 from baryscope.study.loop import Loop
-from baryscope.study.loop_report import report_of_loop
+from baryscope.study.loop_report import marks_of, report_of_loop
 from baryscope.study.pictures import pictures_possible, save
 
 if TYPE_CHECKING:
@@ -35,12 +36,16 @@ def summary_of(loop: Loop) -> dict[str, Any]:
 
     The second half of the flight counts for errors and NEES, which is of 3 degrees of freedom; the last tenth for the
     largest miss. untracked is for how long the estimator, once it had tracked the target, did not, untracked_since from
-    when on at last; nearest is to the centre of mass, nearest_feature to any feature.
+    when on at last; reckoned and retreated for how long the controller was in these modes, retreating_since from when
+    on at last, None of one without modes. nearest is to the centre of mass, nearest_feature to any feature; inside for
+    how long the chaser was in the features' convex hull.
     """
     half = slice(len(loop.time) // 2, None)
     known = loop.tracking[half]
     step = float(loop.time[0])
     before = np.flatnonzero(loop.tracking)
+    moded, retreats = bool(np.isfinite(loop.mode).any()), loop.mode == RETREAT
+    on_course = np.flatnonzero(~retreats)
 
     def first(flags: Any) -> float | None:
         return float(loop.time[np.argmax(flags)]) if flags.any() else None
@@ -59,6 +64,9 @@ def summary_of(loop: Loop) -> dict[str, Any]:
         "tracking_share": float(known.mean()),
         "untracked": float((~loop.tracking[before[0] :]).sum() * step) if before.size else None,
         "untracked_since": float(loop.time[before[-1] + 1]) if before.size and not loop.tracking[-1] else None,
+        "reckoned": float((loop.mode == RECKONING).sum() * step) if moded else None,
+        "retreated": float(retreats.sum() * step) if moded else None,
+        "retreating_since": float(loop.time[on_course[-1] + 1]) if retreats[-1] else None,
         "position_rmse": rms(loop.error),
         "claimed_rmse": rms(loop.deviation),
         "mean_nees": float(loop.nees[half][known].mean()) if known.any() else None,
@@ -66,6 +74,8 @@ def summary_of(loop: Loop) -> dict[str, Any]:
         "last_miss": float(loop.miss[-1]),
         "nearest": float(np.linalg.norm(loop.chaser, axis=1).min()),
         "nearest_feature": float(loop.clearance.min()),
+        "inside": float(loop.inside.sum() * step),
+        "inside_since": first(loop.inside),
         "velocity_change": float(np.linalg.norm(loop.command, axis=1).sum() * step),
         "status": STATUSES[loop.status[-1]],
     }
@@ -130,14 +140,13 @@ def loop_figure(loop: Loop) -> "Figure":
     push.plot(loop.time, 1e3 * np.linalg.norm(loop.command, axis=1), color="#2a9d8f", lw=1, label="command")
     push.set_ylabel("mm/s²")
     push.set_xlabel("time in s")
-    marks = {"tracking": loop.tracking, "tumble known": loop.tumble, "synchronised": loop.synchronised}
-    first = {word: float(loop.time[np.argmax(flags)]) for word, flags in marks.items() if flags.any()}
+    marks = marks_of(loop)
     for panel in (error, place, push):
         panel.grid(alpha=0.3)
-        for time in first.values():
+        for time, _ in marks:
             panel.axvline(time, color="#999999", lw=0.8, ls=":")
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    for height, (word, time) in enumerate(first.items()):
+    for height, (time, word) in enumerate(marks):
         error.annotate(
             f" {word}", (time, 0.95 - 0.08 * height), xycoords=("data", "axes fraction"), fontsize=8, color="#555555"
         )

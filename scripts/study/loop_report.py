@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from baryscope.models.approach.reckoning import RETREAT
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.words import counted
 from baryscope.report import Report
@@ -44,19 +45,26 @@ def report_of_loop(loop: Loop, found: dict[str, Any], options: dict[str, Any]) -
         _facts("What came of it, in SI units", found),
         _facts("Options", options),
     ]
-    waiting = ("warn", f"At last the estimator is {found['status']}.")
+    verdict = VERDICTS.get(found["status"], ("warn", f"At last the estimator is {found['status']}."))
+    if found["retreating_since"] is not None:
+        verdict = ("bad", f"{verdict[1]} The chaser retreats.")
     return Report(
         f"{options.get('of', 'A system')}: the loop on estimates alone",
         f"{loop.time[-1]:.6g} s in steps of {found['step']:g} s, {counted(len(loop.tracks.time), 'sample')} of the rig",
         found["version"],
         tuple(parts),
-        VERDICTS.get(found["status"], waiting),  # type: ignore[arg-type]
+        verdict,  # type: ignore[arg-type]
     )
 
 
 def marks_of(loop: Loop) -> tuple[tuple[float, str], ...]:
-    """When the estimator first tracks the target, knows its tumble, and the chaser's goal turns with the body."""
-    flags = {"tracking": loop.tracking, "tumble known": loop.tumble, "synchronised": loop.synchronised}
+    """When the target is first tracked, its tumble known, the goal turns with the body, and the chaser retreats."""
+    flags = {
+        "tracking": loop.tracking,
+        "tumble known": loop.tumble,
+        "synchronised": loop.synchronised,
+        "retreat": loop.mode == RETREAT,
+    }
     return tuple((float(loop.time[np.argmax(one)]), word) for word, one in flags.items() if one.any())
 
 

@@ -11,11 +11,13 @@ from scipy.spatial.transform import Rotation
 from baryscope.fmu import Session, build_fmu
 from baryscope.fmu.check import check_unit
 from baryscope.fmu.units import blueprint_of
+from baryscope.models.approach.reckoning import MODES
 from baryscope.models.scenario import load_scenario
 from importer import Stepped
 
 STEP = 0.5  # s
 SPEED, RATE, GAIN, LIMIT, STANDOFF = 0.1, 0.02, 0.2, 0.05, 2.0  # the start values
+WAITING, NOMINAL, RECKONING, RETREAT = range(len(MODES))
 INPUTS = ("target.position", "target.velocity", "target.attitude", "target.angularRate")
 
 
@@ -33,7 +35,7 @@ def fly(small, small_fmu, controller_fmu, tmp_path):
     """Fly the loop from a place in LVLH; the flight as columns."""
     number = count()
 
-    def flown(start, duration, fmus=(small_fmu, controller_fmu), late=False, **parameters):
+    def flown(start, duration, fmus=(small_fmu, controller_fmu), late=False, fails=np.inf, **parameters):
         told = {"command__steps": 0.0, "grapple__direction": small.features.points[0].normal} | parameters
         controller = Controller(fmus[1], tmp_path / f"controller{next(number)}", **told)
         rows, before = [], np.zeros(3)
@@ -41,6 +43,9 @@ def fly(small, small_fmu, controller_fmu, tmp_path):
             for _ in range(round(duration / STEP)):
                 for name in INPUTS:
                     controller[name] = session[name]
+                if session.time >= fails:  # as an estimator that begins anew
+                    controller["navigation.valid"] = False
+                    controller["target.position"] = controller["target.velocity"] = np.ones(3)
                 controller.step()
                 command = controller["command.acceleration"]
                 rows.append(
@@ -49,6 +54,7 @@ def fly(small, small_fmu, controller_fmu, tmp_path):
                         "velocity": session.chaser_velocity,
                         "command": command,
                         "distance": controller["keepOut.distance"][0],
+                        "mode": controller["guidance.mode"][0],
                         "inside": controller["corridor.inside"][0],
                         "feature": session["features"][0],  # from the chaser, as the next two
                         "normal": session["normals"][0],
@@ -182,9 +188,8 @@ def test_before_the_tumble_is_known_it_waits(controller_fmu, tmp_path, unknown):
     """An estimator tells zeros till then."""
     controller = Controller(controller_fmu, tmp_path, synchronised=True, hold__position=[0.0, -10.0, 0.0])
     controller["target.position"] = [20.0, 3.0, 4.0]
-    controller.step()
-    assert controller["goal.synchronised"]
-    controller[unknown] = np.zeros(len(controller.places(unknown)))
+    told = controller[unknown]
+    controller[unknown] = np.zeros(len(told))
     controller.step()
     assert not controller["goal.synchronised"]
     waiting = controller["command.acceleration"]
@@ -192,17 +197,74 @@ def test_before_the_tumble_is_known_it_waits(controller_fmu, tmp_path, unknown):
     controller.step()
     turned = LIMIT * 1.1e-3 * STEP  # LVLH goes on by up to 1.1 mrad/s
     np.testing.assert_allclose(controller["command.acceleration"], waiting, atol=turned)
+    controller["synchronised"], controller[unknown] = True, told
+    controller.step()
+    assert controller["goal.synchronised"]
     controller.fmu.freeInstance()
 
 
-def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
+def test_a_glide_whose_navigation_fails_does_not_end_in_the_target(fly):
+    """It went on at 0.1 m/s without a command, through the target. It has to stop, go back to 20 m, and stay there."""
+    flight = fly([0.0, -40.0, 0.0], 900, fails=200.0, hold__position=[0.0, -12.0, 0.0])
+    distance = np.linalg.norm(flight["position"], axis=1)
+    assert [*dict.fromkeys(flight["mode"])] == [NOMINAL, RECKONING, RETREAT]
+    assert distance.min() > 17.5  # after 20 s of patience
+    assert np.linalg.norm(flight["position"][-1] - [0.0, -20.0, 0.0]) < 0.5
+    assert np.linalg.norm(flight["velocity"][-200:], axis=1).max() < 2e-3
+
+
+def test_a_chaser_in_the_corridor_backs_out_of_it_with_the_body(fly):
+    """Navigation fails 2 m before the grapple point: along the axis as it turns, and then away to 20 m, at rest.
+
+    Nothing of the body comes nearer than the feature there was, and the sphere stays clear from then on.
+    """
+    flight = fly([0.0, -20.0, 0.0], 1500, fails=850.0, synchronised=True)
+    failed, distance = round(850 / STEP), np.linalg.norm(flight["position"], axis=1)
+    assert np.linalg.norm(flight["feature"], axis=1)[: failed + 200].min() > STANDOFF - 0.02
+    leaves = failed + int(np.argmax(distance[failed:] > 10.0))
+    assert leaves - failed < 60 / STEP
+    aside = np.cross(flight["feature"], flight["normal"])
+    assert np.linalg.norm(aside[failed:leaves], axis=1).max() < 0.15  # beside the axis
+    assert distance[leaves:].min() > 10.0 - 1e-3
+    assert distance[-1] == pytest.approx(20.0, abs=0.5)
+    assert np.linalg.norm(flight["velocity"][-1]) < 5e-3
+    assert np.linalg.norm(flight["command"], axis=1).max() < LIMIT * (1 + 1e-12)
+
+
+def test_what_it_goes_on_with_is_in_saved_states_and_gone_after_a_reset(controller_fmu, tmp_path):
+    """Restored in another instance, dead reckoning goes on to the last bit."""
+    one, other = (Controller(controller_fmu, tmp_path / name, navigation__patience=3.0) for name in "ab")
+    one["target.position"], one["target.velocity"] = [12.0, 3.0, 4.0], [0.1, -0.2, 0.05]
+    one.step()
+    one["navigation.valid"] = other["navigation.valid"] = False
+    one.step()
+    other.fmu.setFMUstate(other.fmu.deSerializeFMUstate(one.fmu.serializeFMUstate(one.fmu.getFMUstate())))
+    other.time = one.time
+    modes = []
+    for _ in range(8):
+        one.step(), other.step()
+        for name in ("command.acceleration", "camera.attitude", "guidance.mode", "goal.offset"):
+            np.testing.assert_array_equal(one[name], other[name])
+        modes.append(one["guidance.mode"][0])
+    assert modes == [RECKONING] * 5 + [RETREAT] * 3
+    other.fmu.reset()
+    other["navigation.valid"] = False
+    other.initialise(0.0)
+    other.time = 0.0
+    other.step()
+    assert other["guidance.mode"] == WAITING
+    assert not other["command.acceleration"].any()
+    for controller in (one, other):
+        controller.fmu.freeInstance()
+
+
+def test_without_navigation_yet_there_is_no_command(controller_fmu, tmp_path):
     controller = Controller(controller_fmu, tmp_path, hold__position=[0.0, -10.0, 0.0])
     controller["target.position"] = [20.0, 3.0, 4.0]
-    controller.step()
-    assert np.linalg.norm(controller["command.acceleration"]) > 0.01
     controller["navigation.valid"] = False
     controller.step()
     assert not controller["command.acceleration"].any()
+    assert controller["guidance.mode"] == WAITING
     controller["target.velocity"] = [3.0, 0.0, 0.0]
     controller["navigation.valid"] = True
     controller.step()
@@ -216,6 +278,8 @@ def test_without_navigation_there_is_no_command(controller_fmu, tmp_path):
         lambda: controller.set("guidance.speed", 0.0), "guidance.speed: found value 0, expected a value above 0"
     )
     controller.refused(lambda: controller.set("orbit.eccentricity", 0.1), "orbit.eccentricity is fixed")
+    for name in ("navigation.patience", "navigation.deviation", "retreat.distance"):
+        controller.refused(lambda name=name: controller.set(name, -1.0), f"{name}: found value -1, expected a value of")
     controller.fmu.freeInstance()
 
 
@@ -248,4 +312,16 @@ def test_the_camera_looks_at_the_target_where_it_was_seen_or_where_it_will_be(co
     np.testing.assert_allclose(axes()[:, 2], seen / 3.0, atol=1e-9)
     controller["navigation.valid"] = True
     np.testing.assert_allclose(axes()[:, 2], direction / np.linalg.norm(direction), atol=1e-9)
+    # Then it fails, with a sight that is no news: the target is looked for where dead reckoning has it.
+    controller["target.position"], controller["target.velocity"] = [0.0, 20.0, 0.0], [2.0, 0.0, 0.0]
+    axes()
+    controller["navigation.valid"], controller["target.position"] = False, direction
+    axes()
+    assert axes()[:, 2] @ [0.1, 1.0, 0.0] > 0.99 * np.sqrt(1.01)
+    controller["sight.position"] = seen = np.array([3.0, 2.0, 2.0])
+    assert axes()[:, 2] @ [0.15, 1.0, 0.0] > 0.99 * np.sqrt(1.02)  # frames that fit nowhere turn no camera
+    controller["navigation.patience"] = 0.0
+    axes()
+    controller["sight.position"] = seen = np.array([3.0, 2.0, 2.5])
+    np.testing.assert_allclose(axes()[:, 2], seen / np.linalg.norm(seen), atol=1e-9)
     controller.fmu.freeInstance()

@@ -9,14 +9,17 @@ import pytest
 
 from baryscope.estimator import FeatureTracks, estimate
 from baryscope.fmu.system import build_system
+from baryscope.models.approach.reckoning import RECKONING, RETREAT
 from baryscope.models.errors import InputError
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.report.document import data_of
+from baryscope.scripts.cli import fly
 from baryscope.scripts.cli.app import main
 from baryscope.scripts.cli.fly import _words
 from baryscope.study import report_of_loop
-from baryscope.study.loop import MOST_STEPS, fly_loop
+from baryscope.study.loop import MOST_STEPS, fly_loop, inside_hull
 from baryscope.study.loop_files import loop_paths, summary_of, write_loop
+from baryscope.study.loop_report import marks_of
 from systems import rewritten
 
 
@@ -83,7 +86,7 @@ def test_steps_that_are_too_long_for_the_controller_are_warned_of(system, step, 
 
 
 def test_a_frame_that_does_not_fit_moves_no_goal(system):
-    """For a step nothing is known of the target, and there is no command: the chaser is where it was all the same."""
+    """For a step nothing is known of the target: the chaser goes on to where it went, by dead reckoning."""
 
     def confused(units, time):
         if time == 390.0:
@@ -93,7 +96,10 @@ def test_a_frame_that_does_not_fit_moves_no_goal(system):
     loop = fly_loop(system, duration=400.0, approach=True, pilot=confused)
     lost = np.flatnonzero(~loop.tracking[300:]) + 300
     assert len(lost) == 1
-    assert not loop.synchronised[lost + 1].any()
+    assert loop.synchronised[300:].all()
+    assert (loop.mode[lost + 1] == RECKONING).all()
+    assert summary_of(loop)["reckoned"] == (loop.mode == RECKONING).sum() >= 1
+    assert summary_of(loop)["retreated"] == 0
     np.testing.assert_array_equal(loop.miss[300:], loop.to_grapple[300:])
 
 
@@ -102,10 +108,62 @@ def test_a_chaser_that_is_told_nothing_any_more_is_told_of(held, until, words):
     """Exit code 3 stood beside `tracking since`, and nothing said why the chaser had flown off."""
     status = np.where(held.time < held.time[held.tracking][0], 1, STATUSES.index("tracking"))
     status[300:until] = STATUSES.index("lost")
-    found = summary_of(replace(held, status=status))
+    found = summary_of(replace(held, status=status, mode=np.full(400, np.nan)))  # of another controller
     assert found["untracked"] == until - 300
     told = f"not tracking for {until - 300} s after that: the controller is told nothing"
     assert told + words in "\n".join(_words(found))
+
+
+@pytest.fixture(scope="module")
+def blinded(system):
+    """The estimate is lost for good while the chaser glides to the grapple point."""
+
+    def blind(units, time):
+        if time >= 400.0:
+            units["controller"].set(["navigation.valid"], np.zeros(1))
+
+    return fly_loop(system, duration=900.0, approach=True, pilot=blind)
+
+
+def test_a_chaser_that_loses_its_navigation_retreats_and_it_is_told(blinded):
+    """It drifted on with 0.3 m/s, without a word; it goes back to the 20 m from which it came."""
+    found = summary_of(blinded)
+    assert (blinded.mode[400:420] == RECKONING).all()
+    assert (blinded.mode[420:] == RETREAT).all()
+    assert (found["reckoned"], found["retreated"], found["retreating_since"]) == (
+        20 + (blinded.mode[:400] == RECKONING).sum(),
+        480,
+        421,
+    )
+    assert "retreat for 480 s, at last since 421 s" in "\n".join(_words(found))
+    distance = np.linalg.norm(blinded.chaser, axis=1)
+    assert distance[-1] == pytest.approx(20.0, abs=1.0)
+    assert np.linalg.norm(np.diff(blinded.chaser[-50:], axis=0), axis=1).max() < 0.01
+    assert found["synchronised_since"] < 400
+    np.testing.assert_array_equal(blinded.miss[420:], blinded.to_grapple[420:])  # where it shall be all the same
+    assert (421.0, "retreat") in marks_of(blinded)
+    page = data_of(report_of_loop(blinded, found, {}))
+    assert page["verdict"] == ["bad", "At last the estimator tracks the target. The chaser retreats."]
+
+
+def test_a_flight_that_ends_in_a_retreat_has_that_exit_code(system, blinded, tmp_path, capsys, monkeypatch):
+    """The estimator tracks, and the approach was given up."""
+    monkeypatch.setattr(fly, "fly_loop", lambda *_, **__: blinded)
+    assert blinded.tracking[-1]
+    assert main(["fly", str(system), "-o", str(tmp_path / "out"), "-q", "--json"]) == 3
+    assert json.loads(capsys.readouterr().out)["retreating_since"] == 421.0
+
+
+def test_a_chaser_in_the_target_is_told_of(held):
+    """Once there, `nearest` to the centre of mass alone did not tell."""
+    points = np.array([[x, y, z] for x in (-1, 1) for y in (-2, 2) for z in (-3, 3)], dtype=float)
+    places = np.array([[0.9, 1.9, 2.9], [1.1, 0.0, 0.0], [0.0, 0.0, 3.1]])
+    np.testing.assert_array_equal(inside_hull(points, places), [True, False, False])
+    assert not inside_hull(points[:4], places).any()  # in a plane
+    assert not held.inside.any()
+    found = summary_of(replace(held, inside=held.time > 390))
+    assert (found["inside"], found["inside_since"]) == (10, 391)
+    assert "for 10 s, since 391 s: it may have hit the target" in "\n".join(_words(found))
 
 
 def test_files_hold_the_flight(held, tmp_path):
