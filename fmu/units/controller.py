@@ -39,9 +39,10 @@ _LAW = (
     "from there, in the cone corridor.halfAngle.",
     "The command is the field's derivative along the motion, plus control.rate times what the velocity lacks of it, "
     "less the natural relative acceleration on the Kepler orbit; it is scaled down to thrust.limit.",
-    "Where navigation fails, the law goes on by dead reckoning for navigation.patience. Then the chaser retreats, out "
-    "of the corridor along its axis, then straight away from the target to retreat.distance from the centre of mass "
-    "and three deviations more, and rests there, until navigation could be used for as long as the patience.",
+    "Where navigation fails, the chaser coasts for navigation.patience, or where that would lead it to the keep-out "
+    "sphere the law goes on by dead reckoning. Then it retreats, out of the corridor along its axis, then straight "
+    "away from the target to retreat.distance from the centre of mass and three deviations more, and rests there, "
+    "until navigation could be used for a third of the patience.",
     "Navigation fails where navigation.valid is false, where the keep-out sphere is nearer than three standard "
     "deviations of target.position and one is above navigation.deviation, and, for a synchronised chaser, where the "
     "tumble is not told any more.",

@@ -1,10 +1,12 @@
 """What ApproachController knows without navigation: dead reckoning from the last state that could be used; its mode.
 
 The state is carried on from step to step: the chaser by its natural relative acceleration and the commands that act,
-the body by its free tumble. While navigation is valid, the inputs take its place. Where navigation fails, the law goes
-on with what is carried on, for `navigation.patience`; then the chaser retreats, until navigation could be used for as
-long. That is what is usual, a hold or a retreat on propagated navigation (Fehse, Automated Rendezvous and Docking of
-Spacecraft, 2003, chapter 4), and not a drift with whatever velocity there is.
+the body by its free tumble. While navigation is valid, the inputs take its place. Where navigation fails, the chaser
+coasts if that keeps clear of the keep-out sphere, else the law goes on with what is carried on. After
+`navigation.patience` it retreats, until navigation could be used for a while. That is what is usual, a hold or a
+retreat on propagated navigation (Fehse, Automated Rendezvous and Docking of Spacecraft, 2003, chapter 4), and not a
+drift with whatever velocity there is. To coast is no idleness: thrusters that are wrong by a few percent are what makes
+an estimator doubt, and without thrust it finds back.
 """
 
 from collections.abc import Mapping
@@ -21,6 +23,7 @@ from baryscope.models.relative_motion import relative_acceleration
 
 MODES = ("waiting", "nominal", "dead reckoning", "retreat")
 WAITING, NOMINAL, RECKONING, RETREAT = range(len(MODES))
+RECOVERY = 3.0  # by how much faster an outage falls than it grows
 CLEAR, CLEAR_AGAIN = 3.0, 10.0  # standard deviations between chaser and sphere, and so many to end a retreat
 
 Named = Mapping[str, Symbol]
@@ -37,7 +40,7 @@ class Belief:
         inertia: (6,), any multiple, 0 while no tumble was ever known.
         point, direction: of the grapple point, in B, m and 1.
         known: 1 once navigation could be used, else 0.
-        outage: s; it grows while navigation cannot be used, and falls while it can.
+        outage: s; it grows while navigation cannot be used, and falls, by RECOVERY as fast, while it can.
         command: (3,), the last one, LVLH, m/s².
         sight: (3,), `sight.position`, frame C, m.
         aside: (3,), from the CoM to there when it was news and navigation failed, frame C, m; else 0.
@@ -142,10 +145,22 @@ def outage_and_mode(belief: Belief, told: Named, given: Named, length: Symbol) -
     tumbles = ca.logic_or(told_tumble, ca.logic_not(needed))
     usable = ca.logic_and(told["navigation.valid"], ca.logic_and(clear, tumbles))
     known = ca.logic_or(belief.known, usable)
-    more, less = ca.fmin(belief.outage + length, longest), ca.fmax(belief.outage - length, 0)
+    more, less = ca.fmin(belief.outage + length, longest), ca.fmax(belief.outage - RECOVERY * length, 0)
     outage = known * ca.if_else(usable, less, more)
     flown = ca.if_else(outage > patience, RETREAT, ca.if_else(usable, NOMINAL, RECKONING))
     return outage, ca.if_else(known, flown, WAITING)
+
+
+def drift_is_clear(belief: Belief, given: Named) -> Symbol:
+    """Whether the chaser, drifting straight on for the patience, stays CLEAR deviations away from the sphere.
+
+    What gravity adds in so short a time is millimetres.
+    """
+    span = given["navigation.patience"]
+    speed = ca.fmax(ca.sumsqr(belief.velocity), DIRECTED)
+    nearest = ca.fmin(ca.fmax(-ca.dot(belief.position, belief.velocity) / speed, 0), span)
+    margin = CLEAR * (belief.deviation + span * belief.drift)
+    return ca.norm_2(belief.position + nearest * belief.velocity) >= given["keepOut.radius"] + margin
 
 
 def carried_on(belief: Belief, acting: Symbol, step: tuple[Symbol, Symbol], elements: Elements) -> Belief:

@@ -24,6 +24,7 @@ from baryscope.models.approach.reckoning import (
     Belief,
     believed,
     carried_on,
+    drift_is_clear,
     outage_and_mode,
     tumble_known,
 )
@@ -113,7 +114,9 @@ def _outputs(
     moving = glide + ca.cross(then.turning, place)
     natural = relative_acceleration(place, moving, ca.SX.zeros(3), orbit)
     wanted = commanded(Motion(place, moving, natural), then, limits, parameters["control.rate"])
-    size, limit, flies = ca.norm_2(wanted), parameters["thrust.limit"], mode != WAITING
+    coasts = ca.logic_and(mode == RECKONING, drift_is_clear(belief, parameters))
+    size, limit = ca.norm_2(wanted), parameters["thrust.limit"]
+    flies = ca.logic_not(ca.logic_or(mode == WAITING, coasts))
     command = flies * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED))
     looked = _looked_at(belief, mode, inputs, R_I_L)
     delayed = ca.fmin(1, late / length)

@@ -208,6 +208,7 @@ def test_a_glide_whose_navigation_fails_does_not_end_in_the_target(fly):
     flight = fly([0.0, -40.0, 0.0], 900, fails=200.0, hold__position=[0.0, -12.0, 0.0])
     distance = np.linalg.norm(flight["position"], axis=1)
     assert [*dict.fromkeys(flight["mode"])] == [NOMINAL, RECKONING, RETREAT]
+    assert not flight["command"][flight["mode"] == RECKONING].any()  # 20 s of it lead nowhere near the sphere
     assert distance.min() > 17.5  # after 20 s of patience
     assert np.linalg.norm(flight["position"][-1] - [0.0, -20.0, 0.0]) < 0.5
     assert np.linalg.norm(flight["velocity"][-200:], axis=1).max() < 2e-3
@@ -221,6 +222,7 @@ def test_a_chaser_in_the_corridor_backs_out_of_it_with_the_body(fly):
     flight = fly([0.0, -20.0, 0.0], 1500, fails=850.0, synchronised=True)
     failed, distance = round(850 / STEP), np.linalg.norm(flight["position"], axis=1)
     assert np.linalg.norm(flight["feature"], axis=1)[: failed + 200].min() > STANDOFF - 0.02
+    assert flight["command"][failed : failed + 20].any(axis=1).all()  # in the sphere it does not coast
     leaves = failed + int(np.argmax(distance[failed:] > 10.0))
     assert leaves - failed < 60 / STEP
     aside = np.cross(flight["feature"], flight["normal"])

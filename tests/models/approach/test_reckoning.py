@@ -12,6 +12,7 @@ from baryscope.models.approach.reckoning import (
     Belief,
     believed,
     carried_on,
+    drift_is_clear,
     outage_and_mode,
 )
 from baryscope.models.keplerian import Elements
@@ -143,18 +144,19 @@ def test_before_there_is_navigation_it_waits(watch):
 
 
 def test_an_outage_is_bridged_then_it_retreats_until_navigation_lasts(watch):
-    """As long as the patience; a long outage is over when navigation has been there for as long."""
+    """As long as the patience; a long outage is over when navigation has been there for a third of that."""
     assert watch([GOOD] + [BAD] * 5 + [GOOD]) == [NOMINAL] + [RECKONING] * 5 + [NOMINAL]
     assert watch([GOOD] + [BAD] * 6 + [GOOD]) == [NOMINAL] + [RECKONING] * 5 + [RETREAT, NOMINAL]
     found = watch([GOOD] + [BAD] * 100 + [GOOD] * 8)
-    assert found == [NOMINAL] + [RECKONING] * 5 + [RETREAT] * (95 + 5) + [NOMINAL] * 3
+    assert found == [NOMINAL] + [RECKONING] * 5 + [RETREAT] * (95 + 1) + [NOMINAL] * 7
 
 
 def test_navigation_that_comes_and_goes_is_none(watch):
     """An estimator that is lost begins anew every ten samples, and believes in that for one."""
-    found = watch([GOOD] + ([BAD] * 4 + [GOOD]) * 20)
-    assert found[:5] == [NOMINAL] + [RECKONING] * 4
-    assert set(found[10:]) == {RETREAT}
+    found = watch([GOOD] + ([BAD] * 9 + [GOOD]) * 20, patience=20.0)
+    assert found[:10] == [NOMINAL] + [RECKONING] * 9
+    assert set(found[60:]) == {RETREAT}
+    assert RETREAT not in watch([GOOD] + ([BAD] * 4 + [GOOD] * 2) * 20)
 
 
 def test_without_patience_it_retreats_at_once(watch):
@@ -182,3 +184,23 @@ def test_a_tumble_that_is_lost_counts_where_it_is_needed(watch):
     assert watch([GOOD] * 10, synchronised=True) == [NOMINAL] * 10
     assert watch([whole] + [GOOD] * 6, synchronised=True) == [NOMINAL] + [RECKONING] * 5 + [RETREAT]
     assert watch([whole] + [GOOD] * 10, synchronised=False) == [NOMINAL] * 11
+
+
+@pytest.mark.parametrize(
+    ("velocity", "drift", "clear"),
+    [
+        ([0.0, 0.9, 0.0], 0.0, True),  # 10 m to go in 10 s, at 0.9 m/s
+        ([0.0, 1.1, 0.0], 0.0, False),
+        ([0.0, 0.9, 0.0], 0.04, False),  # or more: three deviations are 1.2 m
+        ([0.0, -5.0, 0.0], 0.0, True),  # away
+        ([2.5, 4.0, 0.0], 0.0, True),  # past it, 20 sin(32°) m away
+        ([1.0, 4.0, 0.0], 0.0, False),  # through it, and out again on the other side
+        ([0.0, 0.0, 0.0], 0.3, True),
+        ([0.0, 0.0, 0.0], 0.4, False),
+    ],
+)
+def test_a_drift_is_clear_of_the_sphere(velocity, drift, clear):
+    """From 20 m, of which the sphere takes 10, for 10 s."""
+    belief = Belief.of(ca.DM(belief_with(position=[0, -20, 0], velocity=velocity, drift=drift)))
+    given = {"navigation.patience": ca.DM(10.0), "keepOut.radius": ca.DM(10.0)}
+    assert bool(drift_is_clear(belief, given)) == clear
