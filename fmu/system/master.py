@@ -38,6 +38,7 @@ class Unit:
         model: name of its model.
         references: value references of its scalars by name.
         booleans: the names of those that are Booleans.
+        integers: the names of those that are Integers or of an enumeration.
         step_size: of its default experiment, s; None if it has none.
         fmu: the instance, by fmpy.
         messages: errors that it has logged.
@@ -48,6 +49,7 @@ class Unit:
     model: str
     references: Mapping[str, int]
     booleans: frozenset[str]
+    integers: frozenset[str]
     step_size: float | None
     fmu: Any
     messages: list[str]
@@ -56,7 +58,9 @@ class Unit:
 
     def get(self, names: Sequence[str]) -> FloatArray:
         """Scalars of one type by their names."""
-        read = self.fmu.getBoolean if self._are_booleans(names) else self.fmu.getReal
+        integer = bool(names) and names[0] in self.integers
+        other = self.fmu.getInteger if integer else self.fmu.getReal
+        read = self.fmu.getBoolean if self._are_booleans(names) else other
         return np.asarray(self._called(read, [self.references[name] for name in names]), dtype=np.float64)
 
     def set(self, names: Sequence[str], values: FloatArray) -> None:
@@ -251,6 +255,7 @@ def _opened(path: Path, folder: Path, component: Component, place: Path) -> Unit
         description.modelName,
         references,
         frozenset(variable.name for variable in description.modelVariables if variable.type == "Boolean"),
+        frozenset(v.name for v in description.modelVariables if v.type in ("Integer", "Enumeration")),
         None if experiment is None or experiment.stepSize is None else float(experiment.stepSize),
         fmu,
         messages,

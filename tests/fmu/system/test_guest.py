@@ -10,6 +10,7 @@ import pytest
 
 from baryscope.fmu import build_fmu
 from baryscope.fmu.system import build_system, open_system
+from baryscope.fmu.system.master import Unit
 from baryscope.fmu.system.structure import STRUCTURE
 from baryscope.models.errors import InputError
 from baryscope.scripts.cli.app import main
@@ -151,3 +152,27 @@ def test_a_library_that_cannot_be_loaded_is_named_without_temporary_folders(
     assert main([*command, "--controller", str(guest), "-o", str(output)]) in (1, 2)
     assert re.search(message, capsys.readouterr().err)
     assert not output.exists()
+
+
+class Typed:
+    """An instance that tells its variables by their types only, as FMI 2 asks."""
+
+    def getReal(self, places):
+        assert places == [0]
+        return [0.5]
+
+    def getInteger(self, places):
+        assert places == [1]
+        return [3]
+
+    def getBoolean(self, places):
+        assert places == [2]
+        return [1]
+
+
+def test_a_mode_may_be_an_integer():
+    """A flight reads `guidance.mode` where a controller has it; one that counts it in integers ended with an error."""
+    references = {"gain": 0, "guidance.mode": 1, "goal.synchronised": 2}
+    flags, whole = frozenset({"goal.synchronised"}), frozenset({"guidance.mode"})
+    unit = Unit("controller", "Another", references, flags, whole, None, Typed(), [])
+    assert [unit.vector(name)[0] for name in references] == [0.5, 3.0, 1.0]
