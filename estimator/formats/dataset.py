@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from baryscope.estimator.formats.cf_times import seconds_of_cf
 from baryscope.estimator.formats.times import seconds_of
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.ephemeris.utc import utc_text
@@ -106,10 +107,7 @@ def _times(found: "Dataset", source: str) -> tuple[Any, str | None]:
     if moments is not None:  # xarray has decoded them
         seconds, first = moments
         return seconds, None if first is None else utc_text(first)
-    units, since, epoch = str(time.attrs.get("units", "s")).partition(" since ")
-    if units not in ("s", "second", "seconds"):
-        raise InputError(f"{source}, time: units {units!r}, expected s, or seconds since a moment")
-    return time.values, epoch if since else None
+    return seconds_of_cf(time.values, time.attrs, f"{source}, time")
 
 
 def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:

@@ -13,6 +13,7 @@ from baryscope.estimator import (
     FeatureTracks,
     dataset_of_tracks,
     estimate,
+    read_tracks,
     tracks_of,
     tracks_of_dataset,
     write_tracks,
@@ -97,6 +98,51 @@ def test_a_dataset_whose_times_xarray_has_decoded(tmp_path):
     lasting = dataset_of_tracks(FeatureTracks(dated.time, position, dated.labels))
     lasting["time"] = (1e3 * lasting["time"].values).astype("timedelta64[ms]")
     assert tracks_of_dataset(lasting)[0].time.tolist() == dated.time.tolist()
+
+
+@pytest.mark.parametrize("ending", [".nc", ".zarr"])
+def test_times_as_xarray_writes_datetimes_and_durations(tmp_path, ending):
+    """It takes the longest unit that has no fractions, as milliseconds: a file of datetimes was refused."""
+    position = np.random.default_rng(1).normal(size=(3, 2, 3))
+    found = dataset_of_tracks(FeatureTracks([0.0, 0.25, 0.5], position, ["a", "b"]))
+    del found["time"].attrs["units"]
+    spans = pandas.to_timedelta([0, 250, 500], unit="ms")
+    for times, epoch in ((pandas.Timestamp("2026-03-01 12:00") + spans, "2026-03-01T12:00:00Z"), (spans, None)):
+        path = tmp_path / f"{epoch is None}{ending}"
+        dated = found.assign_coords(time=times)
+        if ending == ".nc":
+            dated.to_netcdf(path, engine="h5netcdf")
+        else:
+            dated.to_zarr(path, zarr_format=2)
+        back = read_tracks(path)
+        assert (back.time.tolist(), back.epoch) == ([0.0, 0.25, 0.5], epoch)
+
+
+@pytest.mark.parametrize(
+    "units, seconds, epoch",
+    [
+        ("ms", 1e-3, None),
+        ("minutes", 60.0, None),
+        ("hours since 2026-03-01 12:00:00", 3600.0, "2026-03-01T12:00:00Z"),
+        ("days since 2026-3-1", 86400.0, "2026-03-01T00:00:00Z"),
+        ("seconds since 2026-03-01 06:00:00 -05:30", 1.0, "2026-03-01T11:30:00Z"),
+        ("milliseconds since 2026-03-01T12:00:00Z", 1e-3, "2026-03-01T12:00:00Z"),
+    ],
+)
+def test_times_of_a_dataset_are_in_any_unit_of_cf(units, seconds, epoch):
+    found = dataset_of_tracks(FeatureTracks([1.0, 2.0, 4.0], np.zeros((3, 1, 3)), ["a"]))
+    found["time"].attrs["units"] = units
+    back, _ = tracks_of_dataset(found)
+    assert (back.time / seconds).tolist() == pytest.approx([1.0, 2.0, 4.0])
+    assert back.epoch == epoch
+
+
+@pytest.mark.parametrize("moment, calendar", [("nonsense", "standard"), ("2026-03-01", "noleap")])
+def test_moments_that_are_not_of_utc_are_refused(moment, calendar):
+    found = dataset_of_tracks(FeatureTracks([1.0, 2.0], np.zeros((2, 1, 3)), ["a"]))
+    found["time"].attrs |= {"units": f"seconds since {moment}", "calendar": calendar}
+    with pytest.raises(InputError, match=f"^dataset, time: since '{moment}' in the calendar '{calendar}', expected a "):
+        tracks_of_dataset(found)
 
 
 def test_the_axes_of_a_dataset_go_by_their_labels():
