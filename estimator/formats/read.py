@@ -25,7 +25,7 @@ def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
 
     Args:
         path: the file.
-        units: of its lengths; None: as the file says, and metres where it can't.
+        units: of its lengths; None: as the file says, and metres where its form has none.
 
     Raises:
         InputError: one line that names the file, what was found and what was expected; also for a covariance without a
@@ -47,7 +47,9 @@ def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
             tracks, said = read_zarr(path)
         case _:
             raise InputError(f"{source}: ends in {ending!r}, expected one of {', '.join(ENDINGS)}")
-    tracks = in_metres(tracks, units or said or "m", source)
+    if not (units or said):
+        raise InputError(f"{source}: tells no unit of lengths, expected one to be told: --units mm, or another")
+    tracks = in_metres(tracks, units or said, source)
     tracks.refuse_singular(lambda frame, feature: _place(tracks, frame, feature, source))
     return tracks
 

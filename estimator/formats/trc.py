@@ -18,7 +18,9 @@ FACTS, VALUES, LABELS, FIRST = 1, 2, 3, 5  # lines from 0
 
 
 def read_trc(path: AnyPath) -> tuple[FeatureTracks, str]:
-    """The tracks, in the file's unit, and that unit. A marker is not seen where its cells are empty or NaN.
+    """The tracks, in the file's unit, and that unit, empty if it tells none.
+
+    A marker is not seen where its cells are empty or NaN.
 
     Raises:
         InputError: one line that names file and line, what was found and what was expected.
@@ -29,11 +31,12 @@ def read_trc(path: AnyPath) -> tuple[FeatureTracks, str]:
         raise InputError(f"{source}: not {WHAT}, which begin with PathFileType and have five lines before the frames")
     facts = dict(zip(lines[FACTS].split("\t"), lines[VALUES].split("\t"), strict=False))
     unit = facts.get("Units", "").strip()
-    if not unit:
-        raise InputError(f"{source}, line {VALUES + 1}: no Units, expected them as in line {FACTS + 1}")
     head = lines[LABELS].rstrip().split("\t")
     if [cell.strip() for cell in head[:2]] != ["Frame#", "Time"]:
-        raise InputError(f"{source}, line {LABELS + 1}: begins with {head[:2]}, expected Frame# and Time")
+        raise InputError(
+            f"{source}, line {LABELS + 1}: begins with {', '.join(head[:2])[:40]!r}, expected Frame# and Time, and "
+            "tabs between cells"
+        )
     at = [column for column, cell in enumerate(head) if column > 1 and cell.strip()]
     if not at or at[0] != 2 or any(second - first != 3 for first, second in pairwise(at)):
         raise InputError(f"{source}, line {LABELS + 1}: expected a label above each three columns, from the third on")

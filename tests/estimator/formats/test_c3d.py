@@ -1,4 +1,7 @@
-"""Tracks from C3D files, as ezc3d writes them."""
+"""Tracks from C3D files, as ezc3d writes them and as other recorders do."""
+
+import struct
+from contextlib import suppress
 
 import ezc3d
 import numpy as np
@@ -77,3 +80,112 @@ def test_a_c3d_file_that_is_cut_short_is_refused(tracks, tmp_path, kept):
     (tmp_path / "t.c3d").write_bytes(content[:kept])
     with pytest.raises(InputError, match=r"t\.c3d: "):
         read_tracks(tmp_path / "t.c3d")
+
+
+def test_the_unit_is_told_by_the_file_or_by_hand(tracks, tmp_path):
+    """Millimetres of a file without a unit passed for metres."""
+    c3d(tracks, tmp_path / "t.c3d", unit="")
+    with pytest.raises(InputError, match=r"t\.c3d: tells no unit of lengths, expected one to be told: --units mm"):
+        read_tracks(tmp_path / "t.c3d")
+    same(read_tracks(tmp_path / "t.c3d", "m"), tracks, rtol=1e-6)
+
+
+def test_markers_that_share_a_label_are_told_apart_by_their_numbers(tmp_path):
+    """Unnamed trajectories are called * by some recorders: the whole file was refused."""
+    times, points = TIME[:3], np.random.default_rng(1).normal(size=(3, 4, 3))
+    made = FeatureTracks(times, points, ["*", "LASI", "x", "RASI"])
+    file = ezc3d.c3d()
+    c3d(made, tmp_path / "t.c3d")
+    file = ezc3d.c3d(str(tmp_path / "t.c3d"))
+    file["parameters"]["POINT"]["LABELS"]["value"] = ("*", "LASI", "*", "RASI")
+    file.write(str(tmp_path / "t.c3d"))
+    assert read_tracks(tmp_path / "t.c3d").labels == ("* 1", "LASI", "* 3", "RASI")
+
+
+INTEL, DEC, MIPS = 84, 85, 86
+
+
+def words(order, kind, values):
+    return struct.pack(f"{order}{len(values)}{kind}", *values)
+
+
+def by_hand(processor, scale, points, valid, first=1, last=None, labels=b"A B "):
+    """A file by the manual: header, parameters of one block, and frames, of 16 bits where scale is positive."""
+    order = ">" if processor == MIPS else "<"
+
+    def floats(*values):
+        if processor != DEC:
+            return words(order, "f", values)
+        bits = np.array(values, dtype="<f4") * 4
+        return bits.astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1].tobytes()
+
+    def parameter(name, kind, shape, content):
+        body = struct.pack("bB", kind, len(shape)) + bytes(shape) + content + b"\0"
+        return struct.pack("bb", len(name), 1) + name + words(order, "h", [2 + len(body)]) + body
+
+    n, m = valid.shape
+    parameters = [
+        parameter(b"RATE", 4, [], floats(50.0)),
+        parameter(b"UNITS", -1, [4], b"mm  "),
+        parameter(b"LABELS", -1, [2, m], labels),
+        struct.pack("bb", 5, -1) + b"POINT" + words(order, "h", [3]) + b"\0",  # groups may come last
+        b"\0\0",
+    ]
+    head = bytes([2, 0x50]) + words(order, "H", [m, 1, first, last or first + n - 1, 10])
+    head += floats(scale) + words(order, "H", [3, 1]) + floats(50.0)
+    content = head.ljust(512, b"\0") + (bytes([1, 80, 1, processor]) + b"".join(parameters)).ljust(512, b"\0")
+    for frame in range(n):
+        for marker in range(m):
+            row = [*points[frame, marker], 0 if valid[frame, marker] else -1]
+            whole = [*(np.array(row[:3]) / scale).astype(int), row[3]]
+            content += floats(*row) if scale < 0 else words(order, "h", whole)
+        content += floats(0.5) if scale < 0 else words(order, "h", [7])
+    return content
+
+
+@pytest.mark.parametrize("scale", [-1.0, 0.5])
+@pytest.mark.parametrize("processor", [INTEL, DEC, MIPS])
+def test_files_of_all_processors_with_integers_and_floats(tmp_path, processor, scale):
+    """The numbers are those of the manual's forms, written here; ezc3d refuses MIPS."""
+    points = np.random.default_rng(3).integers(-900, 900, (5, 2, 3)).astype(float)
+    valid = np.ones((5, 2), dtype=bool)
+    valid[1, 1] = False
+    (tmp_path / "t.c3d").write_bytes(by_hand(processor, scale, points, valid, first=11))
+    found = read_tracks(tmp_path / "t.c3d")
+    assert found.labels == ("A", "B")
+    assert found.time.tolist() == [0.2, 0.22, 0.24, 0.26, 0.28]
+    np.testing.assert_array_equal(found.seen, valid)
+    np.testing.assert_allclose(found.position[valid], 1e-3 * points[valid], rtol=1e-12)
+
+
+def test_labels_beyond_ascii(tmp_path):
+    """In Latin 1, as of old recorders, or UTF-8, as of new ones."""
+    for label in (b"\xc9 ", "É".encode()):
+        content = by_hand(INTEL, -1.0, np.ones((5, 2, 3)), np.ones((5, 2), dtype=bool), labels=b"A " + label)
+        (tmp_path / "t.c3d").write_bytes(content)
+        assert read_tracks(tmp_path / "t.c3d").labels == ("A", "É")
+
+
+def test_no_damage_is_more_than_an_error(tracks, tmp_path):
+    """ezc3d ended the whole process, or read for ever, in one of thirty files with a few wrong bytes."""
+    c3d(tracks, tmp_path / "t.c3d")
+    content, rng = (tmp_path / "t.c3d").read_bytes(), np.random.default_rng(1)
+    for _ in range(400):
+        damaged = np.frombuffer(content, np.uint8).copy()
+        damaged[rng.integers(2048, size=3)] = rng.integers(256, size=3)
+        (tmp_path / "d.c3d").write_bytes(damaged)
+        with suppress(InputError):
+            read_tracks(tmp_path / "d.c3d")
+
+
+def test_a_long_recording_that_begins_late_is_whole(tmp_path):
+    """The header counts to 65,535, and ezc3d reads no further than that from a first frame of 101."""
+    frames = 66_000
+    points, valid = np.ones((frames, 2, 3)), np.ones((frames, 2), dtype=bool)
+    points[:, 0, 0] = np.arange(frames) % 1000
+    content = by_hand(INTEL, 0.5, points, valid, first=101, last=0xFFFF)
+    (tmp_path / "t.c3d").write_bytes(content)
+    found = read_tracks(tmp_path / "t.c3d")
+    assert len(found.time) == frames
+    assert found.time[0] == 2.0
+    np.testing.assert_allclose(found.position[:, 0, 0], 1e-3 * points[:, 0, 0])

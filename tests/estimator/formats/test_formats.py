@@ -199,11 +199,11 @@ def test_trc_with_facts_left_out(tracks, tmp_path):
     "change, expected",
     [
         (lambda text: "time,feature,x,y,z\n", "not marker tracks in TRC, which begin with PathFileType"),
-        (lambda text: text.replace("\tmm\t", "\t\t"), "line 3: no Units, expected them as in line 2"),
+        (lambda text: text.replace("\tmm\t", "\t\t"), "tells no unit of lengths, expected one to be told: --units"),
         (lambda text: text.replace("\tmm\t", "\tleague\t"), "lengths in 'league', expected one of m, cm, mm"),
         (
             lambda text: text.replace("Frame#", "Bild"),
-            r"line 4: begins with \['Bild', 'Time'\], expected Frame# and Time",
+            "line 4: begins with 'Bild, Time', expected Frame# and Time, and tabs between cells",
         ),
         (lambda text: text.replace("left\t\t\t", "left\t\t"), "line 4: expected a label above each three columns"),
         (lambda text: text.replace("\n3\t1.0\t", "\n3\t1.0\tone\t"), "line 9: 15 cells, expected 14"),
