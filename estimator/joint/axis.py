@@ -7,7 +7,7 @@ by the restricted likelihood of the differences across the axis (`noise`), at al
 import numpy as np
 
 from baryscope.estimator.joint.bodies import Pair
-from baryscope.estimator.joint.ml import angles, clear_coefficients, motion_functions
+from baryscope.estimator.joint.ml import angles, clear_coefficients, motion_functions, relative_noise
 from baryscope.estimator.joint.noise import restricted_likelihood
 from baryscope.estimator.joint.result import HingeAxis
 from baryscope.estimator.tracks import FloatArray
@@ -32,13 +32,14 @@ def hinge_axis(pair: Pair) -> HingeAxis:
         fit = restricted_likelihood(design, wanted, functions, kept)
         in_parent, in_child = in_parent + P @ fit.found[:2], in_child + C @ fit.found[2:]
         in_parent, in_child = in_parent / np.linalg.norm(in_parent), in_child / np.linalg.norm(in_child)
+    noise = float(in_child @ relative_noise(pair).mean(axis=0) @ in_child)  # which also looks like a turn
     return HingeAxis(
         in_parent=in_parent,
         in_child=in_child,
         covariance_in_parent=P @ fit.covariance[:2, :2] @ P.T,
         covariance_in_child=C @ fit.covariance[2:, 2:] @ C.T,
         residual=float(np.sqrt(np.mean(((R @ in_child - in_parent) @ P) ** 2))),
-        turned=float(np.std(angles(R) @ in_child)),
+        turned=float(np.sqrt(max(np.var(angles(R) @ in_child) - noise, 0.0))),
     )
 
 

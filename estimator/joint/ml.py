@@ -10,7 +10,7 @@ Only those frequencies are used at which the bodies turn by far more than their 
 but look as if they did, as noise of the attitudes is correlated with that of the centroids.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from baryscope.estimator.adjustment.spurious import (
     three_sigma_factor,
 )
 from baryscope.estimator.geometry.so3 import log_rotation, squared_cross
-from baryscope.estimator.joint.bodies import LARGEST_SLIDE, Pair
-from baryscope.estimator.joint.noise import Fit, restricted_likelihood, transformed
+from baryscope.estimator.joint.bodies import LARGEST_SLIDE, Body, Pair
+from baryscope.estimator.joint.noise import Fit, bands, restricted_likelihood, transformed
 from baryscope.estimator.joint.result import Centre, Slide, residual_of, untold
 from baryscope.estimator.tracks import FloatArray, IntArray
 
@@ -47,7 +47,7 @@ def maximum_likelihood(pair: Pair, told: FloatArray) -> Centre:
         fits.append(restricted_likelihood(back @ design @ told, moved, functions, kept, largest))
     in_child = bool(fits[1].likelihood > fits[0].likelihood)
     fit = fits[in_child]
-    spurious = three_sigma_factor(len(kept)) * float(np.sum(1 / fit.spectrum)) * _spurious(pair, in_child)
+    spurious = three_sigma_factor(len(kept)) * _spurious(pair, in_child, fit)
     reach = farthest(pair.child.markers)
     of_told = told @ fit.covariance @ told.T
     free, _ = spurious_information_columns(of_told, np.zeros((6, 0)), spurious, 1 / reach**2)
@@ -111,23 +111,45 @@ def clear_coefficients(pair: Pair, clear: float = CLEAR) -> IntArray:
     clear: the least ratio of its power to that of the attitudes' noise.
     """
     power = np.sum(transformed(pair.relative) ** 2, axis=(1, 2))
-    noise = sum(2 * np.trace(turn.mean(axis=0)) for turn in _turns(pair))
+    noise = sum(2 * np.trace(turn.mean(axis=0)) for _, turn in _turns(pair))
     shown = power > clear * noise
     shown[:LEAST_COEFFICIENTS] = True
     return np.nonzero(shown)[0]
 
 
-def _turns(pair: Pair) -> list[FloatArray]:
-    """The covariances (k, 3, 3), rad², of the attitudes by the markers' own noise, each in the body's axes."""
-    return [body.attitude_noise(body.own_variance) for body in (pair.parent, pair.child) if body is not None]
+def own_power(body: Body) -> FloatArray:
+    """The power of the markers' own noise in each coefficient along time (k,), over that of white noise: 1 on average.
+
+    What skin does to single markers lasts: much of it is at the low frequencies of the motion.
+    """
+    power = np.sum(transformed(np.nan_to_num(body.residual)) ** 2, axis=(1, 2))
+    ends = bands(len(power))
+    width = np.diff(ends)
+    of_bands = np.add.reduceat(power, ends[:-1]) / width
+    return np.repeat(of_bands, width) / max(float(np.mean(power)), 1e-300)
 
 
-def _spurious(pair: Pair, in_child: bool) -> FloatArray:
-    """The mean information on (u, v), (6, 6), that a frame's noise of attitudes seems to give, in either's axes."""
-    *parent, child = _turns(pair)
+def _turns(pair: Pair) -> list[tuple[Body, FloatArray]]:
+    """The bodies, each with the covariances (k, 3, 3), rad², of its attitudes by its markers' noise, in its axes."""
+    bodies = [body for body in (pair.parent, pair.child) if body is not None]
+    return [(body, body.attitude_noise(body.own_variance)) for body in bodies]
+
+
+def relative_noise(pair: Pair, weight: Callable[[Body], float] = lambda _: 1.0) -> FloatArray:
+    """The covariances (k, 3, 3), rad², of the child's attitudes against the parent's by the markers' own noise, in the
+    child's axes; `weight` is a factor on that of a body.
+    """
+    *parent, child = [weight(body) * turn for body, turn in _turns(pair)]
     R = pair.relative
-    for one in parent:  # the relative attitude has the noise of both
+    for one in parent:
         child = child + np.swapaxes(R, 1, 2) @ one @ R
+    return np.asarray(child)
+
+
+def _spurious(pair: Pair, in_child: bool, fit: Fit) -> FloatArray:
+    """The information on (u, v), (6, 6), that the noise of attitudes seems to give in a fit in either's axes."""
+    R = pair.relative
+    child = relative_noise(pair, lambda body: float(np.sum(own_power(body)[fit.kept] / fit.spectrum)))
     turn = (R @ child @ np.swapaxes(R, 1, 2) if in_child else child).mean(axis=0)
     own = slice(0, 3) if in_child else slice(3, 6)
     found = np.zeros((6, 6))

@@ -40,7 +40,7 @@ class HingeAxis:
         in_parent, in_child: (3,), unit vectors, in the axes of `Joint.in_parent` and `Joint.in_child`.
         covariance_in_parent, covariance_in_child: (3, 3), rad², of these directions; across them.
         residual: rms, rad, by which the two sides differ across the axis: what the joint does besides, and noise.
-        turned: rms, rad, by which the bodies turn about it.
+        turned: rms, rad, by which the bodies turn about it, without what noise of their attitudes does.
     """
 
     in_parent: FloatArray
@@ -115,6 +115,13 @@ class Joint:
     def child_rms(self) -> FloatArray:
         """(m,), m, of each marker of the child from the rigid body, per coordinate."""
         return self.pair.child.rms
+
+    @property
+    def attitude_deviation(self) -> float:
+        """Standard deviation, rad, of the attitudes by the markers' own noise, in either body's worst direction."""
+        bodies = [body for body in (self.pair.parent, self.pair.child) if body is not None]
+        noise = [body.attitude_noise(body.own_variance).mean(axis=0) for body in bodies]
+        return float(np.sqrt(max(np.linalg.eigvalsh(one)[2] for one in noise)))
 
     @property
     def parent_left_out(self) -> IntArray:

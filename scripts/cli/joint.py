@@ -21,6 +21,7 @@ from baryscope.scripts.cli.console import Show
 from baryscope.table import Table
 
 LEAST = 3  # markers of a body
+UNSTEADY = 0.1  # rad, standard deviation of a body's attitudes that is worth a word
 
 
 def find_joint(
@@ -145,6 +146,11 @@ def _words(found: Joint) -> list[str]:
         lines.append(
             f"  {length(one.white)} of that is white, {length(one.correlated)} lasts, {length(one.locked)} keeps time "
             f"with the motion; the markers' own noise explains {length(one.of_markers)}"
+        )
+    if (most := found.attitude_deviation) > UNSTEADY:
+        lines.append(
+            "  the markers of a body are too near to a line, or move too much by themselves: its attitudes are off by "
+            f"{np.rad2deg(most):.0f}°, and what is said here hangs on them"
         )
     left_out = int(found.parent_left_out.sum() + found.child_left_out.sum())
     if left_out:

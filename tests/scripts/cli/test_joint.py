@@ -64,6 +64,23 @@ def test_a_hinge_is_named(recorded, capsys):
     assert "hinge" not in capsys.readouterr().out
 
 
+def test_markers_too_near_to_a_line_are_told(recorded, capsys):
+    """Of markers nearly in a line, with 0.25 mm of noise each, attitudes are off by more than 5°."""
+    tracks = both_bodies(1)
+    position = tracks.position.copy()
+    middle, along = position[:, 4:].mean(axis=1), position[:, 4] - position[:, 5]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    off = position[:, 4:] - middle[:, None]
+    on = np.einsum("kmi,ki->km", off, along)[..., None] * along[:, None]
+    noise = 0.00025 * np.random.default_rng(1).normal(size=off.shape)
+    position[:, 4:] = middle[:, None] + on + 0.02 * (off - on) + noise
+    FeatureTracks(tracks.time, position, tracks.labels).write_csv("line.csv")
+    assert app.main(["joint", "line.csv", "--parent", PARENT, "--child", CHILD]) == 0
+    assert "the markers of a body are too near to a line" in capsys.readouterr().out
+    assert app.main(["joint", "ball.csv", "--parent", PARENT, "--child", CHILD]) == 0
+    assert "near to a line" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("arguments, words", [
     (["--child", "ca,cb,xx"], "child: found 'xx', expected some of pa, pb"),
     (["--child", "ca,cb"], "child: found 2 markers, expected at least 3"),
