@@ -8,6 +8,7 @@ import numpy as np
 
 from baryscope.estimator.formats.cf_times import seconds_of_cf
 from baryscope.estimator.formats.times import seconds_of
+from baryscope.estimator.formats.units import in_square_of
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.ephemeris.utc import utc_text
 from baryscope.models.errors import InputError
@@ -57,7 +58,7 @@ def dataset(
 
 
 def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[FeatureTracks, str]:
-    """Tracks, in the dataset's unit of length, and that unit.
+    """Tracks, in the unit of length of its positions, and that unit; covariances may be in the square of another.
 
     Raises:
         InputError: it has no `position` with the dimensions time, feature and axis, or its numbers are no tracks.
@@ -68,16 +69,18 @@ def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[Featur
     for name in ("axis", "axis_"):
         found = _in_order(found, name, source)
     position = found["position"].transpose("time", "feature", "axis")
-    covariance = None
+    unit, covariance = str(position.attrs.get("units", "m")), None
     if "covariance" in found:
-        covariance = found["covariance"].transpose("time", "feature", "axis", "axis_").values
+        given = found["covariance"].transpose("time", "feature", "axis", "axis_")
+        told = str(given.attrs.get("units", f"{unit}2"))
+        covariance = in_square_of(given.values, unit, told, f"{source}, covariance")
     time, epoch = _times(found, source)
     try:
         labels = [str(label) for label in found["feature"].values]
         tracks = FeatureTracks(time, position.values, labels, covariance, epoch)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
-    return tracks, str(position.attrs.get("units", "m"))
+    return tracks, unit
 
 
 def _in_order(found: "Dataset", dimension: str, source: str) -> "Dataset":

@@ -1,8 +1,9 @@
 """Units of length in which tracks may be given."""
 
+import re
 from typing import Literal, get_args
 
-from baryscope.estimator.tracks import FeatureTracks
+from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import InputError
 
 Unit = Literal["m", "cm", "mm", "in", "ft", "km"]
@@ -18,6 +19,23 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
 }
 """What files say for a unit besides, in any case, and with an s."""
 _MEANT = {name + end: unit for unit, names in SPELLINGS.items() for name in (unit, *names) for end in ("", "s")}
+
+
+_SQUARE = re.compile(r"\s*(.+?)\s*(?:\^|\*\*)?\s*2\s*")
+
+
+def in_square_of(covariance: FloatArray, unit: str, told: str, source: str) -> FloatArray:
+    """Covariances in the square of a unit, from those in the square that is told, as mm2, mm^2 or mm**2.
+
+    Raises:
+        InputError: what is told is no square of a unit of length.
+    """
+    found = _SQUARE.fullmatch(told)
+    own = None if found is None else _MEANT.get(found[1].lower())
+    if own is None:
+        raise InputError(f"{source}: in {told!r}, expected the square of a unit of length, as mm2")
+    meant = _MEANT.get(unit.strip().lower(), own)  # of another unit `in_metres` tells
+    return covariance if own == meant else covariance * (METRES[own] / METRES[meant]) ** 2
 
 
 def in_metres(tracks: FeatureTracks, unit: str, source: str) -> FeatureTracks:

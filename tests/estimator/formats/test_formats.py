@@ -128,6 +128,20 @@ def test_units_are_spelt_as_udunits_and_files_do(tracks, tmp_path, unit):
     same(read_tracks(tmp_path / "t.trc"), tracks)
 
 
+@pytest.mark.parametrize("told", ["m2", "m^2", "metre**2"])
+def test_covariances_have_a_unit_of_their_own(precise, tmp_path, told):
+    """Positions in millimetres beside covariances in m² made these too small by a million."""
+    found = dataset_of_tracks(precise)
+    found["position"].attrs["units"] = "mm"
+    found["position"].data *= 1e3
+    found["covariance"].attrs["units"] = told
+    found.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    same(read_tracks(tmp_path / "t.nc"), precise)
+    found["covariance"].attrs["units"] = "m"
+    with pytest.raises(InputError, match="dataset, covariance: in 'm', expected the square of a unit of length"):
+        tracks_of_dataset(found)
+
+
 def test_zarr_and_back(precise, tracks, tmp_path):
     """A folder of Zarr's format 2, which xarray opens by itself; a new one replaces it whole."""
     path = tmp_path / "t.zarr"
