@@ -42,19 +42,22 @@ def read_c3d(path: AnyPath) -> tuple[FeatureTracks, str]:
 def _frames(content: bytes, header: Header, parameters: Parameters, source: str) -> tuple[int, int]:
     """The first frame, from 0, and how many there are.
 
-    Where they are more than the header can count, they are in parameters of which recorders have one or another, else
-    in the length of the file, which zeros fill up to a block.
+    Where they are more than the header can count, which then has the most that it can, or what is left of 16 bits, they
+    are in parameters of which recorders have one or another, else in the length of the file, which zeros fill up to a
+    block.
 
     Raises:
         InputError: there are none, or fewer than the header or the parameters tell.
     """
     first, count = max(header.first - 1, 0), header.last - header.first + 1
     there = max(len(content) - header.offset, 0) // header.frame if header.offset > 0 else 0
+    begin, told = _told_frames(parameters, first)
     if header.last == MOST_FRAMES:
-        first, told = _told_frames(parameters, first)
         if told is None:
             told = min(-(-len(content[header.offset :].rstrip(b"\0")) // header.frame), there)
-        count = max(told, count)
+        first, count = begin, max(told, count)
+    elif told is not None and (told == count or count < told <= there):  # else they are of a longer recording
+        first, count = begin, told
     if count < 1 or there < 1:
         raise InputError(f"{source}: no frames, expected the positions of markers in some")
     if there < count:
@@ -66,12 +69,17 @@ def _frames(content: bytes, header: Header, parameters: Parameters, source: str)
 def _told_frames(parameters: Parameters, first: int) -> tuple[int, int | None]:
     """First frame, from 0, and number of frames in parameters with more than 16 bits; `first` and None without such."""
     trial = parameters.get("TRIAL", {})
-    ends = [trial.get(f"ACTUAL_{end}_FIELD", []) for end in ("START", "END")]
+    ends = [_integers(trial.get(f"ACTUAL_{end}_FIELD", [])) for end in ("START", "END")]
     if all(len(words) == 2 for words in ends):
-        begin, end = (int(low) % 0x10000 + 0x10000 * int(high) for low, high in ends)
+        begin, end = (low % 0x10000 + 0x10000 * high for low, high in ends)
         return max(begin - 1, 0), end - begin + 1
-    long = parameters.get("POINT", {}).get("LONG_FRAMES", [])
-    return first, int(long[0]) if long and np.isfinite(long[0]) else None
+    long = _integers(parameters.get("POINT", {}).get("LONG_FRAMES", []))
+    return first, long[0] if long else None
+
+
+def _integers(values: list[object]) -> list[int]:
+    """The numbers among a parameter's values, which are floating-point in some files."""
+    return [int(value) for value in values if isinstance(value, int | float) and np.isfinite(value)]
 
 
 def _rate(about: dict[str, list[object]], header: Header, source: str) -> float:

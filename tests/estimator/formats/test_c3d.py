@@ -109,7 +109,7 @@ def words(order, kind, values):
     return struct.pack(f"{order}{len(values)}{kind}", *values)
 
 
-def by_hand(processor, scale, points, valid, first=1, last=None, labels=b"A B "):
+def by_hand(processor, scale, points, valid, ends=(1, None), labels=b"A B ", more=()):
     """A file by the manual: header, parameters of one block, and frames, of 16 bits where scale is positive."""
     order = ">" if processor == MIPS else "<"
 
@@ -119,15 +119,18 @@ def by_hand(processor, scale, points, valid, first=1, last=None, labels=b"A B ")
         bits = np.array(values, dtype="<f4") * 4
         return bits.astype("<f4").view("<u2").reshape(-1, 2)[:, ::-1].tobytes()
 
-    def parameter(name, kind, shape, content):
+    def parameter(name, kind, shape, content, group=1):
         body = struct.pack("bB", kind, len(shape)) + bytes(shape) + content + b"\0"
-        return struct.pack("bb", len(name), 1) + name + words(order, "h", [2 + len(body)]) + body
+        return struct.pack("bb", len(name), group) + name + words(order, "h", [2 + len(body)]) + body
 
     n, m = valid.shape
+    first, last = ends
     parameters = [
         parameter(b"RATE", 4, [], floats(50.0)),
         parameter(b"UNITS", -1, [4], b"mm  "),
         parameter(b"LABELS", -1, [2, m], labels),
+        *(parameter(name, 2, [2], words(order, "H", [value & 0xFFFF, value >> 16]), 2) for name, value in more),
+        struct.pack("bb", 5, -2) + b"TRIAL" + words(order, "h", [3]) + b"\0",
         struct.pack("bb", 5, -1) + b"POINT" + words(order, "h", [3]) + b"\0",  # groups may come last
         b"\0\0",
     ]
@@ -150,7 +153,7 @@ def test_files_of_all_processors_with_integers_and_floats(tmp_path, processor, s
     points = np.random.default_rng(3).integers(-900, 900, (5, 2, 3)).astype(float)
     valid = np.ones((5, 2), dtype=bool)
     valid[1, 1] = False
-    (tmp_path / "t.c3d").write_bytes(by_hand(processor, scale, points, valid, first=11))
+    (tmp_path / "t.c3d").write_bytes(by_hand(processor, scale, points, valid, (11, None)))
     found = read_tracks(tmp_path / "t.c3d")
     assert found.labels == ("A", "B")
     assert found.time.tolist() == [0.2, 0.22, 0.24, 0.26, 0.28]
@@ -183,9 +186,25 @@ def test_a_long_recording_that_begins_late_is_whole(tmp_path):
     frames = 66_000
     points, valid = np.ones((frames, 2, 3)), np.ones((frames, 2), dtype=bool)
     points[:, 0, 0] = np.arange(frames) % 1000
-    content = by_hand(INTEL, 0.5, points, valid, first=101, last=0xFFFF)
+    content = by_hand(INTEL, 0.5, points, valid, (101, 0xFFFF))
     (tmp_path / "t.c3d").write_bytes(content)
     found = read_tracks(tmp_path / "t.c3d")
     assert len(found.time) == frames
     assert found.time[0] == 2.0
     np.testing.assert_allclose(found.position[:, 0, 0], 1e-3 * points[:, 0, 0])
+
+
+@pytest.mark.parametrize("begin, told, kept, first", [(1, 66_000, 66_000, 0), (70_001, 5, 5, 70_000), (1, 9, 5, 10)])
+def test_frames_beyond_16_bits_that_the_header_has_cut(tmp_path, begin, told, kept, first):
+    """Some recorders keep what is left of 16 bits, where 66,000 frames pass for 464: the rest was lost without a word.
+
+    Parameters that tell of more frames than the file has are those of the recording it was cut out of.
+    """
+    points, valid = np.ones((kept, 2, 3)), np.ones((kept, 2), dtype=bool)
+    of_header = 11 if told > kept else begin & 0xFFFF
+    last = (of_header + min(told, kept) - 1) & 0xFFFF
+    more = [(b"ACTUAL_START_FIELD", begin), (b"ACTUAL_END_FIELD", begin + told - 1)]
+    (tmp_path / "t.c3d").write_bytes(by_hand(INTEL, 0.5, points, valid, (of_header, last), more=more))
+    found = read_tracks(tmp_path / "t.c3d")
+    assert len(found.time) == kept
+    assert found.time[0] == first / 50.0
