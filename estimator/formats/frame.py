@@ -54,6 +54,8 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     Raises:
         InputError: one line that names row and column, what was found and what was expected.
     """
+    if hasattr(frame, "collect"):
+        raise InputError(f"{source}: a lazy frame, expected its rows: frame.collect()")
     names = list(frame if isinstance(frame, Mapping) else frame.columns)
     missing = [name for name in FORM.required if name not in names]
     if missing:

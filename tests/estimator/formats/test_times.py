@@ -75,6 +75,11 @@ def test_times_among_others_are_named(change, expected):
         tracks_of(ROWS | change)
 
 
+def test_a_lazy_frame_is_refused_in_a_line():
+    with pytest.raises(InputError, match=r"^frame: a lazy frame, expected its rows: frame\.collect\(\)$"):
+        tracks_of(polars.DataFrame({"time": [0.0, 1.0, 2.0]} | ROWS).lazy())
+
+
 def test_a_missing_label_of_pandas_is_an_empty_cell():
     rows = pandas.DataFrame({"time": [0.0, 1.0, 2.0]} | ROWS)
     rows["feature"] = rows["feature"].astype("string")
