@@ -6,6 +6,7 @@ changes rate and inertia, too.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.likelihood import Equations
 from baryscope.models.attitude import INERTIA_BASIS
@@ -41,9 +43,15 @@ class AttachedAxes:
 
     def covariance(self, of_y: FloatArray, of_kappa: FloatArray) -> FloatArray:
         """The covariance (..., k, k) of what changes by of_y (..., k, q) δy and of_kappa (..., k, 3) κ."""
-        total = of_y + of_kappa @ self.by_y
+        # By a factor, so that what hardly varies beside what hardly is known has no variance below zero.
+        moved = (of_y + of_kappa @ self.by_y) @ self._factor
         own = of_kappa @ self.own @ np.swapaxes(of_kappa, -1, -2)
-        return np.asarray(total @ self.y @ np.swapaxes(total, -1, -2) + own)
+        return np.asarray(moved @ np.swapaxes(moved, -1, -2) + own)
+
+    @cached_property
+    def _factor(self) -> FloatArray:
+        """Of y's covariance, (q, r)."""
+        return factor_of(self.y)
 
     def over_time(self, of_rotation: Jacobians, R: FloatArray, of_kappa: FloatArray) -> FloatArray:
         """The covariances (n, 3, 3) in B of what changes by the rotation's unknowns, by a Jacobian in C, and by κ.
