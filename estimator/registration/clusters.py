@@ -44,6 +44,9 @@ MAX_FRAME_STEP = 4  # frames between two with three features, up to which an int
 MAX_SHAPE_FRAMES = 400  # frames of an interval that its initial shape is computed from, at most
 MAX_SEEDS = 20  # bodies tried from intervals that have no shape of their own, at most
 MIN_FRAMES = 10  # a body of fewer frames tells nothing of the centre of mass, and is left out if there is a longer one
+MISLABELLED = (
+    0.05  # share of frames in bodies of the features of a longer one, in another shape, up to which labels err
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,7 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
     """The rigid bodies in position (n, m, 3) in C, m, and the noise of a coordinate from the residuals of registration.
 
     used (n, m) selects the observations; time (n,) in s, of steady steps unless given. Bodies of fewer than MIN_FRAMES
-    frames are left out if there is a longer one.
+    frames are left out if there is a longer one, and so are those of a few frames whose labels err.
 
     Raises:
         ComputationError: no frame sees three features, or they are collinear in all frames.
@@ -108,8 +111,32 @@ def find_bodies(position: FloatArray, used: BoolArray, time: FloatArray | None =
     if not longest:
         raise collinear_features()
     found = [(body, origin) for body, origin in with_attitudes if len(body.frames) >= min(MIN_FRAMES, longest)]
-    bodies, origins = zip(*found, strict=True)
+    bodies, origins = zip(*_rightly_labelled(found), strict=True)
     return Registered(bodies, origins, noise, told.values)
+
+
+def _rightly_labelled(found: list[tuple[Body, FloatArray]]) -> list[tuple[Body, FloatArray]]:
+    """The bodies, with what else is found of them, without those that contradict longer ones, if these are few frames.
+
+    A body has one shape. Three features that are not in a line and have another one in some frames are displaced or
+    have wrong labels there: attitudes by them tell nothing, and have led paths astray that all other frames told.
+    """
+    bodies = [body for body, _ in found]
+    wrong = [any(_contradicts(body, other) for other in bodies) for body in bodies]
+    frames = np.array([len(body.frames) for body in bodies])
+    if frames[wrong].sum() > MISLABELLED * frames.sum():
+        return found
+    return [one for one, contradicts in zip(found, wrong, strict=True) if not contradicts]
+
+
+def _contradicts(body: Body, longer: Body) -> bool:
+    """Whether a body shares features with a longer one that determine the rigid motion between them: it has another
+    shape, as they would be one body else.
+    """
+    shared = np.isin(longer.features, body.features)
+    if len(body.frames) >= len(longer.frames) or np.count_nonzero(shared) < 3:
+        return False
+    return not _are_collinear(longer.points[shared])
 
 
 def _placed(interval: Interval, frames: NDArray[np.intp]) -> Interval:

@@ -199,3 +199,17 @@ def test_the_order_of_merging_two_shapes_does_not_matter():
     one, two = shapes()
     np.testing.assert_allclose(distances(two, one), between, rtol=0, atol=1e-12)
     np.testing.assert_allclose(between, np.linalg.norm(points[:, None] - points, axis=2), rtol=0, atol=5e-3)
+
+
+@pytest.mark.parametrize(("frames", "bodies"), [(15, 1), (100, 2)])
+def test_a_shape_that_a_longer_body_contradicts_in_a_few_frames_is_a_wrong_label(observed, frames, bodies):
+    """A ghost takes a marker's label for some frames: three markers are another triangle there, of wrong attitudes.
+
+    It was a body, which drew the path of a probe's tip from its dimple to the markers. For a quarter of the time
+    it is one: labels may be exchanged for as long.
+    """
+    position, seen, _ = observed([(0, N, range(3))], 0.01)
+    ghost = np.arange(N) >= N - frames
+    position[ghost, 2] += [0.0, 1.0, 0.5]
+    seen[N - frames - 6 : N - frames, 1] = False  # an occlusion comes before it
+    assert len(find_bodies(position, seen).bodies) == bodies
