@@ -23,41 +23,83 @@ FloatArray = NDArray[np.float64]
 RANGE = (1e-4, 1e8)  # of the variance, over that with which the frames' median shift is known
 SCAN, SWEEPS = 41, 4  # values of its logarithm, and how often the range is narrowed to two of its steps
 SIGNIFICANT = 9.0  # 2 ln of the likelihood ratio to no noise, below which there is none
+STILL = 2.7  # the same, where there was one: it does not come and go with what the solution allows for
 CLEAR = 1.0  # standard deviations, from which slips last: to take those that do for white costs far more than to err
+LONGER, FEWEST_SPANS = 4, 8  # factor from spans to longer ones; how many spans there are, at least
 UNKNOWNS = 2  # of a coordinate: the place at rest, and the offset that turns with the body
 MOST_EXPLAINED = 0.8  # share of the slips' variance
 
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Of the n frames of a body, along the axes of their information: shift (n, 3), m, and the variances (n, 3) to
-    which it is known, m², infinite where it is not; axes (n, 3, 3), columns in C.
+    """Of the n spans of a body, along the axes of their information: shift (n, 3), m, and the variances (n, 3) to which
+    it is known, m², infinite where it is not; axes (n, 3, 3), columns in C.
     """
 
     shift: FloatArray
     variance: FloatArray
     axes: FloatArray
 
-
-def position_variance(bodies: Sequence[Body], observations: Observations, origin: FloatArray, variance: float) -> float:
-    """The variance of a coordinate as of white noise, m², s² (1 + 2 Σ ρ), zero unless it is significant.
-
-    origin (n, 3) in C, m: the path; variance: of an observation of weight 1.
-    """
-    values, squares, series = [], [], []
-    for body in bodies:
-        own = observations.frames(body.frames).features(body.features)
-        found = pieces(own, body.attitude, origin[body.frames], body.points)
-        information, rhs = found.shift_alone()
+    @classmethod
+    def of(cls, information: FloatArray, rhs: FloatArray, variance: float) -> "_Shifts":
+        """Those of spans of information (n, 3, 3) and right-hand sides (n, 3) in C, for a variance of weight 1."""
         along, axes = np.linalg.eigh(information)
         known = along > 1e-9 * along[:, -1:]
         moved = (np.swapaxes(axes, 1, 2) @ rhs[:, :, None])[:, :, 0]
-        squares.append(moved[known] ** 2 / along[known] / variance)
-        values.append(along[known] / variance)
-        own_variances = np.divide(variance, along, out=np.full_like(along, np.inf), where=known)
         shift = np.divide(moved, along, out=np.zeros_like(along), where=known)
-        series.append(_Shifts(shift, own_variances, body.attitude @ axes))
-    size, square = np.concatenate(values), np.concatenate(squares)
+        return cls(shift, np.divide(variance, along, out=np.full_like(along, np.inf), where=known), axes)
+
+
+def position_variance(
+    bodies: Sequence[Body],
+    observations: Observations,
+    origin: FloatArray,
+    variance: float,
+    lasting: float = 1.0,
+    significant: float = SIGNIFICANT,
+) -> float:
+    """The variance of a coordinate as of white noise, m², s² (1 + 2 Σ ρ), zero unless it is significant.
+
+    Slow slips hide in the noise of single frames. So spans of more and more frames are looked at, too, each as one, and
+    those count that show a slip best.
+
+    origin (n, 3) in C, m: the path; variance: of an observation of weight 1; lasting: in how many frames it is the
+    same; significant: 2 ln of the likelihood ratio to no noise, below which there is none.
+    """
+    frames = [_of_frames(body, observations, origin) for body in bodies]
+    longest, span, found = max(len(rhs) for _, rhs in frames), 1, 0.0
+    while span == 1 or FEWEST_SPANS * span <= longest:
+        # Of many frames together the errors that last are as great as κ tells, of a single one they are in its noise.
+        own = variance if span == 1 else lasting * variance
+        series = [_Shifts.of(*_summed(information, rhs, span), own) for information, rhs in frames]
+        slip, gained = _slip_of(series)
+        if gained > significant:
+            found, significant = slip * span * _frames_of_a_slip(series, slip), gained
+        span *= LONGER
+    return found
+
+
+def _of_frames(body: Body, observations: Observations, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The information (n, 3, 3) on each frame's shift, its rotation unknown, and the right-hand side (n, 3), in C."""
+    own = observations.frames(body.frames).features(body.features)
+    information, rhs = pieces(own, body.attitude, origin[body.frames], body.points).shift_alone()
+    information = body.attitude @ information @ np.swapaxes(body.attitude, 1, 2)
+    return information, (body.attitude @ rhs[:, :, None])[:, :, 0]
+
+
+def _summed(information: FloatArray, rhs: FloatArray, span: int) -> tuple[FloatArray, FloatArray]:
+    """Those of spans of so many frames."""
+    if span == 1:
+        return information, rhs
+    begins = np.arange(0, len(rhs), span)
+    return np.add.reduceat(information, begins), np.add.reduceat(rhs, begins)
+
+
+def _slip_of(series: Sequence[_Shifts]) -> tuple[float, float]:
+    """The likeliest variance of shifts, m², and 2 ln of its likelihood over that of none."""
+    known = [np.isfinite(one.variance) for one in series]
+    size = np.concatenate([1 / one.variance[told] for one, told in zip(series, known, strict=True)])
+    square = np.concatenate([one.shift[told] ** 2 for one, told in zip(series, known, strict=True)]) * size
     low, high = np.log(np.array(RANGE) / np.median(size))
 
     def cost(logarithm: FloatArray) -> FloatArray:
@@ -65,13 +107,10 @@ def position_variance(bodies: Sequence[Body], observations: Observations, origin
         return np.asarray((np.log(grown) + square / grown).sum(axis=1))
 
     best, least = scanned_minimum(cost, low, high, SCAN, SWEEPS)
-    if square.sum() - least <= SIGNIFICANT:
-        return 0.0
-    slip = float(np.exp(best))
-    return slip * _frames_of_a_slip(series, slip)
+    return float(np.exp(best)), float(square.sum()) - least
 
 
-def _frames_of_a_slip(series: list[_Shifts], slip: float) -> float:
+def _frames_of_a_slip(series: Sequence[_Shifts], slip: float) -> float:
     """1 + 2 Σ ρ, at least 1, of shifts that are known to their variances; slip: their own, m².
 
     Where a frame tells its shift poorly, as across the lever to a far tip, which its attitude moves, it counts little.

@@ -11,7 +11,7 @@ from baryscope.estimator.adjustment.evidence import held, improved
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.adjustment.lasting_errors import frames_per_error
 from baryscope.estimator.adjustment.observations import Observations
-from baryscope.estimator.adjustment.position_noise import position_variance
+from baryscope.estimator.adjustment.position_noise import SIGNIFICANT, STILL, position_variance
 from baryscope.estimator.adjustment.reweighting import WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import stereo_noise
 from baryscope.estimator.camera.shared import SharedErrors
@@ -268,7 +268,8 @@ class _Refinement:
         Those that are not are taken anew.
         """
         if self.start.slips:
-            slip = position_variance(self.bodies, self.observations, self._origin(), self.least)
+            at = (self.bodies, self.observations, self._origin())
+            slip = position_variance(*at, self.least, self.lasting, STILL if self.slip > 0 else SIGNIFICANT)
             before, self.slip = self.slip, slip
             if abs(slip - before) > SLIP_TOLERANCE * max(slip, before):
                 return False

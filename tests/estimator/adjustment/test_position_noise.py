@@ -119,3 +119,20 @@ def test_a_pivot_that_does_not_slip_has_no_noise():
     """2 ln of the likelihood ratio exceeds 9 by chance in less than 1 of 700."""
     for _, case in cases(0.0, 16):
         assert estimate(case.tracks, options=PathOptions(trajectory="fixed")).details.position_noise == 0.0
+
+
+def test_slow_slips_that_hide_in_the_noise_of_single_frames_are_found():
+    """A tip that jumps by a fifth of the noise of a marker once in 800 frames: no frame shows it, 100 together do."""
+    time, R = turning(4000, 1.0)
+    found, squares = 0, []
+    for seed in range(6):
+        jumps = 8e-5 * np.random.default_rng([seed, 3]).normal(size=(5, 3))
+        com = at_rest(time) + np.repeat(jumps - jumps.mean(axis=0), 800, axis=0)
+        case = make_case(time, R, com, POINTS, noise=4e-4, seed=seed)
+        one = estimate(case.tracks, options=PathOptions(trajectory="fixed"))
+        error = one.position[0] - at_rest(time)[0]
+        squares.append(error @ np.linalg.solve(one.covariance[0], error))
+        found += one.details.position_noise > 0
+        assert one.status.trustworthy
+    assert found == 6
+    assert np.mean(squares) < 3 + 4  # √(6/6)
