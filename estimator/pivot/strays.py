@@ -40,7 +40,7 @@ def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pi
             stray |= _rest_on_rejected(body, found.observations)
             stray &= (~stray).sum() >= MIN_FRAMES
             weight[np.ix_(body.frames[stray], body.features)] = 0.0
-            bodies.append(_in_frames(body, ~stray))
+            bodies.append(_in_frames(body, _is_begun_with(body, start) & ~stray))
         if np.array_equal(weight, known):
             break
         first = None if start.weight is None else np.where(weight > 0, start.weight, 0.0)
@@ -58,6 +58,11 @@ def _rest_on_rejected(body: Body, observations: Observations) -> BoolArray:
     """In which frames (n,) of a body an attitude is left without enough features where others are rejected."""
     weight = observations.weight[np.ix_(body.frames, body.features)]
     return np.asarray(((weight > 0).sum(axis=1) >= LEAST) & ((weight >= REJECTED).sum(axis=1) < LEAST))
+
+
+def _is_begun_with(body: Body, start: Start) -> BoolArray:
+    """In which frames (n,) of a body there were observations from the start: those of two features join it later."""
+    return np.asarray((start.observations.weight[np.ix_(body.frames, body.features)] > 0).any(axis=1))
 
 
 def _in_frames(body: Body, kept: BoolArray) -> Body:
