@@ -44,9 +44,7 @@ MAX_FRAME_STEP = 4  # frames between two with three features, up to which an int
 MAX_SHAPE_FRAMES = 400  # frames of an interval that its initial shape is computed from, at most
 MAX_SEEDS = 20  # bodies tried from intervals that have no shape of their own, at most
 MIN_FRAMES = 10  # a body of fewer frames tells nothing of the centre of mass, and is left out if there is a longer one
-MISLABELLED = (
-    0.05  # share of frames in bodies of the features of a longer one, in another shape, up to which labels err
-)
+MISLABELLED = 0.05  # share of frames in bodies that contradict a longer one, up to which it is their labels that err
 
 
 @dataclass(frozen=True, eq=False)
