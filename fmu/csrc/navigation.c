@@ -230,6 +230,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     write_tumble(model, values, time);
     if (filter->frames == 0.0) return true;
     start_ahead(filter, &ahead);
+    write_features(filter, &ahead.now, values);
     while (ahead.time < time) {
         double moved[6];
         const double next = next_point(model, ahead.time, time);
@@ -248,7 +249,6 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
     values[AT_NOISE_LASTING] = now.lasting;
-    write_features(filter, &ahead.now, values);
     memcpy(values + AT_PREDICTED, then.r, sizeof then.r);
     write_upper(then.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);
     for (int k = AT_OUTPUTS; k < AT_OUTPUTS + N_OUTPUTS; k++)

@@ -46,9 +46,10 @@ static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][
     return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
 }
 
-/* What is known, on its way from the filter's time to later ones: r, v, the transition to there, and what the bank says. */
+/* What is known, on its way from the filter's time to later ones: r, v, the transition to there of these and of an acceleration,
+   and what the bank says. */
 typedef struct {
-    double time, x[6], F[6][6];
+    double time, x[6], F[6][9];
     Now now;
 } Ahead;
 
@@ -58,7 +59,7 @@ static void start_ahead(const Online *filter, Ahead *ahead) {
     ahead->time = filter->time;
     for (int i = 0; i < 6; i++) {
         ahead->x[i] = filter->x[i];
-        for (int j = 0; j < 6; j++) ahead->F[i][j] = i == j;
+        for (int j = 0; j < 9; j++) ahead->F[i][j] = i == j;
     }
 }
 
@@ -66,11 +67,15 @@ static void start_ahead(const Online *filter, Ahead *ahead) {
 static void go_ahead(const OnlineOptions *options, Ahead *ahead, double end, const double moved[6]) {
     int count = end > ahead->time ? steps_between(options, ahead->time, end) : 0;
     for (int s = 0; s < count; s++) {
-        double step[6][6], before[6][6], T = (end - ahead->time) / count, from = ahead->time + s * T;
+        double step[6][6], before[6][9], T = (end - ahead->time) / count, from = ahead->time + s * T;
         transition(options, from, s + 1 < count ? from + T : end, ahead->x, step);
         carry_now(&ahead->now, T, step);
-        for (int k = 0; k < 36; k++) before[k / 6][k % 6] = ahead->F[k / 6][k % 6];
-        multiplied(step, before, ahead->F);
+        for (int k = 0; k < 54; k++) before[k / 9][k % 9] = ahead->F[k / 9][k % 9];
+        for (int i = 0; i < 6; i++)
+            for (int j = 0; j < 9; j++) {
+                ahead->F[i][j] = j == 6 + i % 3 ? bent_by(i, T) : 0.0;
+                for (int k = 0; k < 6; k++) ahead->F[i][j] += step[i][k] * before[k][j];
+            }
     }
     for (int i = 0; i < 6; i++) ahead->x[i] -= moved[i];
     ahead->time = end;
@@ -186,48 +191,49 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     Ahead ahead;
-    double P[6][6], b[3], arm[3], K[3][3], KC[3][3], RB[3][3];
-    double X[3][3], of_b[3][3], all[6][6], shift[3], arc[3][3];
-    int at = BODY + 3 * slot;
+    Ties ties;
+    Known known;
+    double P[6][6], arm[3], K[3][3], KC[3][3], RB[3][3], X[3][3], shift[3], arc[3][3];
     start_ahead(filter, &ahead);
+    tie(filter, &ahead.now, &ties);
+    known_place(filter, &ahead.now, &ties, slot, &known);
     push_ahead(filter, &ahead, time, acceleration);
     const Now *now = &ahead.now;
     double factor = factor_of(filter, now);
     claim(filter, now, P);
-    multiplied(ahead.F, filter->F, all);
-    for (int i = 0; i < 3; i++) {
-        b[i] = filter->b[slot][i] + now->x[OFFSET + i];
+    for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
-            of_b[i][j] = factor * (filter->P[at + i][at + j] + now->wider[OFFSET + i][OFFSET + j]);
-            X[i][j] = factor * now->wider[i][OFFSET + j]; /* of r, then, and b */
-            for (int k = 0; k < 6; k++)
-                X[i][j] += factor * all[i][k] * filter->P[PLACE + k][at + j];
+            X[i][j] = 0.0; /* of r, then, and b */
+            for (int k = 0; k < 9; k++) X[i][j] += factor * ahead.F[i][k] * known.with[k < 6 ? k : LEVEL + k - 6][j];
+            known.P[i][j] *= factor;
         }
-    }
-    times(tumble.R, b, arm);
+    times(tumble.R, known.b, arm);
     moved_by_turn(arm, K);
     product(K, tumble.turn, KC);
     curve(arm, (const double(*)[3])tumble.turn, shift, arc);
-    product(tumble.R, of_b, RB);
+    product(tumble.R, known.P, RB);
     for (int i = 0; i < 3; i++) {
         position[i] = ahead.x[i] + now->x[i] + arm[i] + shift[i];
-        for (int j = 0; j < 3; j++)
-            covariance[3 * i + j] = 0.5 * (P[i][j] + P[j][i]) + dot(X[i], tumble.R[j]) + dot(X[j], tumble.R[i]) +
-                                    dot(RB[i], tumble.R[j]) + dot(KC[i], K[j]) + arc[i][j];
+        for (int j = 0; j <= i; j++)
+            covariance[3 * i + j] = covariance[3 * j + i] =
+                0.5 * (P[i][j] + P[j][i]) + dot(X[i], tumble.R[j]) + dot(X[j], tumble.R[i]) + dot(RB[i], tumble.R[j]) +
+                dot(KC[i], K[j]) + 0.5 * (arc[i][j] + arc[j][i]);
     }
     return ACCEPTED;
 }
 
-/* The map, by what is known at any time from the filter's on; returns how many features it has. */
+/* The map, by what is known at the filter's time; returns how many features it has. */
 static int map_of(const Online *filter, const Now *now, long long *names, double *positions, double *covariances) {
     double factor = factor_of(filter, now);
+    Ties ties;
+    tie(filter, now, &ties);
     for (int f = 0; f < (int)filter->used; f++) {
+        Known known;
+        known_place(filter, now, &ties, f, &known);
         names[f] = filter->feature[f].name;
         for (int i = 0; i < 3; i++) {
-            positions[3 * f + i] = filter->b[f][i] + now->x[OFFSET + i];
-            for (int j = 0; j < 3; j++)
-                covariances[9 * f + 3 * i + j] =
-                    factor * (filter->P[BODY + 3 * f + i][BODY + 3 * f + j] + now->wider[OFFSET + i][OFFSET + j]);
+            positions[3 * f + i] = known.b[i];
+            for (int j = 0; j < 3; j++) covariances[9 * f + 3 * i + j] = factor * known.P[i][j];
         }
     }
     return (int)filter->used;
