@@ -94,8 +94,8 @@ static void write_quaternion(const double R[3][3], double *quaternion)
     unit_attitude(rows, results, NULL, NULL, 0);
 }
 
-/* Say that something is left out, unless it was said of a fault of this kind before. */
-static void leave_out(Model *model, Fault fault, char *message, const char *format, ...)
+/* Say what is wrong with a sample, unless it was said of a fault of this kind before. */
+static void tell(Model *model, Fault fault, char *message, const char *format, ...)
 {
     const size_t length = strlen(message);
     if (model->told[fault]) return;
@@ -107,23 +107,33 @@ static void leave_out(Model *model, Fault fault, char *message, const char *form
     va_end(arguments);
 }
 
-/* Whether a sample's number and time are news, and not of the future; a sample of that waits for its time. */
+/* Whether a sample is news: its number is not that of the last one, and its time is later, but not of the future; a sample of that
+   waits for its time. A number that goes back at a later time is of a rig that began again, or the one before was wrong. */
 static bool is_due(Model *model, const double *values, double next, char *message)
 {
-    const double number = values[AT_SAMPLE_NUMBER], time = values[AT_SAMPLE_TIME], last = model->filter.time + model->started;
-    if (number < model->taken)
-        leave_out(model, OLD_NUMBER, message, "sample.number is %.17g, expected at least that of the last one, %.17g: not taken",
-                  number, model->taken);
-    if (!(number > model->taken)) return false;
-    if (time > next) {
-        leave_out(model, TIME_AHEAD, message, "sample.time is %.17g s, expected at most the end of the step, %.17g s: not taken "
-                  "before its time", time, next);
+    const double number = values[AT_SAMPLE_NUMBER], time = values[AT_SAMPLE_TIME], before = model->taken;
+    const double last = model->filter.time + model->started;
+    if (number == 0.0) return false; /* none yet */
+    if (number == before) {
+        if (time > model->taken_time)
+            tell(model, SAME_NUMBER, message, "sample.time is %.17g s, later than before, but sample.number is that of the last "
+                 "sample, %.17g, expected another: not taken", time, number);
         return false;
     }
-    model->taken = number;
-    if (model->samples == 0.0 || time - model->started > model->filter.time) return true;
-    leave_out(model, OLD_TIME, message, "sample.time is %.17g s, expected more than that of the last one, %.17g s: not taken", time, last);
-    return false;
+    if (time > next) {
+        tell(model, TIME_AHEAD, message, "sample.time is %.17g s, expected at most the end of the step, %.17g s: not taken "
+             "before its time", time, next);
+        return false;
+    }
+    model->taken = number, model->taken_time = time;
+    if (model->samples != 0.0 && !(time > last)) {
+        tell(model, OLD_TIME, message, "sample.time is %.17g s, expected more than that of the last one, %.17g s: not taken", time, last);
+        return false;
+    }
+    if (number < before)
+        tell(model, NUMBER_BACK, message, "sample.number is %.17g after %.17g, expected a greater one: taken as of a rig that began "
+             "again, as its sample.time, %.17g s, is later", number, before, time);
+    return true;
 }
 
 /* Whether any of the points that are seen has a covariance other than 0. */
@@ -148,7 +158,7 @@ static void take_sample(Model *model, const double *values, char *message)
         double *results[] = {points[count], covariances[count]};
         unit_point(arguments, results, NULL, NULL, 0);
         if (own && !covariance_of(covariances[count], full))
-            leave_out(model, SINGULAR, message, "the covariance of point %d at %.17g s is not positive definite: the point is left out",
+            tell(model, SINGULAR, message, "the covariance of point %d at %.17g s is not positive definite: the point is left out",
                       feature + 1, values[AT_SAMPLE_TIME]);
         else
             names[count++] = feature;
@@ -162,7 +172,7 @@ static void take_sample(Model *model, const double *values, char *message)
     }
     moved_between(model, model->filter.time, time, moved);
     if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, moved) != ACCEPTED) {
-        leave_out(model, UNUSABLE, message, "the sample at %.17g s is not finite in frame C: not taken", values[AT_SAMPLE_TIME]);
+        tell(model, UNUSABLE, message, "the sample at %.17g s is not finite in frame C: not taken", values[AT_SAMPLE_TIME]);
         return;
     }
     model->samples += 1.0;
@@ -287,7 +297,7 @@ static bool model_step(Model *model, double *values, double time, double next, c
     remember(model, values, time - model->started, next - model->started);
     if (is_due(model, values, next, message)) take_sample(model, values, message);
     if (write_outputs(model, values, next - model->started)) return true;
-    leave_out(model, NO_STATE, message, "the filter has no finite state at %.17g s: it begins again", next);
+    tell(model, NO_STATE, message, "the filter has no finite state at %.17g s: it begins again", next);
     begin_again(model, values, next - model->started);
     return true;
 }

@@ -12,13 +12,13 @@ typedef struct {
     double time, moved[6]; /* s; m, m/s in C: by what commands have moved the chaser here since the point before */
 } Past;
 
-/* Why a sample, or a point of one, is left out, or all that was known. */
-typedef enum { OLD_NUMBER, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, NO_STATE, N_FAULTS } Fault;
+/* Why a sample, or a point of one, is left out, or all that was known; or what else is wrong with it. */
+typedef enum { SAME_NUMBER, NUMBER_BACK, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, NO_STATE, N_FAULTS } Fault;
 
 typedef struct {
     Online filter;
     double started; /* s: all other times here are since then, as the orbit's anomaly is that of the start */
-    double taken;   /* number of the last sample */
+    double taken, taken_time; /* number and sample.time of the last sample */
     double samples;
     bool told[N_FAULTS]; /* that so was the first one of them */
     double attitude[4]; /* (w, x, y, z), of the last one that fits */

@@ -42,12 +42,12 @@ _EQUATIONS = (
     "A Kalman filter of the target's centre of mass and of its features. The attitude is free in every sample, so that "
     "nothing is assumed of inertia and tumble; the centre of mass moves on the relative orbit, or freely, with white "
     "acceleration of a density that is estimated.",
-    "A sample is taken in the step that begins with a sample.number greater than before, as of sample.time. What the "
-    "command changed since then is in the outputs, which are of the step's end; of more than 64 steps since the last "
-    "sample, neighbours are taken together.",
-    "Left out, and logged as a warning, are a sample.time that is not after that of the last sample, a sample.number "
-    "less than before, and points whose covariance is not positive definite where others have one; a sample.time "
-    "after the step's end waits.",
+    "A sample is taken in the step that begins with another sample.number than before, not 0, as of sample.time. What "
+    "the command changed since then is in the outputs, which are of the step's end; of more than 64 steps since the "
+    "last sample, neighbours are taken together.",
+    "Left out, and logged as a warning, are a sample.time that is not after that of the last sample, one that is under "
+    "the same sample.number, and points whose covariance is not positive definite where others have one; a sample.time "
+    "after the step's end waits. A sample.number that is less than before is logged, and its sample taken.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
     f"the filter begins with another map. It holds up to {MOST_FEATURES} features.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "

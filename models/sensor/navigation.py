@@ -94,7 +94,7 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         Variable("seen", IN, "1", "Whether the feature is seen", (n,), boolean=True, per_feature=True, discrete=True),
         Variable("camera.attitude", IN, "1", "Attitude quaternion (w, x, y, z), camera to inertial, as measured", (4,)),
         Variable("sample.time", IN, "s", "Time of the sample that the inputs are of"),
-        Variable("sample.number", IN, "1", "Number of samples so far; a sample is taken where this has grown"),
+        Variable("sample.number", IN, "1", "Number of samples so far; a sample is taken where this is another"),
         Variable("chaser.acceleration", IN, "m/s2", "Commanded acceleration of the chaser, LVLH axes", (3,), axes=LVLH),
         Variable("camera.leverArm", PAR, "m", "Camera from the chaser's CoM, camera axes", (3,), axes=CAMERA),
         Variable(

@@ -295,7 +295,7 @@ def test_a_point_without_a_proper_covariance_is_left_out_alone_and_said_once(sta
     [
         (lambda k: {"sample.time": 1e9} if k == 20 else {}, "sample.time is 1000000000 s, expected at most the end"),
         (lambda k: {"sample.time": 3.0} if k == 20 else {}, "sample.time is 3 s, expected more than that of the last"),
-        (lambda k: {"sample.number": 2.0} if k == 20 else {}, "sample.number is 2, expected at least that of the last"),
+        (lambda k: {"sample.number": 20} if k == 20 else {}, "sample.number is that of the last sample, 20, expected"),
         (lambda k: {"points": np.full((COUNT, 3), 1.7e308)} if k == 20 else {}, "is not finite in frame C: not taken"),
     ],
     ids=["future", "past", "number", "points"],
@@ -310,6 +310,48 @@ def test_a_sample_that_cannot_be_is_said_and_spoils_no_other(started, spoil, wor
         np.testing.assert_array_equal(unit[name], without[name])
     (message,) = unit.messages
     assert words in message
+
+
+@pytest.mark.parametrize(
+    "spoil, words",
+    [
+        (lambda k: {"sample.number": 9e18} if k == 20 else {}, ["sample.number is 22 after 9e+18, expected"]),
+        (
+            lambda k: {"sample.number": k - 19} if k >= 20 else {},
+            ["sample.number is 1 after 20, expected"],
+        ),
+        (
+            lambda k: {"sample.number": 2.0} if k in (20, 25) else {},
+            ["sample.number is 2 after 20, expected"],
+        ),
+        (lambda k: {"sample.number": 1e6 - k}, ["sample.number is 999999 after 1000000, expected"]),
+    ],
+    ids=["one far too great", "a rig that begins again", "two too small", "counted down"],
+)
+def test_a_later_sample_is_taken_whatever_its_number(started, spoil, words):
+    """After one number of 9e18, or of a rig that counted anew, nothing was taken until the number was passed."""
+    (_, without), (_, unit) = fly_by(started, lambda k, sample: {}), fly_by(started, lambda k, sample: spoil(k))
+    for name in ("target.position", "target.positionCovariance", "status", "samples"):
+        np.testing.assert_array_equal(unit[name], without[name])
+    assert unit["samples"] == 40
+    assert len(unit.messages) == len(words)
+    for message, told in zip(unit.messages, words, strict=True):
+        assert told in message
+
+
+def test_a_number_of_zero_is_no_sample(started):
+    """As the outputs of a rig are before its first sample: nothing is taken and nothing said."""
+
+    def unset(k, sample):
+        return {name: np.zeros_like(value) for name, value in sample.items()} if 20 <= k < 25 else {}
+
+    (_, without), (_, unit) = (
+        fly_by(started, lambda k, sample: {"seen": np.zeros(COUNT)} if 20 <= k < 25 else {}),
+        fly_by(started, unset),
+    )
+    for name in ("target.position", "target.positionCovariance", "status", "samples"):
+        np.testing.assert_array_equal(unit[name], without[name])
+    assert unit.messages == []
 
 
 def test_it_begins_again_where_it_has_no_finite_state(started):
