@@ -21,12 +21,13 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 SYMMETRIC = 1e-9  # of the greatest element: what a matrix may differ from its transpose by, by rounding
+STRONGEST = 1e9  # m/s², absolute value of an acceleration's coordinate
 LONGEST_GAP = 86400.0  # s, a day
 MAGIC = b"baryscope online\n"
 HEAD = struct.Struct("<17s32sI")  # what stands before the memory of a saved filter: MAGIC, its build, its checksum
 REFUSED = {
     1: "time: found {time!r} s, expected a time after that of the last frame",
-    3: "covariance: found one that is not symmetric positive definite",
+    3: f"covariance: found one that is not symmetric positive definite, or beyond {COARSEST:g} m",
     4: "names: found the same twice, expected each feature once",
     8: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last frame",
 }
@@ -318,8 +319,8 @@ def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
 
 def _acceleration(given: ArrayLike | None) -> FloatArray:
     found = np.zeros(3) if given is None else np.array(given, dtype=np.float64)
-    if found.shape != (3,) or not np.isfinite(found).all():
-        raise InputError(f"acceleration: found {given!r}, expected three finite numbers, m/s²")
+    if found.shape != (3,) or not (np.abs(found) <= STRONGEST).all():
+        raise InputError(f"acceleration: found {given!r}, expected three numbers within {STRONGEST:g} m/s²")
     return found
 
 

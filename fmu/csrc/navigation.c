@@ -56,7 +56,7 @@ static void make_room(Model *model)
 /* Remember the step from `time` to `next` with its command, which turns with LVLH. One constant push would have the velocity of
    that at the end, but not the place: each half has its own, as the command is a sixth of the step from its outer end; so
    both are right to second order. */
-static void remember(Model *model, const double *values, double time, double next)
+static void remember(Model *model, const double *values, const double command[3], double time, double next)
 {
     if (model->count == MOST_PAST) make_room(model);
     Past *now = &model->past[model->count++];
@@ -66,12 +66,12 @@ static void remember(Model *model, const double *values, double time, double nex
     memset(now->moved, 0, sizeof now->moved);
     for (int half = 0; half < 2; half++) {
         double push[3];
-        const double *arguments[] = {&moments[half], values + AT_ORBIT, values + AT_ACCELERATION};
+        const double *arguments[] = {&moments[half], values + AT_ORBIT, command};
         double *results[] = {push};
         if (values[AT_ON_ORBIT] != 0.0)
             unit_push(arguments, results, NULL, NULL, 0);
         else
-            memcpy(push, values + AT_ACCELERATION, sizeof push);
+            memcpy(push, command, sizeof push);
         push_on(&model->filter.options, ends[half], ends[half + 1], push, now->moved);
     }
 }
@@ -144,26 +144,46 @@ static bool has_covariances(const double *values)
     return false;
 }
 
-/* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one. */
-static void take_sample(Model *model, const double *values, char *message)
+/* Whether all points that are seen are in range: beyond it numbers would overflow on their way to C. */
+static bool are_in_range(const double *values)
+{
+    for (int feature = 0; feature < N_FEATURES; feature++)
+        if (values[AT_SEEN + feature] != 0.0 && !are_within(FARTHEST, values + AT_POINTS + 3 * feature, 3)) return false;
+    return true;
+}
+
+/* The command of a step, or none if it is out of range. */
+static const double *command_of(Model *model, const double *values, double time, char *message)
+{
+    static const double none[3];
+    if (are_within(FARTHEST, values + AT_ACCELERATION, 3)) return values + AT_ACCELERATION;
+    tell(model, TOO_STRONG, message, "chaser.acceleration at %.17g s is not within %g m/s2: taken for none", time, FARTHEST);
+    return none;
+}
+
+/* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one.
+   False if the sample is refused. */
+static bool take_sample(Model *model, const double *values, char *message)
 {
     long long names[N_FEATURES];
     double points[N_FEATURES][3], covariances[N_FEATURES][6], full[3][3], moved[6];
     const bool own = has_covariances(values);
     int count = 0;
+    if (!are_in_range(values)) return false;
     for (int feature = 0; feature < N_FEATURES; feature++) {
         if (values[AT_SEEN + feature] == 0.0) continue;
         const double *covariance = values + AT_COVARIANCES + 6 * feature;
         const double *arguments[] = {values + AT_ATTITUDE, values + AT_LEVER_ARM, values + AT_POINTS + 3 * feature, covariance};
         double *results[] = {points[count], covariances[count]};
-        unit_point(arguments, results, NULL, NULL, 0);
-        if (own && !covariance_of(covariances[count], full))
-            tell(model, SINGULAR, message, "the covariance of point %d at %.17g s is not positive definite: the point is left out",
-                      feature + 1, values[AT_SAMPLE_TIME]);
+        const bool within = are_within(FARTHEST * FARTHEST, covariance, 6);
+        if (within) unit_point(arguments, results, NULL, NULL, 0);
+        if (own && !(within && covariance_of(covariances[count], full)))
+            tell(model, SINGULAR, message, "the covariance of point %d at %.17g s is not positive definite, or beyond %g m2: the point "
+                 "is left out", feature + 1, values[AT_SAMPLE_TIME], FARTHEST * FARTHEST);
         else
             names[count++] = feature;
     }
-    if (count == 0) return;
+    if (count == 0) return true;
     const double time = values[AT_SAMPLE_TIME] - model->started;
     double next;
     while (model->filter.frames > 0.0 && (next = next_point(model, model->filter.time, time)) < time) {
@@ -171,17 +191,14 @@ static void take_sample(Model *model, const double *values, char *message)
         advance(&model->filter, next, moved);
     }
     moved_between(model, model->filter.time, time, moved);
-    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, moved) != ACCEPTED) {
-        tell(model, UNUSABLE, message, "the sample at %.17g s is not finite in frame C: not taken", values[AT_SAMPLE_TIME]);
-        return;
-    }
+    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, moved) != ACCEPTED) return false;
     model->samples += 1.0;
     for (int k = 0; k < 3; k++) {
         model->sight[k] = 0.0;
         for (int i = 0; i < count; i++) model->sight[k] += points[i][k] / count;
     }
-    if (model->filter.frames == 0.0 || model->filter.registered != time) return;
-    write_quaternion(model->filter.attitude, model->attitude);
+    if (model->filter.frames > 0.0 && model->filter.registered == time) write_quaternion(model->filter.attitude, model->attitude);
+    return true;
 }
 
 /* ---- outputs ---- */
@@ -294,8 +311,10 @@ static void model_tune(Model *model, const double *values) { (void)model, (void)
 /* Where the filter ends with numbers that are none, as on an open orbit, it begins again: a unit on board goes on. */
 static bool model_step(Model *model, double *values, double time, double next, char *message)
 {
-    remember(model, values, time - model->started, next - model->started);
-    if (is_due(model, values, next, message)) take_sample(model, values, message);
+    remember(model, values, command_of(model, values, time, message), time - model->started, next - model->started);
+    if (is_due(model, values, next, message) && !take_sample(model, values, message))
+        tell(model, UNUSABLE, message, "the sample at %.17g s is not within %g m in frame C and %g s: not taken",
+             values[AT_SAMPLE_TIME], FARTHEST, LATEST);
     if (write_outputs(model, values, next - model->started)) return true;
     tell(model, NO_STATE, message, "the filter has no finite state at %.17g s: it begins again", next);
     begin_again(model, values, next - model->started);

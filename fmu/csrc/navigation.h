@@ -13,7 +13,7 @@ typedef struct {
 } Past;
 
 /* Why a sample, or a point of one, is left out, or all that was known; or what else is wrong with it. */
-typedef enum { SAME_NUMBER, NUMBER_BACK, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, NO_STATE, N_FAULTS } Fault;
+typedef enum { SAME_NUMBER, NUMBER_BACK, OLD_TIME, TIME_AHEAD, SINGULAR, UNUSABLE, TOO_STRONG, NO_STATE, N_FAULTS } Fault;
 
 typedef struct {
     Online filter;

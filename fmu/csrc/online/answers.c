@@ -5,9 +5,9 @@
 #define TREND 3.0 /* standard deviations */
 #define SEEMING 0.5 /* what was taken back, over what is known of the offset, along some direction */
 
-static int are_finite(const double *values, int count) {
+static int are_within(double range, const double *values, int count) {
     for (int k = 0; k < count; k++)
-        if (!isfinite(values[k])) return 0;
+        if (!(fabs(values[k]) <= range)) return 0;
     return 1;
 }
 
@@ -123,8 +123,8 @@ static void state_there(const Online *filter, const Ahead *ahead, OnlineState *s
 }
 
 int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
-    if (!isfinite(time) || time < filter->time) return BAD_TIME;
-    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
+    if (!are_within(LATEST, &time, 1) || time < filter->time) return BAD_TIME;
+    if (!are_within(FARTHEST, acceleration, 3)) return BAD_ACCELERATION;
     Ahead ahead;
     if (filter->frames == 0.0) {
         begin_state(filter, time, state);
@@ -138,7 +138,7 @@ int online_predict(const Online *filter, double time, const double *acceleration
 
 int online_tumble(const Online *filter, double time, OnlineTumble *found) {
     *found = (OnlineTumble){0};
-    if (!isfinite(time) || time < filter->turned) return BAD_TIME;
+    if (!are_within(LATEST, &time, 1) || time < filter->turned) return BAD_TIME;
     if (filter->tumble.known == 0.0) return ACCEPTED;
     double factor = noise_ratio(filter), F[6][SPIN], Q[6][6], P[SPIN][SPIN];
     Spin spin = filter->tumble.spin;
@@ -186,8 +186,8 @@ int online_point(const Online *filter, double time, const double *acceleration, 
                  double *covariance) {
     OnlineTumble tumble;
     int slot = slot_of(filter, name);
-    if (!isfinite(time) || time < filter->time) return BAD_TIME;
-    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
+    if (!are_within(LATEST, &time, 1) || time < filter->time) return BAD_TIME;
+    if (!are_within(FARTHEST, acceleration, 3)) return BAD_ACCELERATION;
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     Ahead ahead;

@@ -12,10 +12,11 @@ void online_start(Online *filter, const OnlineOptions *options) {
 /* A variance over what is left of it where the two other coordinates are known: more is rounding of a singular covariance. */
 static const double SINGULAR_BEYOND = 1e13;
 
-/* A covariance (3, 3) of its upper triangle; 0 if it is not positive definite. */
+/* A covariance (3, 3) of its upper triangle; 0 if it is not positive definite, or too large. */
 static int covariance_of(const double upper[6], double P[3][3]) {
     static const int UPPER[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
     double inverse[3][3];
+    if (!are_within(FARTHEST * FARTHEST, upper, 6)) return 0;
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) P[a][b] = upper[UPPER[a][b]];
     if (!inverted(P, inverse)) return 0;
@@ -33,7 +34,7 @@ static int read_frame(const Online *filter, const double R[3][3], int count, con
     if (!covariances && !covariance_of(alike, shared)) return BAD_COVARIANCE;
     frame->count = count;
     for (int i = 0; i < count; i++) {
-        if (!are_finite(points + 3 * i, 3)) return BAD_POINT;
+        if (!are_within(FARTHEST, points + 3 * i, 3)) return BAD_POINT;
         for (int j = 0; j < i; j++)
             if (names[j] == names[i]) return BAD_NAME;
         for (int k = 0; k < 3; k++) frame->y[i][k] = points[3 * i + k];
@@ -132,7 +133,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     Foreseen foreseen;
     double R[3][3], turn[3];
     int sound = 1;
-    if (!isfinite(time) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
+    if (!are_within(LATEST, &time, 1) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (filter->frames > 0.0 && !(time - filter->time <= filter->options.longest_gap)) return TOO_LATE;
     foresee(filter, time, &tumble, &foreseen);
     int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
@@ -187,7 +188,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
 int online_update(Online *filter, double time, int count, const long long *names, const double *points,
                   const double *covariances, const double *acceleration) {
     double moved[6] = {0.0};
-    if (!are_finite(acceleration, 3)) return BAD_ACCELERATION;
-    if (isfinite(time) && filter->frames > 0.0) push_on(&filter->options, filter->time, time, acceleration, moved);
+    if (!are_within(FARTHEST, acceleration, 3)) return BAD_ACCELERATION;
+    if (are_within(LATEST, &time, 1) && filter->frames > 0.0) push_on(&filter->options, filter->time, time, acceleration, moved);
     return take_frame(filter, time, count, names, points, covariances, moved);
 }

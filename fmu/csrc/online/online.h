@@ -22,6 +22,11 @@ filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is n
 #define ONLINE_EXPORT
 #endif
 
+/* What is beyond has another unit, or is no number at all: absolute values of a coordinate, m, of an acceleration, m/s2, and of a
+   standard deviation of a point along any direction, m; and of a time, s. */
+#define FARTHEST 1e9
+#define LATEST 1e10
+
 enum {
     MOST_FEATURES = 32,
     /* Errors of the state, in this order: a node's angular rate, shift and attitude (a rotation vector), all in C, r, v,
@@ -231,7 +236,7 @@ typedef struct {
 
 ONLINE_EXPORT unsigned long long online_size(void);
 ONLINE_EXPORT void online_start(Online *filter, const OnlineOptions *options);
-/* points: count times x, y, z in C, m; covariances: count times xx, xy, xz, yy, yz, zz, m2, or NULL for sigma's;
+/* All numbers are within the ranges above. points: count times x, y, z in C, m; covariances: count times xx, xy, xz, yy, yz, zz, m2, or NULL for sigma's;
    acceleration: of the chaser in C since the last frame, m/s2. What is refused changes nothing. */
 ONLINE_EXPORT int online_update(Online *filter, double time, int count, const long long *names, const double *points,
                                 const double *covariances, const double *acceleration);

@@ -7,6 +7,7 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from baryscope.estimator.limits import FARTHEST, LATEST
 from baryscope.estimator.online import OnlineStatus
 from baryscope.estimator.online.core import MOST_FEATURES, Options, State, Tumble, sources
 from baryscope.estimator.online.estimator import REFUSED
@@ -44,6 +45,13 @@ def fields_of(struct):
 def test_lengths():
     assert constant("MOST_FEATURES") == MOST_FEATURES
     assert constant("N_ELEMENTS") == ELEMENT_COUNT
+
+
+def test_ranges():
+    assert {name: float(re.search(rf"#define {name} (\S+)", HEADER)[1]) for name in ("FARTHEST", "LATEST")} == {
+        "FARTHEST": FARTHEST,
+        "LATEST": LATEST,
+    }
 
 
 def test_statuses_have_the_headers_numbers():
@@ -85,3 +93,61 @@ def test_a_noise_that_rounding_left_indefinite_shows_nothing(tmp_path):
     np.testing.assert_array_equal(seems(indefinite), np.zeros((3, 3)))
     weight = np.diag(1 / np.diag(sound))
     np.testing.assert_allclose(seems(sound), 2e-4 * (np.trace(weight) * np.eye(3) - weight), rtol=1e-12)
+
+
+EXCEPTIONS = """#include "library.c"
+#include <fenv.h>
+#pragma STDC FENV_ACCESS ON
+int raised(Online *filter, double time, double size, double deviation, double acceleration, int *refused)
+{
+    const long long names[] = {0, 1, 2, 3, 4};
+    const double push[] = {acceleration, 0.0, -acceleration};
+    const double shape[5][3] = {{1}, {-1, 0.5}, {0.2, -1, 0.3}, {0, 0.1, 1}, {0.4, 0.3, -1}};
+    double points[15], covariances[30];
+    for (int i = 0; i < 15; i++) points[i] = size * shape[i / 3][i % 3];
+    for (int i = 0; i < 30; i++) covariances[i] = i % 6 == 0 || i % 6 == 3 || i % 6 == 5 ? deviation * deviation : 0.0;
+    feclearexcept(FE_ALL_EXCEPT);
+    *refused = online_update(filter, time, 5, names, points, covariances, push);
+    return fetestexcept(FE_OVERFLOW);
+}"""
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory):
+    """The core with `raised`."""
+    folder = tmp_path_factory.mktemp("watched")
+    for name, content in sources().items():
+        (folder / name).write_bytes(content)
+    library = library_of(folder, EXCEPTIONS, "-Wno-unknown-pragmas")
+    library.raised.argtypes = [ctypes.c_void_p, *[ctypes.c_double] * 4, ctypes.c_void_p]
+    library.online_size.restype = ctypes.c_ulonglong
+    return library
+
+
+@pytest.mark.parametrize(
+    "absurd, refusal",
+    [
+        ({}, "ACCEPTED"),
+        ({"size": 1e9, "deviation": 1e6}, "ACCEPTED"),
+        ({"deviation": 1e9}, "ACCEPTED"),
+        ({"acceleration": 1e9}, "ACCEPTED"),
+        ({"size": 1e150}, "BAD_POINT"),
+        ({"size": 1.1e9}, "BAD_POINT"),
+        ({"deviation": 1e150}, "BAD_COVARIANCE"),
+        ({"acceleration": 1e150}, "BAD_ACCELERATION"),
+        ({"time": 1e150}, "BAD_TIME"),
+    ],
+)
+def test_what_is_out_of_range_is_refused_and_what_is_in_it_does_not_overflow(watched, absurd, refusal):
+    """Points of 1e150 m were taken, and their squares overflowed: a host that traps exceptions ended there."""
+    memory, options, refused = ctypes.create_string_buffer(watched.online_size()), Options(), ctypes.c_int()
+    options.sigma, options.offset, options.speed, options.longest_gap = 0.01, 5.0, 10.0, 86400.0
+    watched.online_start(memory, ctypes.byref(options))
+    usual = {"size": 2.0, "deviation": 0.01, "acceleration": 0.0}
+    for number, change in enumerate(({}, absurd, absurd, {})):
+        frame = {"time": float(number)} | usual | change
+        before = memory.raw
+        assert watched.raised(memory, *(frame[name] for name in ("time", *usual)), ctypes.byref(refused)) == 0
+        result = names_of("OnlineResult")[refused.value]
+        assert result == (refusal if change else "ACCEPTED")
+        assert (memory.raw == before) == (result != "ACCEPTED")

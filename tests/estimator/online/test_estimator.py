@@ -228,7 +228,9 @@ def flat():
         ({"covariance": np.tile(flat(), (8, 1, 1))}, "not symmetric positive definite"),
         ({"covariance": np.zeros((3, 3))}, "covariance has the shape"),
         ({"covariance": np.full((8, 3, 3), np.nan)}, "not symmetric positive definite"),
-        ({"acceleration": [np.nan, 0, 0]}, "three finite numbers"),
+        ({"acceleration": [np.nan, 0, 0]}, "three numbers within"),
+        ({"acceleration": [0, 1e150, 0]}, r"three numbers within 1e\+09 m/s²"),
+        ({"covariance": np.tile(1e90 * np.eye(3), (8, 1, 1))}, r"definite, or beyond 1e\+09 m"),
         ({"points": np.random.default_rng(0).uniform(-1, 1, (40, 3))}, "expected at most 32"),
     ],
 )
