@@ -46,10 +46,9 @@ static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][
     return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
 }
 
-/* What is known, on its way from the filter's time to later ones: r, v, the transition to there of these and of an acceleration,
-   and what the bank says. */
+/* What is known, on its way from the filter's time to later ones: r, v, and what the bank says. */
 typedef struct {
-    double time, x[6], F[6][9];
+    double time, x[6];
     Now now;
 } Ahead;
 
@@ -57,25 +56,16 @@ typedef struct {
 static void start_ahead(const Online *filter, Ahead *ahead) {
     look(filter, &ahead->now);
     ahead->time = filter->time;
-    for (int i = 0; i < 6; i++) {
-        ahead->x[i] = filter->x[i];
-        for (int j = 0; j < 9; j++) ahead->F[i][j] = i == j;
-    }
+    for (int i = 0; i < 6; i++) ahead->x[i] = filter->x[i];
 }
 
 /* To a later time, until which pushes have moved the chaser. */
 static void go_ahead(const OnlineOptions *options, Ahead *ahead, double end, const double moved[6]) {
     int count = end > ahead->time ? steps_between(options, ahead->time, end) : 0;
     for (int s = 0; s < count; s++) {
-        double step[6][6], before[6][9], T = (end - ahead->time) / count, from = ahead->time + s * T;
+        double step[6][6], T = (end - ahead->time) / count, from = ahead->time + s * T;
         transition(options, from, s + 1 < count ? from + T : end, ahead->x, step);
         carry_now(&ahead->now, T, step);
-        for (int k = 0; k < 54; k++) before[k / 9][k % 9] = ahead->F[k / 9][k % 9];
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 9; j++) {
-                ahead->F[i][j] = j == 6 + i % 3 ? bent_by(i, T) : 0.0;
-                for (int k = 0; k < 6; k++) ahead->F[i][j] += step[i][k] * before[k][j];
-            }
     }
     for (int i = 0; i < 6; i++) ahead->x[i] -= moved[i];
     ahead->time = end;
@@ -195,16 +185,15 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     Known known;
     double P[6][6], arm[3], K[3][3], KC[3][3], RB[3][3], X[3][3], shift[3], arc[3][3];
     start_ahead(filter, &ahead);
-    tie(filter, &ahead.now, &ties);
-    known_place(filter, &ahead.now, &ties, slot, &known);
     push_ahead(filter, &ahead, time, acceleration);
     const Now *now = &ahead.now;
+    tie(filter, now, &ties);
+    known_place(filter, now, &ties, slot, &known);
     double factor = factor_of(filter, now);
     claim(filter, now, P);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
-            X[i][j] = 0.0; /* of r, then, and b */
-            for (int k = 0; k < 9; k++) X[i][j] += factor * ahead.F[i][k] * known.with[k < 6 ? k : LEVEL + k - 6][j];
+            X[i][j] = factor * known.with[i][j]; /* of r, then, and b */
             known.P[i][j] *= factor;
         }
     times(tumble.R, known.b, arm);
@@ -222,7 +211,7 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     return ACCEPTED;
 }
 
-/* The map, by what is known at the filter's time; returns how many features it has. */
+/* The map, by what is known at any time from the filter's on; returns how many features it has. */
 static int map_of(const Online *filter, const Now *now, long long *names, double *positions, double *covariances) {
     double factor = factor_of(filter, now);
     Ties ties;

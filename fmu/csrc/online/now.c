@@ -110,50 +110,46 @@ static void look_and_keep(Online *filter) {
     filter->looked = 1.0;
 }
 
-/* A feature as it is known now: its place in B and the covariance, and how its error goes with those of Now, in their order. */
+/* A feature as it is known now: its place in B and the covariance, and how its error goes with (r, v). */
 typedef struct {
-    double b[3], P[3][3], with[MOTION][3];
+    double b[3], P[3][3], with[6][3];
 } Known;
 
-/* How the errors of features go with the large filter's of (r, v, offset, scale), G as of `with_level`, at the filter's time, and
-   the Cholesky factor of the covariance of these; `sure` is 0 where it has none. */
+/* How the errors of features go with the large filter's of offset and scale, and the Cholesky factor of the covariance of these;
+   `sure` is 0 where it has none. */
 typedef struct {
-    double G[LEVEL][MOST_ERRORS], L[LEVEL * LEVEL];
+    double G[LEVEL][MOST_ERRORS], L[OF_MAP * OF_MAP];
     int sure;
 } Ties;
 
 static void tie(const Online *filter, const Now *now, Ties *ties) {
-    const int n = size_of(filter);
-    with_level(filter, n, ties->G);
-    for (int j = BODY; j < n; j++) {
-        double before[6];
-        for (int a = 0; a < 6; a++) before[a] = ties->G[a][j];
-        for (int a = 0; a < 6; a++) ties->G[a][j] = dot(filter->F[a], before) + dot(&filter->F[a][3], &before[3]);
-    }
-    for (int k = 0; k < LEVEL * LEVEL; k++) ties->L[k] = now->own[k / LEVEL][k % LEVEL];
-    ties->sure = factored(LEVEL, ties->L);
+    with_level(filter, size_of(filter), ties->G);
+    for (int k = 0; k < OF_MAP * OF_MAP; k++) ties->L[k] = now->own[OFFSET + k / OF_MAP][OFFSET + k % OF_MAP];
+    ties->sure = factored(OF_MAP, ties->L);
 }
 
-/* The bank says nothing of a feature but by (r, v, offset, scale). So whatever is known of these, the feature's regression on them
-   stays that of the large filter, H = G' own^-1: its place is corrected by H x, and its covariance is what it has besides, P - H own H',
-   and H (own + wider) H'. Together they are definite as own + wider is. Where own is singular, features go with the offset. */
+/* The bank says nothing of a feature but by offset and scale. So whatever is known of these, the feature's regression on them stays
+   that of the large filter, H = G' own^-1: its place is corrected by H x, and its covariance is what it has besides, P - H own H',
+   and H (own + wider) H'. Together with (r, v) that is definite as own + wider is, at any later time, too, as no time changes
+   offset and scale. Where own is singular, features go with the offset. */
 static void known_place(const Online *filter, const Now *now, const Ties *ties, int slot, Known *known) {
     const int at = BODY + 3 * slot;
-    double H[3][LEVEL];
+    double H[3][OF_MAP], M[OF_MAP][3];
     for (int i = 0; i < 3; i++) {
-        for (int a = 0; a < LEVEL; a++) H[i][a] = ties->sure ? ties->G[a][at + i] : a == OFFSET + i;
-        if (ties->sure) solved(LEVEL, ties->L, H[i]);
+        for (int a = 0; a < OF_MAP; a++) H[i][a] = ties->sure ? ties->G[OFFSET + a][at + i] : a == i;
+        if (ties->sure) solved(OF_MAP, ties->L, H[i]);
         known->b[i] = filter->b[slot][i];
-        for (int a = 0; a < LEVEL; a++) known->b[i] += H[i][a] * now->x[a];
-        for (int a = 0; a < MOTION; a++) {
-            known->with[a][i] = 0.0;
-            for (int b = 0; b < LEVEL; b++) known->with[a][i] += (now->own[a][b] + now->wider[a][b]) * H[i][b];
+        for (int a = 0; a < OF_MAP; a++) known->b[i] += H[i][a] * now->x[OFFSET + a];
+        for (int a = 0; a < LEVEL; a++) {
+            double sum = 0.0;
+            for (int b = 0; b < OF_MAP; b++) sum += (now->own[a][OFFSET + b] + now->wider[a][OFFSET + b]) * H[i][b];
+            *(a < OFFSET ? &known->with[a][i] : &M[a - OFFSET][i]) = sum;
         }
     }
     for (int i = 0; i < 3; i++)
         for (int j = 0; j <= i; j++) {
             double sum = filter->P[at + i][at + j];
-            for (int a = 0; a < LEVEL; a++) sum += H[i][a] * (known->with[a][j] - ties->G[a][at + j]);
+            for (int a = 0; a < OF_MAP; a++) sum += H[i][a] * (M[a][j] - ties->G[OFFSET + a][at + j]);
             known->P[i][j] = known->P[j][i] = i == j ? sum + ROUNDING * filter->P[at + i][at + i] : sum;
         }
 }

@@ -14,6 +14,7 @@ ORBIT = Orbit(7.2e6, 0.1, 1.7, 2.0, 1.5, 0.4)
 DRAWS, ALPHA = 12, 1e-4
 NOISE = 0.06  # m: after 300 s the attitude is uncertain by a quarter of a radian
 AHEAD, FEATURE = 300.0, 2
+FINE = 0.012  # m
 LITTLE = 3  # sightings, of a feature of which hardly more is known than that it was seen
 
 
@@ -70,3 +71,15 @@ def test_of_a_spin_a_feature_is_claimed_as_well_as_it_is_known():
                 nees.append(off @ np.linalg.solve(covariance, off))
     # The features of a draw, and the times, share most of their errors.
     assert np.mean(nees) < chi2.isf(ALPHA, 3 * DRAWS) / DRAWS
+
+
+def test_a_blackout_tells_nothing_of_the_map():
+    """How uncertain the path becomes while nothing is seen is no error of a feature's place."""
+    time = np.arange(0.0, 400.0, 2.0)
+    filter = OnlineEstimator(FINE)
+    run(filter, time, tracks(np.random.default_rng(95), time, path_of(time), sigma=FINE))
+    before = filter.features().covariance
+    for later in np.arange(400.0, 1400.0, 20.0):
+        state = filter.update(later, np.zeros((0, 3)))
+    assert np.sqrt(np.trace(state.covariance[:3, :3])) > 1.0
+    np.testing.assert_allclose(filter.features().covariance, before, rtol=1e-6)
