@@ -98,11 +98,12 @@ static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *p
 
 /* Whether a frame has a pose that is not surprising, if need be with the names of two points exchanged. */
 static int is_expected(Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
-    double turn[3];
+    double turn[3], rate[3], of_rate, turned;
     Pose other = {.count = 0};
     int fits = registered(filter, frame, foreseen, pose), far = fits && is_far(filter, foreseen, pose);
     double angle = fits ? angle_between(pose->R, foreseen->R, turn) : INFINITY;
-    if (fits && !far && (isfinite(foreseen->variance) || angle < LARGE)) exchange_misfits(filter, frame, pose);
+    last_rate(filter, rate, &of_rate, &turned); /* if one is known, any attitude may come where none is foreseen */
+    if (fits && !far && (isfinite(foreseen->variance) || dot(rate, rate) > 0.0 || angle < LARGE)) exchange_misfits(filter, frame, pose);
     else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, foreseen, &other) &&
              (far || angle_between(other.R, foreseen->R, turn) < 0.5 * angle))
         *pose = other, fits = 1;
