@@ -23,7 +23,7 @@ err = Console(stderr=True, highlight=False, markup=False)
 
 LEAST_HEADING = 9  # characters of a heading's line at least
 LEAST_WIDTH = 90  # columns of a table at least, so that no number is cut off
-UNTRUSTED = 3  # exit code: files are written, but the estimate is not to be trusted
+UNTRUSTED = 3  # exit code: files are written, but the estimate is not to be trusted, or something asked for is missing
 TELL_EVERY = 60.0  # s between lines of progress where there is no terminal
 
 
@@ -47,6 +47,11 @@ class Show:
         """A line on standard error, unless quiet."""
         if not self.quiet:
             err.print(text, soft_wrap=True)
+
+    @staticmethod
+    def warn(text: str) -> None:
+        """A line on standard error, even if quiet."""
+        err.print(f"baryscope: {text}", soft_wrap=True)
 
     def result(self, data: Any, *words: str | Table | RenderableType) -> None:
         """The result: lines and tables, or the data if JSON is asked for."""

@@ -13,6 +13,7 @@ from baryscope.estimator.formats import Unit, read_tracks, writable
 from baryscope.estimator.methods import METHODS, PREDICTING, TURNING, estimate
 from baryscope.estimator.options import Axes, Burns, Noise, Options, Reference, Torque
 from baryscope.estimator.plausibility import refuse_implausible
+from baryscope.estimator.prediction import Prediction
 from baryscope.estimator.prose import summary
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
@@ -26,7 +27,7 @@ from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
 from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.joint import chosen
-from baryscope.scripts.cli.prediction import PredictionChoices, prediction_path
+from baryscope.scripts.cli.prediction import PredictionChoices, Refused, prediction_path
 from baryscope.scripts.cli.whole import Whole
 
 # Options that bear on some of the methods only that have them; and choices that need an orbit.
@@ -133,7 +134,7 @@ def estimate_file(
     """Estimate the path of the centre of mass from tracks of features.
 
     The exit code is 3 if the files are written but not to be trusted: not converged, a model does not fit, or
-    too few frames to check it.
+    too few frames to check it; or if the prediction that is asked for cannot be made, and only the others are.
 
     Parameters
     ----------
@@ -206,22 +207,25 @@ def estimate_file(
             turned = None if camera is None else Camera.load(_csv(camera), rig)
             if turned is not None and turned.attitude.epoch is not None:
                 data = replace(data, epoch=epoch)
-            options, point = forces.read_into(options, epoch, turned), prediction.point_of(data)
+            options, asked = forces.read_into(options, epoch, turned), prediction.of(data)
         with stage(progress, f"estimating by {method}") as share:
             result = estimate(data, method=method, orbit=known_orbit, options=options, camera=turned, progress=share)
             result = replace(result, epoch=epoch or result.epoch)
     lines = summary(result)
-    found = None if prediction.predict is None else result.predict(prediction.times(data), point)
-    if found is not None:
+    found = None if asked is None else asked.made(result)
+    if isinstance(found, Prediction):
         lines.append(prediction.line(found, ahead[0]))
     seen = data if turned is None else turned.inertial(data)
     pages = {path: html_of(report_of_estimate(result, seen, known_orbit, tracks.name)) for path in page}
-    write_estimate(result, target, found, pages)
+    write_estimate(result, target, found if isinstance(found, Prediction) else None, pages)
+    if isinstance(found, Refused):
+        ahead[0].unlink(missing_ok=True)  # of an older estimate
+        show.warn(f"no prediction: {found.reason}")
     diagnostics = target.with_suffix(".json")
     words = [_headline(result, target), *(f"  {line}" for line in lines)]
     words += [*(f"  report, for a browser: {path}" for path in page), f"  more in {diagnostics}"]
     show.result(json.loads(diagnostics.read_text(encoding="utf-8")), *words)
-    return 0 if result.status.trustworthy else UNTRUSTED
+    return 0 if result.status.trustworthy and not isinstance(found, Refused) else UNTRUSTED
 
 
 def _csv(path: Path) -> Path:

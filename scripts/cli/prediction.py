@@ -11,10 +11,33 @@ from numpy.typing import NDArray
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.methods import PREDICTING, TURNING
 from baryscope.estimator.prediction import Point, Prediction
+from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.errors import InputError
+from baryscope.models.errors import ComputationError, InputError
 
 MOST_ROWS = 100_000
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A prediction that cannot be made of an estimate, and why."""
+
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class AskedFor:
+    """Times (n,) in s of a prediction, and the point."""
+
+    time: NDArray[np.float64]
+    point: Point
+
+    def made(self, result: Estimate) -> Prediction | Refused:
+        """The prediction of an estimate, which stands without one: there may be no tumble that a point could follow."""
+        try:
+            return result.predict(self.time, self.point)
+        except (ComputationError, InputError) as error:
+            return Refused(str(error))
 
 
 @Parameter(name="*")
@@ -55,7 +78,15 @@ class PredictionChoices:
             expected = f"{', '.join(able[:-1])} or {able[-1]}"
             raise InputError(f"{name}: found with --method {method}, {why}expected {expected}")
 
-    def point_of(self, tracks: FeatureTracks) -> Point:
+    def of(self, tracks: FeatureTracks) -> "AskedFor | None":
+        """What is asked for of tracks; None without --predict.
+
+        Raises:
+            InputError: a point that is none, or too many times.
+        """
+        return None if self.predict is None else AskedFor(self._times(tracks), self._point_of(tracks))
+
+    def _point_of(self, tracks: FeatureTracks) -> Point:
         """The point: a label of the tracks, or coordinates.
 
         Raises:
@@ -72,7 +103,7 @@ class PredictionChoices:
             raise InputError(f"--point: found {self.point!r}, expected x,y,z in m or a feature: {few}")
         return values
 
-    def times(self, tracks: FeatureTracks) -> NDArray[np.float64]:
+    def _times(self, tracks: FeatureTracks) -> NDArray[np.float64]:
         """The times (n,) in s, ascending, as far apart as frames usually are, up to the one that is asked for.
 
         Raises:

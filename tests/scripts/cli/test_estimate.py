@@ -184,3 +184,30 @@ def test_a_look_back(tracks, tmp_path, capsys):
 def test_what_cannot_be_predicted(tracks, options, message, capsys):
     assert app.main(["estimate", str(tracks), "--trajectory", "fixed", *options]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_an_estimate_without_its_prediction(tmp_path, capsys):
+    """A body driven about no axis of a tumble: the path is good, and written, but no point of it can be followed.
+
+    A script that waits for the prediction is told by the exit code, and finds none of an older estimate.
+    """
+    time = np.arange(60.0)
+    turn = Rotation.from_rotvec(np.stack([0.8 * np.sin(0.9 * time), np.sin(0.37 * time), 0.1 * time], 1)).as_matrix()
+    points = box_features(5, (4, 3, 2), seed=1) @ np.swapaxes(turn, 1, 2) + [1.0, -20.0, 2.0]
+    noise = 0.001 * np.random.default_rng(4).normal(size=points.shape)
+    FeatureTracks(time, points + noise, [f"F{i}" for i in range(5)]).write_csv(tmp_path / "t.csv")
+    command = ["estimate", str(tmp_path / "t.csv"), "--method", "ml", "--trajectory", "fixed", "--quiet"]
+    old = tmp_path / "t.estimate.prediction.csv"
+    old.touch()
+    assert app.main([*command, "--predict", "5", "--point", "F1"]) == 3
+    told = capsys.readouterr()
+    assert [line for line in told.err.splitlines() if "no prediction: " in line] == told.err.splitlines()
+    assert "no point can be predicted without a tumble" in told.err
+    assert "60 positions" in told.out
+    assert json.loads((tmp_path / "t.estimate.json").read_text(encoding="utf-8"))["status"] == "good"
+    assert not old.exists()
+    np.testing.assert_allclose(
+        polars.read_csv(tmp_path / "t.estimate.csv")["x", "y", "z"].to_numpy(), [[1, -20, 2]] * 60, atol=0.003
+    )
+    assert app.main([*command, "--predict", "5"]) == 0  # the centre of mass needs no tumble
+    assert old.exists()
