@@ -63,7 +63,7 @@ class PathOptions:
     Sun, or none, for `pivot` and `ml`.
 
     None means: relative-orbit if an orbit is given, else polynomial; sigma from the
-    residuals; the torque that fits the tracks better.
+    residuals; the likelier torque, with `ml` with both in the covariance where tracks do not decide.
 
     Raises:
         InputError: an invalid value.

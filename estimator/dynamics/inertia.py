@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+INERTIA_DEVIATION = 0.5  # standard deviation of the prior of the five elements of the inertia of trace 1
 THINNEST = 1e-3  # least second moment of the mass over the inertia's trace
 
 

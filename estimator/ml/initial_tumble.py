@@ -7,13 +7,14 @@ also gives the relative attitude of bodies that share too few features for a reg
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.normal_equations import attitude_information
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, too_long
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
@@ -48,13 +49,26 @@ class Tumble:
     """The rotation of axes B, and the orientation R_B_S (3, 3) of each body's axes in them.
 
     cost: the robust cost of the attitudes, in variances; median_ratio: the median of their squares over its expectation
-    for noise alone.
+    for noise alone; information (8, 8) on rate and inertia for unknown orientations of the bodies.
     """
 
     rotation: Rotation
     bodies: tuple[FloatArray, ...]
     cost: float
     median_ratio: float
+    information: FloatArray = field(default_factory=lambda: np.zeros((RATE_AND_INERTIA, RATE_AND_INERTIA)))
+
+    @property
+    def excess(self) -> float:
+        """−2 ln p of this model of the rotation, up to a constant, over all rates and inertias (Laplace).
+
+        A model that tells the inertia better has to: of two that fit alike, more motions of the other one do.
+        """
+        if self.cost == np.inf:
+            return np.inf
+        sphere = self.rotation.inertia - np.eye(3) / 3
+        posterior = self.information + np.diag([0.0, 0.0, 0.0, *5 * [INERTIA_DEVIATION**-2]])
+        return self.cost + float(np.sum(sphere**2)) / INERTIA_DEVIATION**2 + float(np.linalg.slogdet(posterior)[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +91,18 @@ def fit_tumble(
     time: FloatArray,
     orbits: tuple[Orbit | None, ...],
 ) -> Tumble:
-    """The rotation that fits the attitudes of the bodies best, among those for the gravity gradients of `orbits`.
+    """The likeliest of `fit_tumbles`, which see."""
+    return fit_tumbles(bodies, observations, variance, time, orbits)[0]
+
+
+def fit_tumbles(
+    bodies: tuple[Body, ...],
+    observations: Observations,
+    variance: float,
+    time: FloatArray,
+    orbits: tuple[Orbit | None, ...],
+) -> tuple[Tumble, ...]:
+    """The rotations that fit the attitudes of the bodies best for the gravity gradients of `orbits`, likeliest first.
 
     variance: of an observation of weight 1; time (n,) of all frames in s.
 
@@ -110,7 +135,7 @@ def fit_tumble(
     fits = [best]
     for orbit in orbits[1:]:
         fits.append(_fitted(replace(best, rotation=replace(best.rotation, orbit=orbit)), poses, FINE_TOLERANCE))
-    return min(fits, key=lambda fit: fit.cost)
+    return tuple(sorted(fits, key=lambda fit: fit.excess))
 
 
 def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float, time: FloatArray) -> _Poses:
@@ -277,7 +302,9 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
         while damping < 1e8:
             change = symmetric_pseudo_inverse(matrix + damping * np.diag(np.diag(matrix))) @ rhs
             if change @ rhs <= tolerance * cost:
-                return replace(tumble, cost=cost, median_ratio=_median_ratio(residual, poses))
+                return replace(
+                    tumble, cost=cost, median_ratio=_median_ratio(residual, poses), information=_reduced(matrix)
+                )
             trial = _changed(tumble, change, present)
             found = _residuals(trial, poses)
             if found is not None:
@@ -288,7 +315,14 @@ def _fitted(tumble: Tumble, poses: _Poses, tolerance: float) -> Tumble:
                     damping /= 30
                     break
             damping *= 10
-    return replace(tumble, cost=cost, median_ratio=_median_ratio(residual, poses))
+    return replace(tumble, cost=cost, median_ratio=_median_ratio(residual, poses), information=_reduced(matrix))
+
+
+def _reduced(matrix: FloatArray) -> FloatArray:
+    """The information (8, 8) on rate and inertia in that on all unknowns, which end with the bodies' orientations."""
+    own, others = slice(0, RATE_AND_INERTIA), slice(RATE_AND_INERTIA, None)
+    inverse = symmetric_pseudo_inverse(matrix[others, others])
+    return np.asarray(matrix[own, own] - matrix[own, others] @ inverse @ matrix[others, own])
 
 
 def _changed(tumble: Tumble, change: FloatArray, present: IntArray) -> Tumble:

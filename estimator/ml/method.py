@@ -36,11 +36,12 @@ from baryscope.estimator.findings import FREE_TUMBLE, UNCHECKED, ExcessResiduals
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, turned_information
 from baryscope.estimator.ml.attached import AttachedAxes
+from baryscope.estimator.ml.either import with_other
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, turned_by
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
-from baryscope.estimator.ml.search import likeliest_tumble
+from baryscope.estimator.ml.search import likely_tumbles
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
@@ -101,7 +102,15 @@ def _tumbling(
     Raises:
         ComputationError: no tumble is found.
     """
-    tracks, pivot, best = likeliest_tumble(tracks, solved, torques, options, done)
+    tracks, pivot, best, other = likely_tumbles(tracks, solved, torques, options, done)
+    found = _estimate_of(tracks, pivot, best, options)
+    if other is None:
+        return found
+    return with_other(found, _estimate_of(tracks, pivot, other.likelihood, options), other.probability)
+
+
+def _estimate_of(tracks: FeatureTracks, pivot: Pivot, best: Likelihood, options: PathOptions) -> Estimate:
+    """The estimate with a tumble, without the time it took."""
     errors, seen, itself = errors_of(tracks), best.sampled.position(best.x), best.sampled.itself
     origin = itself.position(best.x)
     distance = float(np.linalg.norm(origin, axis=1).max())

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from baryscope.estimator.adjustment.evidence import Linear
+from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation
@@ -22,7 +23,6 @@ from baryscope.models.attitude import INERTIA_BASIS
 
 FloatArray = NDArray[np.float64]
 
-INERTIA_DEVIATION = 0.5  # standard deviation of the prior of the five elements of the inertia of trace 1
 DENSITY = "torque noise"
 
 

@@ -1,17 +1,42 @@
-"""From a solution of `pivot` to the tumble of greatest likelihood."""
+"""From a solution of `pivot` to the likeliest tumble, and to another model of it that is likely, too.
+
+Whether a gravity gradient acts, tracks tell that last for long enough. Where they do not, both models are followed: the
+posterior odds of two are those of p(observations | model), by Laplace's approximation. The one that tells the inertia
+better has to fit better for that.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
 
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
-from baryscope.estimator.ml.initial_tumble import fit_tumble
+from baryscope.estimator.adjustment.evidence import cost as excess_of
+from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumbles
 from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.progress import Rounds
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.attitude import INERTIA_BASIS
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+UNDECIDED = 30.0  # −2 ln of the odds that attitudes tell, up to which all observations are asked
+UNLIKELY = 1e-4  # probability of a model that does not count
+ALIKE = 1e-3  # squared distance of rate and inertia of two fits, in units of the covariance, that makes no difference
+
+
+@dataclass(frozen=True, eq=False)
+class Other:
+    """Another model of the tumble than the likeliest one, and its posterior probability, at most a half."""
+
+    likelihood: Likelihood
+    probability: float
 
 
 def likeliest_tumble(
@@ -19,15 +44,85 @@ def likeliest_tumble(
 ) -> tuple[FeatureTracks, Pivot, Likelihood]:
     """The maximum of the likelihood, and tracks and solution of `pivot` with a column for each point, if labels do not.
 
-    torques: the orbits whose gravity gradient may act, None for none.
+    torques: the orbits whose gravity gradient may act, None for none. By attitudes alone it is told which does.
 
     Raises:
         ComputationError: no tumble is found.
     """
+    tracks, pivot, tumbles = _fitted(tracks, solved, torques, done)
+    return tracks, pivot, _maximum(tracks, pivot, tumbles[0], options, done)
+
+
+def likely_tumbles(
+    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
+) -> tuple[FeatureTracks, Pivot, Likelihood, Other | None]:
+    """The same by all observations, and the other model if it is likely, too.
+
+    Raises:
+        ComputationError: no tumble is found.
+    """
+    tracks, pivot, tumbles = _fitted(tracks, solved, torques, done)
+    best = _maximum(tracks, pivot, tumbles[0], options, done)
+    if len(tumbles) < 2 or (excess := tumbles[1].excess - tumbles[0].excess) > UNDECIDED:
+        return tracks, pivot, best, None
+    if _distance(*tumbles) < ALIKE:
+        other = replace(best, rotation=replace(best.rotation, orbit=tumbles[1].rotation.orbit))
+        return tracks, pivot, best, Other(other, float(expit(-excess / 2)))
+    try:
+        other = _maximum(tracks, pivot, tumbles[1], options, done)
+    except ComputationError:
+        return tracks, pivot, best, None
+    if not other.converged:
+        return tracks, pivot, best, None
+    if not best.converged or (excess := _excess(best, other)) < 0:
+        best, other, excess = other, best, _excess(other, best)
+    likely = best.converged and other.converged and (probability := float(expit(-excess / 2))) > UNLIKELY
+    return tracks, pivot, best, Other(other, probability) if likely else None
+
+
+def _fitted(
+    tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], done: Rounds
+) -> tuple[FeatureTracks, Pivot, tuple[Tumble, ...]]:
+    """Tracks and solution with a column for each point, and the rotations that fit the attitudes, likeliest first."""
     tracks, pivot = relabelled(tracks, solved)
     noise = max(pivot.frame_variance, least_variance(pivot.observations, ROUNDING))
-    tumble = fit_tumble(pivot.bodies, pivot.observations, noise, tracks.time, torques)
+    tumbles = fit_tumbles(pivot.bodies, pivot.observations, noise, tracks.time, torques)
     done.did(STAGE)
+    return tracks, pivot, tumbles
+
+
+def _distance(one: Tumble, other: Tumble) -> float:
+    """The squared distance of rate and inertia of two fits, in units of the covariance."""
+    rate, inertia = one.rotation.rate - other.rotation.rate, one.rotation.inertia - other.rotation.inertia
+    apart = np.concatenate([rate, np.tensordot(INERTIA_BASIS, inertia)])
+    return float(apart @ one.information @ apart)
+
+
+def _excess(best: Likelihood, other: Likelihood) -> float:
+    """−2 ln of the odds of another model, for the same weights of the observations and the same noise."""
+    weight = np.minimum(best.observations.weight, other.observations.weight)
+    variance = min(best.variance, other.variance)
+    costs = [_cost(one, weight, variance) for one in (best, other)]
+    return costs[1] - costs[0]
+
+
+def _cost(found: Likelihood, weight: FloatArray, variance: float) -> float:
+    """−2 ln p(observations | model), up to a constant, for weights (n, m) and the variance of one of weight 1."""
+    own = found.observations.weight
+    squares = np.where(weight > 0, found.found.squares / np.where(own > 0, own, 1.0), 0.0)
+    values, priors = found.priors.values(found.rotation, found.x), found.priors
+    linear = priors.linear(found.found, values, variance)
+    weak = priors.cost(values, np.zeros_like(values))
+    by_data = (float(np.vdot(weight, squares)) + found.found.noise_cost) / variance
+    return by_data + weak + excess_of(linear, priors.own, found.posterior.theta)
+
+
+def _maximum(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
+    """The maximum of the likelihood from a fit to attitudes.
+
+    Raises:
+        ComputationError: there is none.
+    """
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             best = maximised(tracks, pivot, tumble, options, done)
@@ -36,4 +131,4 @@ def likeliest_tumble(
         finite = False
     if not finite:
         raise ComputationError("no rotation with a torque follows the attitudes over the whole time", Reason.DIVERGED)
-    return tracks, pivot, best
+    return best

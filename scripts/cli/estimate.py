@@ -62,8 +62,8 @@ class PathChoices:
         Covariances of the tracks (pivot, ml, ekf): stereo, evaluated again at the estimated point since they grow with
         range; fixed, used as they are; or auto, as they tell themselves. Default: auto.
     torque
-        Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the one that fits the
-        tracks better.
+        Torque on the target (ml, ekf): none or gravity-gradient, which needs --orbit. Default: the likelier one;
+        with ml both are in the covariance where the tracks do not decide.
     process_noise
         What the model of the path leaves out (pivot, ml, ekf), as white acceleration: its density in m²/s³; auto,
         estimated from the tracks; or none, the model holds exactly. Default: auto.
