@@ -18,6 +18,7 @@ from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Rotation, too_long
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
+from baryscope.estimator.ml.nutation import near_spins
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.noise import MEDIAN
 from baryscope.models.errors import ComputationError, Reason
@@ -132,10 +133,21 @@ def fit_tumbles(
             "no stretch of frames shows how fast the target turns: features are not followed for long enough",
             Reason.SHORT_INTERVALS,
         )
-    fits = [best]
+    fits = [_of_near_spin(best, bodies[main], poses, main, time)]
     for orbit in orbits[1:]:
         fits.append(_fitted(replace(best, rotation=replace(best.rotation, orbit=orbit)), poses, FINE_TOLERANCE))
     return tuple(sorted(fits, key=lambda fit: fit.excess))
+
+
+def _of_near_spin(best: Tumble, body: Body, poses: _Poses, main: int, time: FloatArray) -> Tumble:
+    """The fit, or a better one from the nutation that the attitudes of a body show where they are near a spin."""
+    at = time[body.frames]
+    k = int(np.argmin(np.abs(at - best.rotation.epoch)))
+    for near in near_spins(at, body.attitude, best.rotation.rate):
+        state = {"epoch": float(at[k]), "attitude": body.attitude[k], "rate": near.rate[k], "inertia": near.inertia}
+        other = _fitted_over_growing_windows(replace(best.rotation, **state), poses, main, len(best.bodies))
+        best = min(best, other, key=lambda fit: fit.cost)
+    return best
 
 
 def _poses(bodies: tuple[Body, ...], observations: Observations, variance: float, time: FloatArray) -> _Poses:

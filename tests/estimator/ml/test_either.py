@@ -89,9 +89,11 @@ def test_an_answer_with_itself_in_axes_that_are_turned_is_itself():
     np.testing.assert_allclose(both.covariance, found.covariance)
 
 
-@pytest.mark.parametrize("index", [29])
+@pytest.mark.parametrize("index", [9, 29])
 def test_inertias_of_free_bodies_with_an_orbit(index):
-    """A slow unstable spin: by a gradient that does not act the inertia was off by 15 deviations."""
+    """A slow unstable spin: by a gradient that does not act the inertia was off by 15 deviations. A near spin of ten
+    turns: at a maximum for another nutation it was off by 11, with or without a gradient.
+    """
     case = drawn(902, index)
     found = estimate(sampled(case, 0).tracks, method="ml", orbit=case.orbit, options=PathOptions(sigma=case.told))
     true = np.linalg.eigvalsh(case.start.inertia) / np.trace(case.start.inertia)
