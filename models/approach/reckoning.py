@@ -180,12 +180,14 @@ def carried_on(belief: Belief, acting: Symbol, step: tuple[Symbol, Symbol], elem
     middle, moving = belief.position + length / 2 * belief.velocity, belief.velocity + length / 2 * slope
     J = symmetric_matrix(ca.vertsplit(belief.inertia))
     J = ca.if_else(ca.trace(J) > 0, J, ca.SX.eye(3))
-    turned, rate, _ = tumble_step()(belief.attitude, belief.rate, ca.vec(J), ca.SX.zeros(3), length)
+    known = ca.norm_2(belief.attitude) > DIRECTED
+    attitude = ca.if_else(known, belief.attitude, ca.SX([1, 0, 0, 0]))  # else hosts that trap 0 / 0 end here
+    turned, rate, _ = tumble_step()(attitude, belief.rate, ca.vec(J), ca.SX.zeros(3), length)
     return replace(
         belief,
         position=belief.position + length * moving,
         velocity=belief.velocity + length * relative_acceleration(middle, moving, acting, halfway),
         deviation=belief.deviation + length * belief.drift,
-        attitude=ca.if_else(ca.norm_2(belief.attitude) > DIRECTED, turned, belief.attitude),
+        attitude=ca.if_else(known, turned, belief.attitude),
         rate=rate,
     )

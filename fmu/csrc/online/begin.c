@@ -124,7 +124,7 @@ static void begin(Online *filter, Frame *frame, const Path *path) {
     else guess_path(filter, frame);
     filter->widest = (filter->P[PLACE][PLACE] + filter->P[PLACE + 1][PLACE + 1] + filter->P[PLACE + 2][PLACE + 2]) / 3.0;
     filter->first_attitude = own_attitude(frame);
-    for (int k = 0; k < 3; k++) filter->R[k][k] = filter->attitude[k][k] = filter->reference[k][k] = 1.0;
+    for (int k = 0; k < 3; k++) filter->R[k][k] = 1.0;
     double exact[6][6] = {{0}};
     for (int i = 0; i < frame->count; i++) {
         frame->passage[i] = (Passage){.M = {{1.0, 0, 0}, {0, 1.0, 0}, {0, 0, 1.0}}};

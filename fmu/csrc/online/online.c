@@ -6,7 +6,7 @@ void online_start(Online *filter, const OnlineOptions *options) {
     /* All bytes, padding too, so that equal filters are equal byte for byte. */
     for (size_t k = 0; k < sizeof(Online); k++) ((unsigned char *)filter)[k] = 0;
     filter->options = *options;
-    for (int k = 0; k < 3; k++) filter->attitude[k][k] = 1.0; /* B has the axes of C as long as no frame shows others */
+    for (int k = 0; k < 3; k++) filter->attitude[k][k] = filter->reference[k][k] = 1.0; /* B has the axes of C as long as no frame shows others */
 }
 
 /* A variance over what is left of it where the two other coordinates are known: more is rounding of a singular covariance. */
