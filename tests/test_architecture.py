@@ -28,6 +28,7 @@ LAYERS = [
     ["estimator.findings"],
     ["estimator.result"],
     ["estimator.adjustment", "estimator.prose", "estimator.document_details"],
+    ["estimator.orbits"],
     ["estimator.screws", "estimator.pivot", "estimator.score", "estimator.document", "estimator.claims"],
     ["estimator.consider"],
     ["estimator.ml"],

@@ -11,12 +11,12 @@ import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
-from baryscope.estimator.dynamics.orbit_error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import FollowsRotation, WrongOrbit
 from baryscope.estimator.observability import UNOBSERVABLE, Observability
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS

@@ -4,6 +4,7 @@ All in I, whose z axis is the central body's pole where J2 acts.
 """
 
 from functools import cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from baryscope.models.columns import ColumnFunction
 from baryscope.models.differences import Pair
 from baryscope.models.ephemeris.dormand_prince import step
+from baryscope.models.ephemeris.elements import elements_of
 from baryscope.models.errors import ComputationError, Reason
 from baryscope.models.forces import point_mass_gravity, zonal_gravity, zonal_strength
 from baryscope.models.frames import Symbol, rotation_I_L
@@ -44,6 +46,22 @@ def target_states(orbit: Orbit, time: FloatArray) -> FloatArray:
 def kepler_states(orbit: Orbit, time: FloatArray) -> FloatArray:
     """The states (n, 6) of `target_states` on the ellipse of the elements at time 0, in closed form."""
     return _kepler_function()(time[None], orbit.elements)
+
+
+def kepler_orbit_through(state: FloatArray, time: float, mu: float) -> Orbit:
+    """The Kepler orbit of a target with a state (6,) in I, m and m/s, at a time in s.
+
+    mu: gravitational parameter of the central body, m³/s².
+
+    Raises:
+        InputError: it is no ellipse, or one through the central body.
+    """
+    return _osculating(kepler_states(_osculating(state, mu), np.array([-time]))[0], mu)
+
+
+def _osculating(state: FloatArray, mu: float) -> Orbit:
+    elements: dict[str, Any] = {**elements_of(state, mu)}
+    return Orbit(**elements, gravitational_parameter=mu)
 
 
 def lvlh_axes(states: FloatArray) -> FloatArray:

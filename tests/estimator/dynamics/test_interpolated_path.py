@@ -7,11 +7,11 @@ import pytest
 
 from baryscope.estimator.dynamics.forces import Forced, constant_of
 from baryscope.estimator.dynamics.interpolated_path import InterpolatedPath, interpolated
-from baryscope.estimator.dynamics.orbit_error import with_orbit_error
 from baryscope.estimator.dynamics.paths import Polynomial, Smooth
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.estimator.dynamics.sampled_path import SampledPath
+from baryscope.estimator.orbits.error import with_orbit_error
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS, Orbit
 
 TIME = np.sort(np.random.default_rng(0).uniform(-100.0, 5900.0, 20_000))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.orbit_error import with_orbit_error
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.estimator.orbits.error import with_orbit_error
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
 from synthetic import Orbit

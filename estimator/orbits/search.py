@@ -1,0 +1,210 @@
+"""The orbit on which a smooth path lies, where none is given.
+
+Places and accelerations on the path tell places on an orbit (`elements.places_on_orbit`), from which the elements of
+the greatest likelihood are sought; on each orbit the relative motion is linear in its own six unknowns. So twelve
+numbers take the place of all coefficients of the path. Both are weighed by their marginal likelihoods, the orbit's by
+Laplace's approximation, which is looked at.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.polynomial.polynomial import polyfit
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from baryscope.estimator.adjustment.evidence import Linear, cost
+from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.orbits.elements import LocalElements, places_on_orbit
+from baryscope.models.errors import ComputationError, InputError
+from baryscope.models.orbit import EARTH_MU
+
+FloatArray = NDArray[np.float64]
+
+DEGREES = (3, 5, 8, 80)  # up to which coefficients tell accelerations: of higher ones noise tells more
+INNER = 0.7  # of half the time span, in which they tell them
+PLACES = 121  # on the orbit, from which a start follows
+ARC = 0.7  # rad from the middle one, of those that tell its velocity
+FEWEST = 5  # of them
+MU = 1e3 * EARTH_MU  # of the search: orbits of the same rates, ten times as far from a body that has no surface
+STARTS = 2  # from which the elements are sought, one after the other: the best ones
+MOST_EVALUATIONS = 60
+WEAK = 1e-14  # information over the greatest: that of rounding
+STEP = 1e-5  # of the elements, for derivatives by them
+FAR = 1e6  # of all residuals where there is no orbit
+DEVIATIONS = 2.0  # along each principal axis of the elements, where the likelihood is looked at
+LEAST_GROWN, MOST_GROWN = 0.5, 2.0  # of −2 ln p there over its square, if Laplace's approximation holds
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitFit:
+    """An orbit by its elements at the middle of the time span, the unknowns x (6,) of `RelativeOrbit` from there, and
+    the coefficients (p,) of that path. gain: 2 ln of its marginal likelihood over that of the law of the coefficients.
+    """
+
+    elements: LocalElements
+    x: FloatArray
+    coefficients: FloatArray
+    gain: float
+
+
+def likeliest_orbit(linear: Linear, smooth: Smooth, theta: FloatArray) -> OrbitFit | None:
+    """The likeliest orbit for what the tracks tell of the coefficients (p,) of a smooth path; None if none is told.
+
+    theta (h,): the hyperparameters of the smooth path's prior.
+    """
+    search = _Search.of(linear, smooth)
+    starts = [found for one in _starts(smooth, linear.x) if (found := search.at(one)) is not None]
+    for start in sorted(starts, key=lambda one: one.squares)[:STARTS]:
+        best = search.minimum(start)
+        by_elements = search.by_elements(best)
+        if by_elements is None or not search.is_told(best, by_elements):
+            continue
+        try:
+            best.elements.orbit(search.middle, EARTH_MU)
+        except InputError:  # below the Earth's surface
+            continue
+        gain = cost(linear, smooth.prior, theta) - search.evidence(best, by_elements, float(np.exp(theta[0])))
+        return OrbitFit(best.elements, best.x, best.coefficients, gain)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """The best relative motion on an orbit: its x (6,), columns (p, 6) of the coefficients by x, and its squares."""
+
+    elements: LocalElements
+    x: FloatArray
+    columns: FloatArray
+    squares: float
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """Those (p,) of the path."""
+        return np.asarray(self.columns @ self.x)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The residuals root c − target (k,) of coefficients c (p,); rest: their squares at the linearisation."""
+
+    smooth: Smooth
+    root: FloatArray
+    target: FloatArray
+    rest: float
+
+    @classmethod
+    def of(cls, linear: Linear, smooth: Smooth) -> "_Search":
+        """Those of what the tracks tell."""
+        values, axes = np.linalg.eigh(linear.information)
+        told = values > WEAK * values[-1]
+        root = np.sqrt(values[told])[:, None] * axes[:, told].T
+        shift = axes[:, told].T @ linear.rhs / np.sqrt(values[told])
+        return cls(smooth, root, root @ linear.x + shift, float(shift @ shift))
+
+    @property
+    def middle(self) -> float:
+        """The middle of the time span, s."""
+        return (self.smooth.begin + self.smooth.end) / 2
+
+    @cached_property
+    def _points(self) -> FloatArray:
+        """Chebyshev's points (degree + 1,), ascending."""
+        return np.asarray(chebyshev.chebpts1(self.smooth.degree + 1), dtype=np.float64)
+
+    @cached_property
+    def _coefficients(self) -> FloatArray:
+        """The coefficients (degree + 1, degree + 1) of values there."""
+        return np.asarray(np.linalg.inv(chebyshev.chebvander(self._points, self.smooth.degree)), dtype=np.float64)
+
+    def at(self, elements: LocalElements) -> _Motion | None:
+        """The best motion on an orbit; None if it is none."""
+        time = self.middle + (self.smooth.end - self.smooth.begin) / 2 * self._points
+        try:
+            orbit = elements.orbit(self.middle, MU)
+            moved = RelativeOrbit(orbit, self.middle).at(time).jacobian
+        except (InputError, ComputationError):
+            return None
+        columns = np.einsum("dn,nij->dij", self._coefficients, moved).reshape(-1, 6)
+        x = np.linalg.lstsq(self.root @ columns, self.target)[0]
+        residual = self.root @ (columns @ x) - self.target
+        return _Motion(elements, x, columns, float(residual @ residual))
+
+    def minimum(self, start: _Motion) -> _Motion:
+        """The motion of least squares near another."""
+
+        def residuals(by: FloatArray) -> FloatArray:
+            found = self.at(start.elements.moved(by))
+            if found is None:
+                return np.full(len(self.target), FAR * float(np.linalg.norm(self.target)))
+            return self.root @ found.coefficients - self.target
+
+        by = least_squares(residuals, np.zeros(6), x_scale=0.01, max_nfev=MOST_EVALUATIONS).x
+        return self.at(start.elements.moved(by)) or start
+
+    def by_elements(self, at: _Motion) -> FloatArray | None:
+        """The derivatives (k, 6) of the residuals by the elements, for a given x; None at the border of all orbits."""
+        found = []
+        for axis in STEP * np.eye(6):
+            ahead, behind = self.at(at.elements.moved(axis)), self.at(at.elements.moved(-axis))
+            if ahead is None or behind is None:
+                return None
+            found.append(self.root @ ((ahead.columns - behind.columns) @ at.x) / (2 * STEP))
+        return np.stack(found, axis=1)
+
+    def evidence(self, best: _Motion, by_elements: FloatArray, variance: float) -> float:
+        """−2 ln of the marginal likelihood, in the measure of `evidence.cost`.
+
+        The elements are normal with a deviation of 1, of rad, of ln n and of the eccentricity. The mean of the path has
+        no prior, and the first coefficients that of the law, of this variance, m².
+        """
+        design = np.hstack([self.root @ best.columns, by_elements])
+        hessian = design.T @ design
+        hessian[6:, 6:] += np.eye(6)
+        own = best.coefficients[3:6]
+        volume = np.linalg.slogdet(hessian)[1] - 2 * np.linalg.slogdet(best.columns[:6])[1]
+        return best.squares - self.rest + float(volume + own @ own / variance + 3 * np.log(variance))
+
+    def is_told(self, best: _Motion, by_elements: FloatArray) -> bool:
+        """Whether the likelihood of the elements is a Gaussian one, as far as some deviations from its maximum."""
+        by_x = self.root @ best.columns
+        across = by_elements - by_x @ np.linalg.lstsq(by_x, by_elements)[0]
+        values, axes = np.linalg.eigh(across.T @ across)
+        if not values[0] > 0:
+            return False
+        for value, axis in zip(values, axes.T, strict=True):
+            for away in (DEVIATIONS, -DEVIATIONS):
+                found = self.at(best.elements.moved(away * axis / np.sqrt(value)))
+                grown = np.inf if found is None else (found.squares - best.squares) / DEVIATIONS**2
+                if not LEAST_GROWN <= grown <= MOST_GROWN:
+                    return False
+        return True
+
+
+def _starts(smooth: Smooth, x: FloatArray) -> Iterator[LocalElements]:
+    """Orbits that accelerations on a path tell."""
+    half = (smooth.end - smooth.begin) / 2
+    at = np.linspace(-INNER, INNER, PLACES)
+    for degree in sorted({min(one, smooth.degree) for one in DEGREES}):
+        own = x.reshape(-1, 3)[: degree + 1]
+        position = np.asarray(chebyshev.chebval(at, own).T, dtype=np.float64)
+        bend = np.asarray(chebyshev.chebval(at, chebyshev.chebder(own, 2)).T, dtype=np.float64)
+        places = places_on_orbit(position, bend / half**2, MU)
+        if places is not None:
+            near = _near_the_middle(places)
+            place, velocity, _ = polyfit(at[near] * half, places[near], 2)
+            yield LocalElements.through(place, velocity, MU)
+            yield LocalElements.of_circle(place, velocity, MU)
+
+
+def _near_the_middle(places: FloatArray) -> slice:
+    """Which places (k, 3) on an orbit, one beside the other, are on the arc about the middle one, or next to it."""
+    middle, towards = len(places) // 2, places / np.linalg.norm(places, axis=1, keepdims=True)
+    away = np.flatnonzero(towards @ towards[middle] < np.cos(ARC))
+    first = max(away[away < middle], default=-1) + 1
+    last = min(away[away > middle], default=len(places)) - 1
+    return slice(min(first, middle - FEWEST // 2), max(last, middle + FEWEST // 2) + 1)
