@@ -29,6 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     _add_population(runner)
     runner.add_argument("--cases", type=command.natural, default=200)
     runner.add_argument("--first", type=command.natural, default=0, help="index of the first case")
+    runner.add_argument("--without-orbit", action="store_true", help="only estimates to which no orbit is given")
     runner.set_defaults(run=_run)
     one = commands.add_parser("case", help="one estimate in detail")
     _add_population(one)
@@ -51,8 +52,9 @@ def _add_population(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     indices = range(options.first, options.first + options.cases)
+    orbits = (False,) if options.without_orbit else BOTH
     groups = [
-        [(options.seed, index, method, orbit, options.population) for method in options.methods for orbit in BOTH]
+        [(options.seed, index, method, orbit, options.population) for method in options.methods for orbit in orbits]
         for index in indices
     ]
     names = ("seed", "index", "method", "orbit", "population")

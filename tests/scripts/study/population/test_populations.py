@@ -21,6 +21,15 @@ def test_lines_of_the_second_say_so_and_are_resumed(tmp_path, capsys):
     assert "| score | yes | 2 |" in capsys.readouterr().out
 
 
+def test_estimates_without_the_orbit_alone(tmp_path):
+    output = tmp_path / "results.jsonl"
+    run = ["run", "--seed", "2", "--first", "3", "--cases", "1", "--methods", "score", "-o", str(output)]
+    expected = [False], [False, True]  # then those that the file does not have yet
+    for chosen, orbits in zip((["--without-orbit"], []), expected, strict=True):
+        main([*run, *chosen])
+        assert [json.loads(line)["orbit"] for line in output.read_text(encoding="utf-8").splitlines()] == orbits
+
+
 def test_one_killed_says_of_which_population_it_is(tmp_path, monkeypatch):
     monkeypatch.setattr(command, "run", lambda _function, groups, *_: ((task, None) for task in chain(*groups)))
     output = tmp_path / "results.jsonl"
