@@ -125,6 +125,7 @@ class FindingPart(Part):
         "different-points",
         "departure",
         "wrong-orbit",
+        "estimated-orbit",
         "unknown-burn",
         "wrong-sigma",
         "changing-noise",
@@ -154,6 +155,10 @@ class FindingPart(Part):
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
+    period: float | None = Field(None, description="estimated-orbit: of the target, s")
+    period_deviation: float | None = Field(None, description="estimated-orbit: its standard deviation, s")
+    eccentricity: float | None = Field(None, description="estimated-orbit: of the target's orbit")
+    eccentricity_deviation: float | None = Field(None, description="estimated-orbit: its standard deviation")
     begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: begin, s")
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: end, s")

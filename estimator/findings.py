@@ -66,6 +66,16 @@ class WrongOrbit:
 
 
 @dataclass(frozen=True)
+class EstimatedOrbit:
+    """No orbit is given, and the path tells one, on which it lies: period in s and eccentricity, with deviations."""
+
+    period: float
+    period_deviation: float
+    eccentricity: float
+    eccentricity_deviation: float
+
+
+@dataclass(frozen=True)
 class FramesLeftOut:
     """All observations of successive frames from begin to end, in s, are rejected: the estimate does not hold there.
 
@@ -167,6 +177,7 @@ Finding = (
     | DifferentPoints
     | Departure
     | WrongOrbit
+    | EstimatedOrbit
     | UnknownBurn
     | WrongSigma
     | ChangingNoise

@@ -62,7 +62,7 @@ class PathOptions:
     unknown one of the target less the chaser, in LVLH axes, against the target's way through the air, away from the
     Sun, or none, for `pivot` and `ml`.
 
-    None means: relative-orbit if an orbit is given, else polynomial; sigma from the
+    None means: relative-orbit if an orbit is given, or if the tracks tell one, else polynomial; sigma from the
     residuals; the likelier torque, with `ml` with both in the covariance where tracks do not decide.
 
     Raises:

@@ -1,5 +1,7 @@
 """An estimate in sentences: the texts of a result's verdict, findings and summary."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from baryscope.estimator.findings import (
     ChangingNoise,
     Departure,
     DifferentPoints,
+    EstimatedOrbit,
     ExcessResiduals,
     Extrapolated,
     FewFrames,
@@ -87,6 +90,12 @@ def sentence(finding: Finding) -> str:
             off = ", ".join(f"{value / 1e3:.3g} ± {sd / 1e3:.2g} km {where}" for where, value, sd in parts)
             other = "" if finding.oblate else ", or this is J2, which the orbit file does not tell"
             return f"the target is off its orbit by {off}, for which the estimate is corrected{other}"
+        case EstimatedOrbit():
+            return (
+                "no orbit is given, but the path tells one, on which it lies: a period of "
+                f"{_to_its_digits(finding.period / 60, finding.period_deviation / 60)} min and an eccentricity of "
+                f"{_to_its_digits(finding.eccentricity, finding.eccentricity_deviation)}"
+            )
         case UnknownBurn():
             change = ", ".join(
                 f"{1e3 * value:.3g} ± {1e3 * sd:.2g}"
@@ -146,6 +155,12 @@ def summary(result: Estimate) -> list[str]:
 def _measured(force: Factor) -> str:
     unit = "" if force.unit == "1" else f" {force.unit}"
     return f"{force.value:.3g} ± {force.deviation:.2g}{unit}"
+
+
+def _to_its_digits(value: float, deviation: float) -> str:
+    """A value with as many decimals as two digits of its deviation have."""
+    decimals = max(1 - math.floor(math.log10(deviation)), 0) if deviation > 0 else 6
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"
 
 
 def _process_noise(noise: ProcessNoise) -> str:

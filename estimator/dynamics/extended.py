@@ -1,7 +1,7 @@
 """Paths that add something to another one, and the factors that they estimate."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,11 @@ def parts_of(path: Path) -> Iterator[Path]:
     while isinstance(path, Extended):
         path = path.base
         yield path
+
+
+def based_on(path: Path, base: Path) -> Path:
+    """The path with all that is added to it, but with another one that is no `Extended` path at its base."""
+    return replace(path, base=based_on(path.base, base)) if isinstance(path, Extended) else base
 
 
 def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:

@@ -19,9 +19,10 @@ from baryscope.estimator.ekf.passes import Passes
 from baryscope.estimator.ekf.prediction import PredictedTumble
 from baryscope.estimator.ekf.products import product_gradient
 from baryscope.estimator.ekf.spurious import attached_offset, growth, spurious_growth
-from baryscope.estimator.findings import FewFrames, UnknownBurn
+from baryscope.estimator.findings import EstimatedOrbit, FewFrames, UnknownBurn
 from baryscope.estimator.geometry.gauge import are_in_line, attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
+from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.pivot.burns import unknown_burns
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.intervals import cut_intervals
@@ -69,7 +70,7 @@ def answer_of(found: Passes, begin: float) -> Estimate:
         covered=covered_by([cluster], len(tracks.time)),
         converged=found.converged,
         rounds=found.count,
-        findings=_burns(found) + _few_frames(found),
+        findings=_of_path(found) + _few_frames(found),
         method="ekf",
         path=problem.path.name,
         options=replace(options, torque="gravity-gradient" if gravity_gradient else "none"),
@@ -91,10 +92,12 @@ def answer_of(found: Passes, begin: float) -> Estimate:
     )
 
 
-def _burns(found: Passes) -> tuple[UnknownBurn, ...]:
-    """The findings of burns among the path's unknowns."""
-    own = slice(INERTIA, INERTIA + found.problem.path.size)
-    return unknown_burns(found.problem.path, found.shift + found.reference.x, found.solution.of_theta[own, own])
+def _of_path(found: Passes) -> tuple[EstimatedOrbit | UnknownBurn, ...]:
+    """The findings of an orbit and of burns among the path's unknowns."""
+    path, x = found.problem.path, found.shift + found.reference.x
+    own = slice(INERTIA, INERTIA + path.size)
+    of_x = found.solution.of_theta[own, own]
+    return estimated_orbit(path, x, of_x) + unknown_burns(path, x, of_x)
 
 
 def _few_frames(found: Passes) -> tuple[FewFrames, ...]:

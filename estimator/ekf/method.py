@@ -30,6 +30,7 @@ from baryscope.estimator.ekf.start import Start, start_of, starts
 from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
+from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.progress import Progress, Rounds, silent
@@ -101,11 +102,13 @@ def _filtered(
     """
     trajectory, span = trajectory_of(options.trajectory, orbit), (float(tracks.time[0]), float(tracks.time[-1]))
     path, on_orbit = trajectory.path(orbit, *span, options.acceleration), trajectory.kind == "relative-orbit"
-    measured, rounds = observations_of(tracks, tracks.seen), Rounds(progress)
+    measured, rounds, torques = observations_of(tracks, tracks.seen), Rounds(progress), torques_of(orbit, options)
     solved = whole() if path.prior.hyperparameters else _for_attitudes(tracks, orbit, options)
     if solved is not None:
-        trajectory = replace(trajectory, highest=highest_degree(solved.path))
-        path = _with_burns_of(solved, trajectory.path(orbit, *span, options.acceleration))
+        trajectory, told = replace(trajectory, highest=highest_degree(solved.path)), estimated_orbit_in(solved.path)
+        path = _with_burns_of(solved, told or trajectory.path(orbit, *span, options.acceleration))
+        if told is not None:
+            on_orbit, torques = True, torques_of(told.orbit, options)
     theta = np.array([_found(solved, one.name) for one in path.prior.hyperparameters])
 
     def followed(start: Start, tracks: FeatureTracks = tracks, measured: Observations = measured) -> Passes:
@@ -122,7 +125,6 @@ def _filtered(
             return None
         return found if found.converged else None
 
-    torques = torques_of(orbit, options)
     try:
         found = _first_of(starts(tracks, measured, solved, torques), followed)
     except ComputationError as error:

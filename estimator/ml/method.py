@@ -43,6 +43,7 @@ from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.ml.search import likely_tumbles
 from baryscope.estimator.options import PathOptions, torques_of
+from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.prediction import PredictedBody, PredictedPath
@@ -72,6 +73,8 @@ def estimate_by_likelihood(
     begin, done = clock.perf_counter(), Rounds(progress)
     torques = torques_of(orbit, options)
     pivot = solve_pivot(tracks, orbit, options)
+    if (part := estimated_orbit_in(pivot.path)) is not None:
+        torques = torques_of(part.orbit, options)
     done.did(STAGE)
     try:
         found = _tumbling(tracks, pivot, torques, options, done)

@@ -37,6 +37,7 @@ from baryscope.estimator.dynamics.trajectory import SMOOTH_DEGREES, chosen_path,
 from baryscope.estimator.findings import DifferentPoints, FewFrames, Finding
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
@@ -51,6 +52,7 @@ from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import (
     following_rotation,
     with_corrected_orbit,
+    with_estimated_orbit,
     with_needed_noise,
     wrong_orbit,
 )
@@ -189,6 +191,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             break
         # Of a path with more degrees they tell less.
         _refuse_untold(found, registered)
+    found, start = with_estimated_orbit(found, start, options)
     found, fewer = without_strays(found, start, options)
     if registered.in_line:
         start = fewer
@@ -199,7 +202,8 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     found = with_corrected_orbit(found, orbit, start, options)
     _refuse_untold(found, registered)
     findings = _findings(found, registered, tracks) + wrong_orbit(found, orbit)
-    findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
+    of_x = found.variance * found.solution.covariance
+    findings += estimated_orbit(found.path, found.solution.x, of_x) + unknown_burns(found.path, found.solution.x, of_x)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, held
+from baryscope.estimator.adjustment.evidence import Linear, complexity, held, solved
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, squares_of_used
 from baryscope.estimator.registration.noise import GATE
@@ -19,6 +19,16 @@ def scaled(problem: Linearised, variance: float) -> Linear:
 def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: float) -> Solution:
     """A step with given hyperparameters (h,)."""
     return problem.step(variance * held(scaled(problem, variance), prior, theta)[0])
+
+
+def of_first(linear: Linear, prior: Prior, theta: FloatArray, count: int) -> Linear:
+    """The problem in the first unknowns alone; the others (p - count,) have their prior for hyperparameters (h,)."""
+    precision = held(linear, prior, theta)[0][count:]
+    across = linear.information[count:, :count]
+    pull = linear.rhs[count:] - precision * linear.x[count:]
+    left = solved(linear.information[count:, count:] + np.diag(precision), np.column_stack([across, pull]))
+    own = linear.information[:count, :count] - across.T @ left[:, :-1]
+    return Linear(own, linear.rhs[:count] - across.T @ left[:, -1], linear.x[:count])
 
 
 def bounded_cost(

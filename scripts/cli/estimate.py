@@ -52,8 +52,8 @@ class PathChoices:
     ----------
     trajectory
         Model of the path (pivot, ml, ekf): fixed, polynomial (of a degree that the data choose), polynomial:N, or
-        relative-orbit, which needs --orbit. Default: relative-orbit with an orbit, else polynomial. For score: fixed,
-        at rest in inertial axes even with an orbit.
+        relative-orbit, which needs --orbit. Default: relative-orbit with an orbit, or where the tracks tell one, else
+        polynomial. For score: fixed, at rest in inertial axes even with an orbit.
     sigma
         Standard deviation of an observation's coordinate (pivot, ml, ekf), m. If the tracks have covariances, a factor
         on their standard deviations. One that the residuals exceed is named and not used. Default: estimated from the

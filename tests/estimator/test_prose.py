@@ -5,6 +5,7 @@ from baryscope.estimator.findings import (
     ChangingNoise,
     Departure,
     DifferentPoints,
+    EstimatedOrbit,
     ExcessResiduals,
     Extrapolated,
     FewFrames,
@@ -60,6 +61,11 @@ def test_verdict_names_a_skew_axis():
             Departure("relative-orbit", 0.0152, 3e-9, 90.0),
             "the path departs from relative-orbit by 0.015 m rms, as white acceleration of 3e-09 m²/s³ would make it; "
             "the covariance allows for it",
+        ),
+        (
+            EstimatedOrbit(5904.21, 11.4, 0.01831, 0.00412),
+            "no orbit is given, but the path tells one, on which it lies: a period of 98.40 ± 0.19 min and an "
+            "eccentricity of 0.0183 ± 0.0041",
         ),
         (
             FewFrames(7, 9.2),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.document import document_of
-from baryscope.estimator.findings import UnknownBurn
+from baryscope.estimator.findings import EstimatedOrbit, UnknownBurn
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
@@ -189,10 +189,15 @@ def test_no_burn_is_found_where_there_is_none(density, orbit):
 
 
 def test_a_passage_of_the_periapsis_is_no_burn():
-    """Of an orbit of e = 0.66 in 118 frames, which the smooth path does not follow; the orbit is not told."""
-    found = estimate(sampled(drawn(77, 78)).tracks)
+    """Of an orbit of e = 0.66 in 118 frames, which a smooth path does not follow; the orbit is not given, but found."""
+    passing = drawn(77, 78)
+    found = estimate(sampled(passing).tracks)
     assert not any(isinstance(one, UnknownBurn) for one in found.findings)
-    assert found.status is not Status.GOOD
+    (orbit,) = [one for one in found.findings if isinstance(one, EstimatedOrbit)]
+    assert abs(orbit.eccentricity - passing.orbit.eccentricity) < 4.5 * orbit.eccentricity_deviation
+    assert found.status is Status.GOOD
+    error = found.position - passing.path
+    assert np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error).max() < 25
 
 
 @pytest.mark.parametrize("orbit", [ORBIT, None])

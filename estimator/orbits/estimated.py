@@ -1,0 +1,98 @@
+"""A relative motion on an orbit that the path itself tells: its elements are unknowns of the path."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.extended import parts_of
+from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
+from baryscope.estimator.findings import EstimatedOrbit
+from baryscope.estimator.orbits.elements import NAMES, LocalElements
+from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
+from baryscope.models.orbit import EARTH_MU, Orbit
+
+FloatArray = NDArray[np.float64]
+
+STEP = 1e-4  # of the elements, of the difference quotient of the gradient
+SHAPE = slice(3, 6)  # among the elements
+
+
+@dataclass(frozen=True, eq=False)
+class OnEstimatedOrbit(Forced):
+    """Relative motion on an orbit near one of given elements: how it departs from these are unknowns, the force's.
+
+    elements: at the middle of begin … end, about which the path is linear in the departure.
+    """
+
+    elements: LocalElements
+
+    @property
+    def orbit(self) -> Orbit:
+        """The orbit of the elements."""
+        return self.elements.orbit((self.begin + self.end) / 2, EARTH_MU)
+
+    def moved(self, x: FloatArray) -> LocalElements:
+        """The elements for unknowns x (p,) of a path that begins with these."""
+        return self.elements.moved(x[self._own] / self._displacement)
+
+    def finding(self, x: FloatArray, of_x: FloatArray) -> EstimatedOrbit:
+        """The orbit, for unknowns x (p,) with their covariance (p, p)."""
+        found = self.moved(x)
+        shape = (of_x[self._own, self._own] / np.outer(self._displacement, self._displacement))[SHAPE, SHAPE]
+        towards = found.shape[1:] / max(found.eccentricity, np.finfo(float).tiny)
+        return EstimatedOrbit(
+            found.period,
+            found.period * float(np.sqrt(shape[0, 0])),
+            found.eccentricity,
+            float(np.sqrt(towards @ shape[1:, 1:] @ towards)),
+        )
+
+    @property
+    def _own(self) -> slice:
+        return slice(self.base.size, self.size)
+
+
+def on_estimated_orbit(
+    elements: LocalElements, position: Callable[[FloatArray], FloatArray], begin: float, end: float
+) -> OnEstimatedOrbit:
+    """The relative motion on the orbit of elements at the middle of begin … end in s, and on those near it.
+
+    position: times (k,) in s → the path (k, 3) in C, m, about which a change of the gravity gradient acts.
+
+    Raises:
+        InputError: an orbit that is none.
+    """
+    middle = (begin + end) / 2
+    orbit = elements.orbit(middle, EARTH_MU)
+    neighbours = [
+        [elements.moved(way * STEP * axis).orbit(middle, EARTH_MU) for way in (1, -1)] for axis in np.eye(len(NAMES))
+    ]
+
+    def acceleration(time: FloatArray) -> FloatArray:
+        p, columns = position(time), []
+        for pair in neighbours:
+            ahead, behind = (gravity_gradient(one, target_states(one, time)) for one in pair)
+            columns.append(np.einsum("kij,kj->ki", (ahead - behind) / (2 * STEP), p))
+        return np.stack(columns, axis=2)
+
+    deviations = np.ones(len(NAMES))  # of rad, of the logarithm of the mean motion, and of the eccentricity
+    force = Force(acceleration, NAMES, "1", deviations, longest_on(orbit, begin, end), np.zeros(0))
+    return OnEstimatedOrbit(RelativeOrbit(orbit, middle), force, begin, end, elements)
+
+
+def estimated_orbit_in(path: Path) -> OnEstimatedOrbit | None:
+    """The part of a path that is a motion on an orbit that the tracks tell, if one is; its unknowns are the first."""
+    return next((part for part in parts_of(path) if isinstance(part, OnEstimatedOrbit)), None)
+
+
+def estimated_orbit(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[EstimatedOrbit, ...]:
+    """The finding of the orbit that a path lies on, if the tracks tell it.
+
+    x (p,): the path's unknowns, of_x (p, p): their covariance.
+    """
+    part = estimated_orbit_in(path)
+    return () if part is None else (part.finding(x, of_x),)

@@ -1,0 +1,78 @@
+"""Tracks without an orbit, of a target on one: its elements are estimated with the path."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from baryscope.estimator.dynamics.trajectory import smooth_in
+from baryscope.estimator.findings import EstimatedOrbit
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.estimated import estimated_orbit_in
+from baryscope.estimator.pivot.method import solve_pivot
+from baryscope.estimator.result import Status
+from free_paths import FEATURES, NOISE, ORBIT, in_orbit, rms, squared_error, turning
+from synthetic import make_case
+
+PERIOD = ORBIT.period
+
+
+@cache
+def on_orbit(seed=0, share=1.1):
+    """A target that turns at a tenth of Envisat's rate, for about a revolution."""
+    frames = 300
+    time, R = turning(frames, share * PERIOD / frames, 0.1)
+    return make_case(time, R, in_orbit(time), FEATURES, noise=NOISE, seed=seed)
+
+
+@cache
+def found_by(method, seed=0, trajectory=None):
+    return estimate(on_orbit(seed).tracks, method=method, options=PathOptions(trajectory=trajectory))
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_the_orbit_is_estimated_with_the_path(method):
+    found = found_by(method)
+    assert found.path == "relative-orbit"
+    assert found.status is Status.GOOD
+    (orbit,) = [one for one in found.findings if isinstance(one, EstimatedOrbit)]
+    # χ of one degree of freedom: 4.5 deviations are exceeded once in 150,000.
+    assert abs(orbit.period - PERIOD) < 4.5 * orbit.period_deviation
+    assert orbit.period_deviation < 0.01 * PERIOD
+    assert abs(orbit.eccentricity - ORBIT.eccentricity) < 4.5 * orbit.eccentricity_deviation
+    assert squared_error(found, on_orbit()) < 4.5**2
+
+
+def test_the_path_is_told_better_than_by_a_law_of_its_coefficients():
+    """Over three noises the mean squared error is 0.6 of that of a smooth path at most, and the claim as well."""
+    seeds = range(3)
+    own, smooth = ([found_by("pivot", seed, name) for seed in seeds] for name in (None, "polynomial"))
+    assert all(one.path == "polynomial" for one in smooth)
+    errors = [
+        np.mean([rms(one, on_orbit(seed)) ** 2 for seed, one in zip(seeds, all_, strict=True)])
+        for all_ in (own, smooth)
+    ]
+    claims = [np.mean([one.predicted_rmse**2 for one in all_]) for all_ in (own, smooth)]
+    assert errors[0] < 0.6 * errors[1]
+    assert claims[0] < 0.6 * claims[1]
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_the_orbit_goes_on_beyond_the_tracks(method):
+    """A tenth of a revolution ahead the path is within its claim, where a smooth one is lost."""
+    case, found = on_orbit(), found_by(method)
+    ahead = case.tracks.time[-1] + np.linspace(0.0, 0.1 * PERIOD, 5)
+    prediction = found.predict(ahead)
+    error = prediction.position - in_orbit(ahead)
+    squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(prediction.covariance[:, :3, :3]), error)
+    assert squares.max() < 4.5**2
+    assert np.sqrt(np.trace(prediction.covariance[-1, :3, :3])) < 1.0
+
+
+def test_a_path_that_bends_little_stays_a_smooth_one():
+    time, R = turning(200)
+    case = make_case(time, R, in_orbit(time), FEATURES, noise=NOISE)
+    solved = solve_pivot(case.tracks, None, PathOptions())
+    assert estimated_orbit_in(solved.path) is None
+    assert smooth_in(solved.path) is not None
