@@ -25,10 +25,10 @@ from baryscope.models.words import counted
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_estimate
 from baryscope.scripts.cli.console import UNTRUSTED, Show
-from baryscope.scripts.cli.forces import ForceChoices
 from baryscope.scripts.cli.joint import chosen
-from baryscope.scripts.cli.prediction import PredictionChoices, Refused, prediction_path
-from baryscope.scripts.cli.whole import Whole
+from baryscope.scripts.cli.options.forces import ForceChoices
+from baryscope.scripts.cli.options.prediction import PredictionChoices, Refused, prediction_path
+from baryscope.scripts.cli.options.whole import Whole
 
 # Options that bear on some of the methods only that have them; and choices that need an orbit.
 BEARING = {
