@@ -273,7 +273,12 @@ def test_what_cannot_be_is_refused(rig_fmu, opened, name, value, words):
 def test_inputs_without_a_direction_are_refused(rig):
     one = rig()
     before = one.all
-    for name, value in (("camera.attitude", np.full(4, 1e-60)), ("sun.direction", np.zeros(3))):
+    for name, value in (
+        ("camera.attitude", np.full(4, 1e-60)),
+        ("camera.attitude", np.full(4, 1e60)),  # longer than 1e50
+        ("sun.direction", np.zeros(3)),
+        ("sun.direction", np.full(3, 1e60)),
+    ):
         kept = one[name]
         one[name] = value
         one.refused(one.step, f"{name}: found length {np.linalg.norm(value):g}")
