@@ -4,10 +4,13 @@
 - pivot: tracks → screening → clusters → start → refinement → tie_points → unexplained → lack_of_fit
   → joint_covariance → ridge → result.
 - ml: pivot → relabelling → initial_tumble → maximum → result.
-- ekf: tracks → screening → clusters → initial_tumble → passes → bank → filter → solution → spurious → result.
+- ekf: tracks → screening → clusters → initial_tumble → passes → bank → filter → solution → spurious → answer → result.
 - score: tracks → screening → clusters → least squares of a fixed centre → result.
 
-Before, camera turns the tracks that are in its axes. After, consider and claims widen what is claimed, where needed.
+Before, camera turns the tracks that are in its axes. Around a fit, noise asks whether the noise is as told, and whether
+it changes in time. After it, consider and claims widen what is claimed, where needed. `methods` puts these together.
+
+Rooms with a way in of their own: online (frame by frame), joint (between two bodies), images (tracks of a stereo pair).
 """
 
 from baryscope.estimator.camera.attitude import AttitudeSeries

@@ -140,49 +140,56 @@ def cramer_rao_bound(
     noise_density = process_noise + scenario.chaser.acceleration_noise
     known = _Known(trajectory, noise_density, acceleration_scale, consider, predict)
     time = scenario.sample_times
-    rotation, motion, origin = _truth(scenario, time)
-    points = np.array([point.position for point in scenario.features.points])
-    observations = _expected(scenario, time, motion.attitude, origin, points)
+    truth = Truth.of(scenario, time)
+    observations = expected_observations(scenario, time, truth)
     if not observations.count:
         raise ComputationError("no feature is seen at any time of the scenario", Reason.TOO_FEW_FEATURES)
-    distance = float(np.linalg.norm(origin, axis=1).max())
-    errors = None if known.consider is None else SharedErrors.of(axes_along(origin), known.consider)
-    noise = (
-        None
-        if errors is None or not errors.noisy
-        else FrameNoise(errors.turn_covariance(), np.zeros((len(time), 3, 3)))
-    )
-    path = _path(scenario, known, time, errors)
-    while True:
-        sampled = path.at(time)
-        true = SampledPath(sampled.jacobian, lambda _: origin)
-        seen_path = as_seen(path, true, errors, np.zeros(path.size))
-        found = equations(observations, Model(motion, seen_path, origin, points, noise))
-        precision = path.prior.precision(np.zeros(0))
-        y = found.covariance(sampled, distance, np.diag(np.concatenate([np.zeros(RATE_AND_INERTIA), precision])))
-        position_covariance = sampled.covariance(y[RATE_AND_INERTIA:, RATE_AND_INERTIA:])
-        if (richer := _richer(path, found)) is None:
-            break
-        path = richer
+    errors = None if known.consider is None else SharedErrors.of(axes_along(truth.origin), known.consider)
+    path, found, y = _information(observations, truth, _path(scenario, known, time, errors), time, errors)
+    of_x = y[RATE_AND_INERTIA:, RATE_AND_INERTIA:]
+    position_covariance = path.at(time).covariance(of_x)
     seen = np.nonzero(observations.weight.any(axis=0))[0]
+    points = truth.points[seen]
     offset, crossed = found.offset_covariance(y, seen)
     if errors is not None and errors.scale is not None:
         scale = RATE_AND_INERTIA + errors_in(path).start + errors.scale
-        offset = of_true_size(points[seen].mean(axis=0), offset, crossed[:, scale], float(y[scale, scale]))
+        offset = of_true_size(points.mean(axis=0), offset, crossed[:, scale], float(y[scale, scale]))
     attached = AttachedAxes.of(found, y, seen)
-    turn = np.concatenate([motion.turn, np.zeros((len(time), 3, len(y) - RATE_AND_INERTIA))], axis=2)
-    body = Body(seen, np.arange(len(time)), points[seen], motion.attitude)
+    turn = np.concatenate([truth.motion.turn, np.zeros((len(time), 3, len(of_x)))], axis=2)
+    body = Body(seen, np.arange(len(time)), points, truth.motion.attitude)
     return Bound(
         time,
         position_covariance,
         offset,
         attached.covariance(turn, np.broadcast_to(np.eye(3), (len(time), 3, 3))),
-        attached.of_rate(rotation.rate),
-        attached.of_inertia(rotation.inertia),
+        attached.of_rate(truth.rotation.rate),
+        attached.of_inertia(truth.rotation.inertia),
         observations.count,
-        observability_of([cluster_of(body, points[seen], offset, scenario.features.labels)], position_covariance),
-        _predicted(path, y[RATE_AND_INERTIA:, RATE_AND_INERTIA:], known, time),
+        observability_of([cluster_of(body, points, offset, scenario.features.labels)], position_covariance),
+        _predicted(path, of_x, known, time),
     )
+
+
+def _information(
+    observations: Observations, truth: "Truth", path: Path, time: FloatArray, errors: SharedErrors | None
+) -> tuple[Path, Equations, FloatArray]:
+    """The path with as many modes of process noise as the observations tell, the normal equations of `ml` at the truth,
+    and the covariance (q, q) of their unknowns: of rate and inertia, and of the path's.
+    """
+    origin, n = truth.origin, len(time)
+    distance = float(np.linalg.norm(origin, axis=1).max())
+    noise = None
+    if errors is not None and errors.noisy:
+        noise = FrameNoise(errors.turn_covariance(), np.zeros((n, 3, 3)))
+    while True:
+        sampled = path.at(time)
+        seen_path = as_seen(path, SampledPath(sampled.jacobian, lambda _: origin), errors, np.zeros(path.size))
+        found = equations(observations, Model(truth.motion, seen_path, origin, truth.points, noise))
+        richer = _richer(path, found)
+        if richer is None:
+            precision = np.concatenate([np.zeros(RATE_AND_INERTIA), path.prior.precision(np.zeros(0))])
+            return path, found, found.covariance(sampled, distance, np.diag(precision))
+        path = richer
 
 
 def _predicted(path: Path, of_x: FloatArray, known: _Known, time: FloatArray) -> FloatArray:
@@ -223,8 +230,27 @@ def _logged(scenario: Scenario, known: _Known, time: FloatArray) -> KnownAcceler
     return KnownAcceleration([min(0.0, float(time[0]))], [value], "lvlh", scale=known.acceleration_scale)
 
 
-def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, FloatArray]:
-    """The true rotation with the epoch in the middle of the time, the motion, and the path of the CoM in C, (n, 3)."""
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a scenario tells: the rotation with its epoch in the middle of n times, its attitudes, the path of the CoM,
+    origin (n, 3) in C, and the features, points (m, 3) from the CoM in body axes.
+    """
+
+    rotation: Rotation
+    motion: Attitudes
+    origin: FloatArray
+    points: FloatArray
+
+    @classmethod
+    def of(cls, scenario: Scenario, time: FloatArray) -> "Truth":
+        """That at times (n,), s."""
+        rotation = _rotation(scenario, float(time[0] + time[-1]) / 2)
+        points = np.array([point.position for point in scenario.features.points])
+        return cls(rotation, rotation.at(time), _origin(scenario, time), points)
+
+
+def _rotation(scenario: Scenario, epoch: float) -> Rotation:
+    """The true rotation, by its state at an epoch, s."""
     target = scenario.target
     quaternion = np.array(target.attitude) / np.linalg.norm(target.attitude)
     start = Rotation(
@@ -234,28 +260,28 @@ def _truth(scenario: Scenario, time: FloatArray) -> tuple[Rotation, Attitudes, F
         np.array(target.inertia),
         scenario.orbit if target.gravity_gradient else None,
     )
-    middle = float(time[0] + time[-1]) / 2
-    then = start.at(np.array([middle]))
-    rotation = Rotation(middle, then.attitude[0], then.rate[0], start.inertia, start.orbit)
+    then = start.at(np.array([epoch]))
+    return Rotation(epoch, then.attitude[0], then.rate[0], start.inertia, start.orbit)
+
+
+def _origin(scenario: Scenario, time: FloatArray) -> FloatArray:
+    """The true path of the CoM in C, (n, 3) in m."""
     state = np.concatenate([scenario.chaser.position, scenario.chaser.velocity])
     logged = _logged(scenario, _Known(), time)
     if logged is None and scenario.orbit.j2 is None:
         rho_L = relative_path(scenario.orbit, state, time)[:, :3]
-        origin = -(lvlh_attitude(scenario.orbit, time) @ rho_L[:, :, None])[:, :, 0]
-    else:
-        x = state / np.repeat([1.0, scenario.orbit.mean_motion], 3)
-        origin = PerturbedOrbit(scenario.orbit, 0.0, logged).at(time).position(x)
-    return rotation, rotation.at(time), origin
+        return np.asarray(-(lvlh_attitude(scenario.orbit, time) @ rho_L[:, :, None])[:, :, 0])
+    x = state / np.repeat([1.0, scenario.orbit.mean_motion], 3)
+    return PerturbedOrbit(scenario.orbit, 0.0, logged).at(time).position(x)
 
 
-def _expected(
-    scenario: Scenario, time: FloatArray, attitude: FloatArray, origin: FloatArray, points: FloatArray
-) -> Observations:
+def expected_observations(scenario: Scenario, time: FloatArray, truth: Truth) -> Observations:
     """The true positions of the features, with the true precision and the probability of each observation."""
-    features_C = origin[:, None] + points @ np.swapaxes(attitude, 1, 2)
+    R_B_C = np.swapaxes(truth.motion.attitude, 1, 2)
+    features_C = truth.origin[:, None] + truth.points @ R_B_C
     normals = np.array([point.normal for point in scenario.features.points])
-    covariance = observation_covariance(scenario, features_C, origin)
-    seen = visible(scenario, time, features_C, normals @ np.swapaxes(attitude, 1, 2))
+    covariance = observation_covariance(scenario, features_C, truth.origin)
+    seen = visible(scenario, time, features_C, normals @ R_B_C)
     seen &= np.isfinite(covariance[..., 0, 0])
     kept = (1 - scenario.sensor.dropout) * (1 - scenario.sensor.outliers.share) * (1 - scenario.sensor.outliers.swapped)
     weight = np.where(seen, kept, 0.0)

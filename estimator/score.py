@@ -9,7 +9,7 @@ V-bar is at rest, else frame C.
 """
 
 import time as clock
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -28,7 +28,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE
 from baryscope.estimator.adjustment.spurious import spurious_information_columns, three_sigma_factor
 from baryscope.estimator.details import ScoreDetails
-from baryscope.estimator.findings import ExcessResiduals, LackOfFit
+from baryscope.estimator.findings import ExcessResiduals, Finding, LackOfFit
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import null_space_of, symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions, refuse_forces
@@ -45,6 +45,70 @@ DEGREE = 4  # of the polynomial that is looked for in the residuals
 SIGNIFICANCE = 1e-4  # probability of finding one by chance
 MAX_VARIANCE_RATIO = 1.5  # of the residuals over what the registration tells, above which the centre moves
 ROUNDING = 1e-7  # of the distance: residuals that are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """The axes W in which the centre is at rest: LVLH, or those of C.
+
+    path: their name as that of the path's model; R_C_W (n, 3, 3), or (1, 3, 3) where W is C; rate (n, 1): how fast W
+    turns about its z in C, rad/s.
+    """
+
+    path: str
+    R_C_W: FloatArray
+    rate: FloatArray
+
+    @classmethod
+    def of(cls, orbit: Orbit | None, time: FloatArray) -> "_Ground":
+        """LVLH of the orbit at n times, s; without one, C."""
+        if orbit is None:
+            return cls("fixed", np.eye(3)[None], np.zeros((len(time), 1)))
+        return cls("fixed in LVLH", lvlh_attitude(orbit, time), lvlh_rate(orbit, time)[:, None])
+
+    def vectors(self, vectors_C: FloatArray) -> FloatArray:
+        """Vectors (n, m, 3) in W, from those in C."""
+        return vectors_C @ self.R_C_W
+
+    def vectors_in_C(self, vectors_W: FloatArray) -> FloatArray:
+        """Vectors (n, m, 3) in C, from those in W."""
+        return vectors_W @ np.swapaxes(self.R_C_W, 1, 2)
+
+    def covariances(self, covariances_C: FloatArray) -> FloatArray:
+        """Covariances (n, m, 3, 3) in W, from those in C."""
+        return np.asarray(np.swapaxes(self.R_C_W, 1, 2)[:, None] @ covariances_C @ self.R_C_W[:, None])
+
+    def at_rest(self, point_W: FloatArray) -> FloatArray:
+        """The positions (n, 3) in C of a point (3,) that is at rest in W."""
+        return np.broadcast_to(self.R_C_W @ point_W, (len(self.rate), 3)).copy()
+
+    def velocity(self, point_W: FloatArray) -> FloatArray:
+        """Its velocities (n, 3) in C, per second."""
+        return np.broadcast_to(self.R_C_W @ np.cross([0.0, 0.0, 1.0], point_W), (len(self.rate), 3)) * self.rate
+
+    def covariance(self, covariance_W: FloatArray) -> FloatArray:
+        """The covariances (n, 3, 3) in C of its position, from that (3, 3) in W."""
+        in_C = self.R_C_W @ covariance_W @ np.swapaxes(self.R_C_W, 1, 2)
+        return np.broadcast_to(in_C, (len(self.rate), 3, 3)).copy()
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The least-squares solution of c_k = v + R_k d, d = −u, jointly for j bodies.
+
+    Attributes:
+        centre: v (3,), m.
+        offsets: d (j, 3), each body's in its axes, m.
+        inverse: the pseudo-inverse (3 j + 3, 3 j + 3) of the normal equations of (d, v).
+        variance: of the residuals per coordinate, m².
+        unseen: the directions (3 j + 3, k) of (d, v) that nothing tells, as where the target does not turn.
+    """
+
+    centre: FloatArray
+    offsets: FloatArray
+    inverse: FloatArray
+    variance: float
+    unseen: FloatArray
 
 
 def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Estimate:
@@ -64,77 +128,55 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     if options.trajectory not in (None, "fixed"):
         raise InputError(f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest")
     tracks.refuse_singular()
-    in_orbit = orbit is not None and options.trajectory is None
-    R_C_W = lvlh_attitude(orbit, tracks.time) if orbit is not None and in_orbit else np.eye(3)[None]
-    position = tracks.position @ R_C_W
-    given = tracks.covariance
-    if given is not None:
-        given = np.swapaxes(R_C_W, 1, 2)[:, None] @ given @ R_C_W[:, None]
-    inliers = screen(position, tracks.seen, given)
+    ground = _Ground.of(orbit if options.trajectory is None else None, tracks.time)
+    position = ground.vectors(tracks.position)
+    inliers = screen(
+        position, tracks.seen, None if tracks.covariance is None else ground.covariances(tracks.covariance)
+    )
     registered = find_bodies(position, inliers, tracks.time)
-    centre, offsets, inverse, variance, unseen = solve_score(registered)
+    fit = solve_score(registered)
     bodies = [
-        replace(body, points=body.points + offset) for body, offset in zip(registered.bodies, offsets, strict=True)
+        replace(body, points=body.points + offset) for body, offset in zip(registered.bodies, fit.offsets, strict=True)
     ]
-    origin, n = np.tile(centre, (len(position), 1)), len(position)
+    origin = np.tile(fit.centre, (len(position), 1))
     observations = Observations(np.where(inliers[:, :, None], position, 0.0), inliers.astype(np.float64))
     lasting = frames_per_error(bodies, observations, origin)
-    path = "fixed in LVLH" if in_orbit else "fixed"
-    lack = _lack_of_fit(registered, tracks.time, centre, offsets, path, lasting)
-    noisy = variance > (ROUNDING * float(np.abs(centre).max())) ** 2
-    finding = lack or (_excess_residuals(registered, inliers, offsets, variance, path) if noisy else None)
-    distance = float(np.linalg.norm(centre))
-    together = lasting * variance
-    inverse = _without_spurious_information(registered, inliers, inverse, together / max(distance, 1e-300) ** 2)
-    unseen = unseen * distance / np.linalg.norm(unseen[-3:], axis=0)
-    joint = together * inverse + unseen @ unseen.T
-    weight, covariances = np.zeros(tracks.seen.shape), []
-    for index, body in enumerate(bodies):
-        own, block = slice(3 * index, 3 * index + 3), np.ix_(body.frames, body.features)
-        weight[block] = np.where(tracks.seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
-        covariances.append(joint[own, own])
+    joint = _joint_covariance(registered, inliers, fit, lasting)
     clusters = tuple(
-        cluster_of(body, body.points, own, tracks.labels) for body, own in zip(bodies, covariances, strict=True)
+        cluster_of(body, body.points, joint[3 * index : 3 * index + 3, 3 * index : 3 * index + 3], tracks.labels)
+        for index, body in enumerate(bodies)
     )
-    of_centre = R_C_W @ joint[-3:, -3:] @ np.swapaxes(R_C_W, 1, 2)
-    covariance = np.broadcast_to(of_centre, (n, 3, 3)).copy()
-    turn = lvlh_rate(orbit, tracks.time)[:, None] if orbit is not None and in_orbit else np.zeros((n, 1))
-    residuals = residuals_of(position, bodies, origin)
-    residuals = residuals @ np.swapaxes(R_C_W, 1, 2)
+    covariance = ground.covariance(joint[-3:, -3:])
+    weight = _weights(tracks.seen, inliers, bodies)
+    residuals = ground.vectors_in_C(residuals_of(position, bodies, origin))
     used, rejected = weight > 0, rejected_by(weight)
     kept = residuals[used & ~rejected]
     return Estimate(
         time=tracks.time,
         labels=tracks.labels,
-        position=np.broadcast_to(R_C_W @ centre, (n, 3)).copy(),
+        position=ground.at_rest(fit.centre),
         covariance=covariance,
-        motion=Motion(velocity=np.broadcast_to(R_C_W @ np.cross([0.0, 0.0, 1.0], centre), (n, 3)) * turn),
+        motion=Motion(velocity=ground.velocity(fit.centre)),
         observability=observability_of(clusters, covariance),
         clusters=clusters,
         noise=Noise(None, float(np.sqrt(np.mean(kept**2))) if kept.size else np.nan, lasting=lasting),
         residuals=residuals,
         used=used,
         rejected=rejected,
-        covered=covered_by(clusters, n),
+        covered=covered_by(clusters, len(tracks.time)),
         converged=True,
         rounds=1,
-        findings=() if finding is None else (finding,),
+        findings=_findings(registered, inliers, tracks.time, fit, ground.path, lasting),
         method="score",
-        path=path,
+        path=ground.path,
         options=options,
-        details=ScoreDetails(float(np.sqrt(variance))),
+        details=ScoreDetails(float(np.sqrt(fit.variance))),
         wall_time=clock.perf_counter() - begin,
     )
 
 
-def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatArray, float, FloatArray]:
-    """The least-squares solution of c_k = v + R_k d, d = −u, jointly for all bodies.
-
-    Returns:
-        v (3,) and d (j, 3), each body's in its axes, m; the pseudo-inverse (3 j + 3, 3 j + 3) of the normal equations
-        of (d, v); the residuals' variance per coordinate, m²; and the directions (3 j + 3, k) of (d, v) that nothing
-        tells, as where the target does not turn.
-    """
+def solve_score(registered: Registered) -> Fit:
+    """The least-squares solution for the registered bodies, by the normal equations of (d, v)."""
     bodies, origins = registered.bodies, registered.origins
     j = len(bodies)
     matrix, rhs = np.zeros((3 * j + 3, 3 * j + 3)), np.zeros(3 * j + 3)
@@ -155,7 +197,28 @@ def solve_score(registered: Registered) -> tuple[FloatArray, FloatArray, FloatAr
     )
     values = 3 * sum(len(body.frames) for body in bodies)
     variance = squares / max(values - len(found), 1)
-    return centre, offsets, inverse, variance, null_space_of(matrix, np.diag(matrix))
+    return Fit(centre, offsets, inverse, variance, null_space_of(matrix, np.diag(matrix)))
+
+
+def _joint_covariance(registered: Registered, inliers: BoolArray, fit: Fit, lasting: float) -> FloatArray:
+    """The covariance (3 j + 3, 3 j + 3) of (d, v), m²; along what nothing tells, the deviation is the distance.
+
+    lasting: how many frames have the same errors of the features, and count as one.
+    """
+    distance, variance = float(np.linalg.norm(fit.centre)), lasting * fit.variance
+    least = variance / max(distance, 1e-300) ** 2
+    inverse = _without_spurious_information(registered, inliers, fit.inverse, least)
+    unseen = fit.unseen * distance / np.linalg.norm(fit.unseen[-3:], axis=0)
+    return np.asarray(variance * inverse + unseen @ unseen.T)
+
+
+def _weights(seen: BoolArray, inliers: BoolArray, bodies: list[Body]) -> FloatArray:
+    """The weights (n, m) of the observations of bodies in their frames: negligible where they are no inliers."""
+    weight = np.zeros(seen.shape)
+    for body in bodies:
+        block = np.ix_(body.frames, body.features)
+        weight[block] = np.where(seen[block], np.where(inliers[block], 1.0, NEGLIGIBLE), 0.0)
+    return weight
 
 
 def _without_spurious_information(
@@ -178,9 +241,23 @@ def _without_spurious_information(
     return np.asarray(inverse + columns @ columns.T)
 
 
-def _lack_of_fit(
-    registered: Registered, time: FloatArray, centre: FloatArray, offsets: FloatArray, path: str, lasting: float
-) -> LackOfFit | None:
+def _findings(
+    registered: Registered, inliers: BoolArray, time: FloatArray, fit: Fit, path: str, lasting: float
+) -> tuple[Finding, ...]:
+    """What tells that the centre moves: residuals with a trend, or else too large ones, unless they are rounding."""
+    trend = _lack_of_fit(registered, time, fit, path, lasting)
+    if trend is not None:
+        return (trend,)
+    excess = _excess_residuals(registered, inliers, fit, path) if fit.variance > _rounding(fit) else None
+    return () if excess is None else (excess,)
+
+
+def _rounding(fit: Fit) -> float:
+    """The variance of residuals that are rounding, m²."""
+    return (ROUNDING * float(np.abs(fit.centre).max())) ** 2
+
+
+def _lack_of_fit(registered: Registered, time: FloatArray, fit: Fit, path: str, lasting: float) -> LackOfFit | None:
     """A finding if a polynomial of time explains more of the residuals c_k + R_k u − v than noise does.
 
     lasting: how many frames have the same errors of the features.
@@ -188,18 +265,18 @@ def _lack_of_fit(
     frames = np.concatenate([body.frames for body in registered.bodies])
     residual = np.concatenate(
         [
-            origin - centre - body.attitude @ offset
-            for body, origin, offset in zip(registered.bodies, registered.origins, offsets, strict=True)
+            origin - fit.centre - body.attitude @ offset
+            for body, origin, offset in zip(registered.bodies, registered.origins, fit.offsets, strict=True)
         ]
     )
     half = max((time[-1] - time[0]) / 2, 1e-300)
     powers = chebyshev.chebvander((time[frames] - time[0]) / half - 1, DEGREE)
     basis = np.linalg.qr(powers - powers.mean(axis=0))[0][:, 1:]
     explained = basis @ (basis.T @ residual)
-    values = residual.size - 3 * (DEGREE + 1) - 3 * len(offsets)
+    values = residual.size - 3 * (DEGREE + 1) - 3 * len(fit.offsets)
     if values < 1:
         return None
-    variance = max(float(np.sum((residual - explained) ** 2)) / values, (ROUNDING * float(np.abs(centre).max())) ** 2)
+    variance = max(float(np.sum((residual - explained) ** 2)) / values, _rounding(fit))
     gain, dof = float(np.sum(explained**2)) / (lasting * variance), 3 * DEGREE
     if fdtrc(dof, values / lasting, gain / dof) > SIGNIFICANCE:
         return None
@@ -212,12 +289,10 @@ def _turn_covariances(body: Body, inliers: BoolArray, noise: float) -> FloatArra
     return attitude_covariances(turn_information(weight, cross_matrices(body.points)), noise**2)
 
 
-def _excess_residuals(
-    registered: Registered, inliers: BoolArray, offsets: FloatArray, variance: float, path: str
-) -> ExcessResiduals | None:
+def _excess_residuals(registered: Registered, inliers: BoolArray, fit: Fit, path: str) -> ExcessResiduals | None:
     """A finding if the residuals' variance is greater than that of centroids and attitudes from the registration."""
-    expected, values = 0.0, -3 * len(offsets) - 3
-    for body, offset in zip(registered.bodies, offsets, strict=True):
+    expected, values = 0.0, -3 * len(fit.offsets) - 3
+    for body, offset in zip(registered.bodies, fit.offsets, strict=True):
         arm = cross_matrices(offset[None])[0]
         of_turn = np.einsum("ij,kjl,il->k", arm, _turn_covariances(body, inliers, registered.noise), arm)
         of_centroid = 3 * registered.noise**2 / inliers[np.ix_(body.frames, body.features)].sum(axis=1)
@@ -225,7 +300,7 @@ def _excess_residuals(
         values += 3 * len(body.frames)
     if values < 1:
         return None
-    ratio = variance * values / max(expected, 1e-300)
+    ratio = fit.variance * values / max(expected, 1e-300)
     if ratio <= max(MAX_VARIANCE_RATIO, float(chdtri(values, SIGNIFICANCE)) / values) or registered.noise == 0:
         return None
     return ExcessResiduals(path, float(np.sqrt(ratio)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.tracks import FeatureTracks
@@ -156,3 +157,12 @@ def roots(weight: FloatArray, precision: FloatArray | None) -> FloatArray:
     """Whitening matrices (n, m, 3, 3) of residuals (n, m, 3): W with Wᵀ W the weighted precision."""
     of_one = np.eye(3) if precision is None else np.swapaxes(np.linalg.cholesky(precision), -1, -2)
     return np.sqrt(weight)[..., None, None] * of_one
+
+
+def first_order(rng, shape, keep):
+    """A Markov process (n, …) of variance 1 whose autocorrelation at lag k is keep^k."""
+    white = rng.standard_normal(shape)
+    if keep == 0:
+        return white
+    begin = keep * white[:1]
+    return np.concatenate([white[:1], lfilter([np.sqrt(1 - keep**2)], [1, -keep], white[1:], axis=0, zi=begin)[0]])

@@ -41,6 +41,7 @@ LAYERS = [
     ["study.population"],
     ["study.world", "study.joints"],
     ["study.online", "study.approach", "study.images"],
+    ["scripts.cli.options"],
     ["scripts.cli"],
     ["scripts.examples", "scripts.benchmarks"],
 ]

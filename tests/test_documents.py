@@ -5,11 +5,13 @@ import json
 import re
 import shutil
 from itertools import dropwhile
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from baryscope.estimator.bound import cramer_rao_bound
+from baryscope.estimator.findings import Finding
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.cli import app
 from documents import (
@@ -144,6 +146,14 @@ def test_documents_that_sources_cite_exist():
     }
     assert len(cited) > 20
     assert not sorted((str(path), name) for path, name in cited if name.strip("/") not in known)
+
+
+def test_every_finding_has_its_row_and_its_place_in_the_reference():
+    names = {finding.__name__ for finding in get_args(Finding)}
+    listed = text_of("docs/reference/estimator.md").split("estimator.findings")[1].split(":::")[0]
+    assert set(re.findall(r"- (\w+)", listed)) == names
+    rows = set(re.findall(r"^\| `([\w-]+)` \|", text_of("docs/estimate.md"), re.MULTILINE))
+    assert {re.sub("(?<=[a-z])(?=[A-Z])", "-", name).lower() for name in names} <= rows
 
 
 def test_the_site_has_all_pages():

@@ -208,28 +208,9 @@ def _pass(
     system = linearised(reference, problem.start.nodes, observations)
     prior = problem.prior(reference, reference.x + shift, variance)
     dof = problem.dof(observations)
-    axes, bank, lasting = problem.axes(variance), None, 1.0 if last is None else last.lasting
-    member = Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
-    if last is not None and last.bank and last.linear and last.settled:
-        bank, member = last.bank, last.member
-    elif last is not None:
-
-        def scores(members: Sequence[Member]) -> FloatArray:
-            values, sigma = (dof + problem.weakly_known) / lasting, problem.sigma and lasting * problem.sigma
-            return log_likelihoods(system, problem.noise(members, variance), prior, values, sigma)
-
-        bank = Bank(*axes, scores)
-        ratio = variance / last.noise_variance
-        near = last.bank is not None and abs(np.log(ratio)) < ANOTHER_VARIANCE
-        member = bank.best(bank.scaled(last.member, ratio) if near else None)
-    try:
-        solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
-    except ComputationError:
-        if bank is not None or not axes[1].free:
-            raise
-        # The motion is unstable, and lost in rounding without noise.
-        member = replace(member, turn=problem.plenty_of_torque(axes[1]))
-        solution, parameters = solve(system, problem.noise([member], variance), prior)[0]
+    bank, member = _process_noise(problem, system, prior, dof, variance, last)
+    member, solution, parameters = _solved(problem, system, prior, variance, bank, member)
+    lasting = 1.0 if last is None else last.lasting
     residual_variance = max(parameters.squares / dof, problem.floor)
     used = problem.sigma or residual_variance
     after = moved(reference, _bounded(problem, reference, solution), solution.theta)
@@ -262,6 +243,49 @@ def _pass(
         or _has_stayed(problem, after, solution, lasting * used, last),
         steady=not rough and abs(changed) <= WEIGHT_CHANGE_TOLERANCE * float(squares.sum()),
     )
+
+
+def _process_noise(
+    problem: Problem, system: Linearised, prior: Prior, dof: float, variance: float, last: Pass | None
+) -> tuple[Bank | None, Member]:
+    """The bank of process noises and its best member: one around that of the last pass, unless that stands already.
+
+    In the first pass there is no bank, and the noise is generous.
+    """
+    axes = problem.axes(variance)
+    if last is None:
+        return None, Member(axes[0].at(GENEROUS), problem.first_torque(axes[1]))
+    if last.bank and last.linear and last.settled:
+        return last.bank, last.member
+    lasting = last.lasting
+
+    def scores(members: Sequence[Member]) -> FloatArray:
+        values, sigma = (dof + problem.weakly_known) / lasting, problem.sigma and lasting * problem.sigma
+        return log_likelihoods(system, problem.noise(members, variance), prior, values, sigma)
+
+    bank = Bank(*axes, scores)
+    ratio = variance / last.noise_variance
+    near = last.bank is not None and abs(np.log(ratio)) < ANOTHER_VARIANCE
+    return bank, bank.best(bank.scaled(last.member, ratio) if near else None)
+
+
+def _solved(
+    problem: Problem, system: Linearised, prior: Prior, variance: float, bank: Bank | None, member: Member
+) -> tuple[Member, Solution, Parameters]:
+    """The solution for a member; in the first pass with plenty of torque noise, where there is none for less.
+
+    Raises:
+        ComputationError: there is none.
+    """
+    try:
+        return member, *solve(system, problem.noise([member], variance), prior)[0]
+    except ComputationError:
+        turn = problem.axes(variance)[1]
+        if bank is not None or not turn.free:
+            raise
+        # The motion is unstable, and lost in rounding without noise.
+        member = replace(member, turn=problem.plenty_of_torque(turn))
+        return member, *solve(system, problem.noise([member], variance), prior)[0]
 
 
 def _frames_per_error(problem: Problem, observations: Observations, after: Reference) -> float:

@@ -91,56 +91,103 @@ def restricted_likelihood(
         largest: rms that a group of functions may have in a coordinate at most, as wanted; None: the likeliest
             variances are taken for true.
     """
-    c, p = design.shape[1:]
-    b, F = transformed(wanted), transformed(design)
-    first = np.linalg.lstsq(F.reshape(-1, p), b.ravel(), rcond=None)[0]
-    left = F @ first - b
-    least = ROUNDING * float(np.mean(wanted**2)) + 1e-300
-    above = left[kept[-1] + 1 :]
-    if len(above):  # what is white is in all bands
-        least = max(least, QUIETEST * float(np.mean(above**2)))
-    start = max(float(np.mean(left[kept] ** 2)), least)
-    b = b[kept]
-    slides = [transformed(group)[kept] for group in functions]
-    X = np.concatenate([F[kept], *slides], axis=2)
-    group = np.repeat(np.arange(-1, len(slides)), [p, *(slide.shape[2] for slide in slides)])
-    ends = bands(len(kept))
-    width = np.diff(ends)
-    spectrum = np.full(len(kept), start)
-    size = np.array([AT_FIRST * start * wanted.size / max(float(np.sum(one**2)), 1e-300) for one in functions])
-    begun, flat = size.copy(), X.reshape(-1, X.shape[2])
+    p = design.shape[2]
+    rows = _Rows.of(design, wanted, functions, kept)
+    spectrum = np.full(len(kept), rows.start)
+    squares = np.array([float(np.sum(one**2)) for one in functions])
+    variances = AT_FIRST * rows.start * wanted.size / np.maximum(squares, 1e-300)
+    least = NEGLIGIBLE * variances
     for _ in range(ROUNDS):
-        found, covariance = _Reduced.of(flat, b, spectrum, group).posterior(size)
-        left = ((flat @ found).reshape(b.shape) - b) ** 2
-        leverage = np.sum((flat @ covariance) * flat, axis=1).reshape(b.shape) / spectrum[:, None]
-        free = np.add.reduceat(np.maximum(1 - leverage, 0).sum(axis=1), ends[:-1])
-        squares = np.add.reduceat(left.sum(axis=1), ends[:-1])
-        around = _pooled(squares) / np.maximum(_pooled(free), 0.1 * c)
-        new = np.repeat(np.maximum((squares + c * around) / (free + c), least), width)
-        change = float(np.abs(np.log(new / spectrum)).max())
-        spectrum = new
-        for k in range(len(slides)):
-            own = group == k
-            told = own.sum() - np.trace(covariance[np.ix_(own, own)]) / size[k]
-            value = max(float(np.sum(found[own] ** 2)) / max(told, 1e-3), NEGLIGIBLE * begun[k])
-            if value > 10 * NEGLIGIBLE * begun[k]:
-                change = max(change, abs(float(np.log(value / size[k]))))
-            size[k] = value
+        mean, covariance = rows.reduced(spectrum).posterior(variances)
+        before, were = spectrum, variances
+        spectrum = rows.likelier_spectrum(mean, covariance, before)
+        variances = rows.likelier_variances(mean, covariance, were, least)
+        seen = variances > 10 * least  # a group that counts as none may go on towards none
+        change = max(_change(spectrum, before), _change(variances[seen], were[seen]))
         if change < CONVERGED:
             break
-    reduced = _Reduced.of(flat, b, spectrum, group)
-    of_noise = c * float(np.log(spectrum).sum()) + float(np.sum(b**2 / spectrum[:, None]))
-    likelihood = reduced.likelihood(size, *reduced.posterior(size)) - 0.5 * of_noise
+    reduced = rows.reduced(spectrum)
+    likelihood = reduced.likelihood(variances, *reduced.posterior(variances)) - 0.5 * rows.of_noise(spectrum)
     locked = np.zeros_like(wanted)
-    for k, functions_k in enumerate(functions):
-        locked = locked + functions_k @ found[group == k]
+    for k, one in enumerate(functions):
+        locked = locked + one @ mean[rows.group == k]
     covariance = covariance[:p, :p]
     if largest is not None:
-        for k, one in enumerate(functions):
-            ceiling = largest**2 / (float(np.sum(one**2)) / wanted.size + 1e-300)
-            covariance = covariance + reduced.growth(size, k, ceiling, p)
+        for k, ceiling in enumerate(largest**2 / (squares / wanted.size + 1e-300)):
+            covariance = covariance + reduced.growth(variances, k, float(ceiling), p)
     wider = float(np.mean(_window(len(wanted)) ** 4))  # neighbours are correlated by the taper
-    return Fit(found[:p], wider * covariance, kept, spectrum, locked, likelihood)
+    return Fit(mean[:p], wider * covariance, kept, spectrum, locked, likelihood)
+
+
+def _change(new: FloatArray, old: FloatArray) -> float:
+    """The greatest change of the logarithm of some variances."""
+    return float(np.abs(np.log(new / old)).max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The equations along the k coefficients that are used of the cosine transform, in c coordinates.
+
+    matrix (k c, q): of unknowns and coefficients of functions; wanted (k, c); group (q,): whose coefficient it is, −1
+    for an unknown; ends: of the bands among the k coefficients; start: the variance of every band at first, that of the
+    residuals without any functions; least: that of a band at least.
+    """
+
+    matrix: FloatArray
+    wanted: FloatArray
+    group: IntArray
+    ends: IntArray
+    start: float
+    least: float
+
+    @classmethod
+    def of(cls, design: FloatArray, wanted: FloatArray, functions: Sequence[FloatArray], kept: IntArray) -> "_Rows":
+        """Those of the arguments of `restricted_likelihood`."""
+        p = design.shape[2]
+        b, F = transformed(wanted), transformed(design)
+        residual = F @ np.linalg.lstsq(F.reshape(-1, p), b.ravel(), rcond=None)[0] - b
+        least = ROUNDING * float(np.mean(wanted**2)) + 1e-300
+        above = residual[kept[-1] + 1 :]
+        if len(above):  # what is white is in all bands
+            least = max(least, QUIETEST * float(np.mean(above**2)))
+        start = max(float(np.mean(residual[kept] ** 2)), least)
+        groups = [transformed(group)[kept] for group in functions]
+        matrix = np.concatenate([F[kept], *groups], axis=2)
+        owner = np.repeat(np.arange(-1, len(groups)), [p, *(group.shape[2] for group in groups)])
+        return cls(matrix.reshape(-1, matrix.shape[2]), b[kept], owner, bands(len(kept)), start, least)
+
+    def reduced(self, spectrum: FloatArray) -> "_Reduced":
+        """The normal equations for variances (k,)."""
+        weighted = self.matrix / np.repeat(spectrum, self.wanted.shape[1])[:, None]
+        return _Reduced(weighted.T @ self.matrix, weighted.T @ self.wanted.ravel(), self.group)
+
+    def likelier_spectrum(self, mean: FloatArray, covariance: FloatArray, spectrum: FloatArray) -> FloatArray:
+        """Likelier variances (k,) for a posterior (q,), (q, q) by the present ones: of each band, squares of residuals
+        over how many of them are free, with one coefficient more, of the variance of the band and its neighbours.
+        """
+        shape, c = self.wanted.shape, self.wanted.shape[1]
+        residual = ((self.matrix @ mean).reshape(shape) - self.wanted) ** 2
+        leverage = np.sum((self.matrix @ covariance) * self.matrix, axis=1).reshape(shape) / spectrum[:, None]
+        free = np.add.reduceat(np.maximum(1 - leverage, 0).sum(axis=1), self.ends[:-1])
+        squares = np.add.reduceat(residual.sum(axis=1), self.ends[:-1])
+        around = _pooled(squares) / np.maximum(_pooled(free), 0.1 * c)
+        return np.repeat(np.maximum((squares + c * around) / (free + c), self.least), np.diff(self.ends))
+
+    def likelier_variances(
+        self, mean: FloatArray, covariance: FloatArray, variances: FloatArray, least: FloatArray
+    ) -> FloatArray:
+        """Likelier variances (g,) of the groups, by the present ones: squares over how many the rows determine."""
+        found = np.empty_like(variances)
+        for k in range(len(variances)):
+            own = self.group == k
+            told = own.sum() - np.trace(covariance[np.ix_(own, own)]) / variances[k]
+            found[k] = max(float(np.sum(mean[own] ** 2)) / max(told, 1e-3), least[k])
+        return found
+
+    def of_noise(self, spectrum: FloatArray) -> float:
+        """−2 ln of the likelihood of the right side as noise alone of variances (k,), up to a constant."""
+        coordinates: int = self.wanted.shape[1]
+        return coordinates * float(np.log(spectrum).sum()) + float(np.sum(self.wanted**2 / spectrum[:, None]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,34 +201,28 @@ class _Reduced:
     rhs: FloatArray
     group: IntArray
 
-    @classmethod
-    def of(cls, flat: FloatArray, b: FloatArray, spectrum: FloatArray, group: IntArray) -> "_Reduced":
-        """Those of flat (k c, q), b (k, c) and variances (k,) of the rows."""
-        weighted = flat / np.repeat(spectrum, b.shape[1])[:, None]
-        return cls(weighted.T @ flat, weighted.T @ b.ravel(), group)
-
-    def posterior(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def posterior(self, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Mean (q,) and covariance (q, q) for variances (g,) of the groups."""
         known = np.zeros(len(self.group))
-        known[self.group >= 0] = 1 / size[self.group[self.group >= 0]]
+        known[self.group >= 0] = 1 / variances[self.group[self.group >= 0]]
         covariance = np.linalg.inv(self.matrix + np.diag(known))
         return covariance @ self.rhs, np.asarray(covariance)
 
-    def likelihood(self, size: FloatArray, mean: FloatArray, covariance: FloatArray) -> float:
+    def likelihood(self, variances: FloatArray, mean: FloatArray, covariance: FloatArray) -> float:
         """The logarithm of their restricted likelihood, up to a constant of the spectrum, for the posterior."""
-        of_groups = float(np.log(size[self.group[self.group >= 0]]).sum())
+        of_groups = float(np.log(variances[self.group[self.group >= 0]]).sum())
         return 0.5 * (float(mean @ self.rhs) + float(np.linalg.slogdet(covariance)[1]) - of_groups)
 
-    def growth(self, size: FloatArray, index: int, ceiling: float, p: int) -> FloatArray:
+    def growth(self, variances: FloatArray, index: int, ceiling: float, p: int) -> FloatArray:
         """By how much the covariance (p, p) of the unknowns grows as the variance of a group is not known.
 
         ceiling: its greatest variance.
         """
-        middle, own = self.posterior(size)
-        at_best = self.likelihood(size, middle, own)
+        middle, own = self.posterior(variances)
+        at_best = self.likelihood(variances, middle, own)
         found = [(1.0, middle[:p], own[:p, :p])]
         for ratio in (STEP, 1 / STEP):
-            other = size.copy()
+            other = variances.copy()
             for _ in range(MOST_STEPS):
                 other[index] *= ratio
                 if other[index] > ceiling:

@@ -2,6 +2,7 @@
 
 import ctypes
 import hashlib
+from enum import IntEnum
 from functools import cache
 from importlib.resources import files
 
@@ -12,11 +13,25 @@ from baryscope.fmu.units.filter import MOST_FEATURES, filter_functions, filter_h
 from baryscope.models.files import temporary_folder
 from baryscope.models.keplerian import ELEMENT_COUNT
 
-__all__ = ["MOST_FEATURES", "Options", "State", "Tumble", "build", "library", "sources"]
+__all__ = ["MOST_FEATURES", "Options", "Result", "State", "Tumble", "build", "library", "sources"]
 
 MAIN = "library.c"
 
 _double = ctypes.c_double
+
+
+class Result(IntEnum):
+    """`OnlineResult` of online.h: why a call was refused, if it was."""
+
+    ACCEPTED = 0
+    BAD_TIME = 1
+    BAD_POINT = 2
+    BAD_COVARIANCE = 3
+    BAD_NAME = 4
+    BAD_ACCELERATION = 5
+    TOO_MANY = 6
+    NO_SUCH = 7
+    TOO_LATE = 8
 
 
 class Options(ctypes.Structure):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
-from baryscope.estimator.online.core import MOST_FEATURES, Options, State, Tumble, build, library
+from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import Orbit
@@ -26,10 +26,10 @@ LONGEST_GAP = 86400.0  # s, a day
 MAGIC = b"baryscope online\n"
 HEAD = struct.Struct("<17s32sI")  # what stands before the memory of a saved filter: MAGIC, its build, its checksum
 REFUSED = {
-    1: "time: found {time!r} s, expected a time after that of the last frame",
-    3: f"covariance: found one that is not symmetric positive definite, or beyond {COARSEST:g} m",
-    4: "names: found the same twice, expected each feature once",
-    8: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last frame",
+    Result.BAD_TIME: "time: found {time!r} s, expected a time after that of the last frame",
+    Result.BAD_COVARIANCE: f"covariance: found one that is not symmetric positive definite, or beyond {COARSEST:g} m",
+    Result.BAD_NAME: "names: found the same twice, expected each feature once",
+    Result.TOO_LATE: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last one",
 }
 
 
@@ -196,9 +196,9 @@ class OnlineEstimator:
             None if upper is None else _numbers(upper),
             _numbers(push),
         )
-        if result:
+        if result != Result.ACCEPTED:
             gap = Options.from_buffer(self._memory).longest_gap  # a restored filter has its own
-            raise InputError(REFUSED[result].format(time=time, gap=gap))
+            raise InputError(REFUSED[Result(result)].format(time=time, gap=gap))
         return self.predict(time)
 
     def predict(self, time: float, acceleration: ArrayLike | None = None) -> OnlineState:
@@ -250,9 +250,9 @@ class OnlineEstimator:
         result = self._library.online_point(
             self._memory, time, _numbers(push), name, _numbers(position), _numbers(covariance)
         )
-        if result == 1:
+        if result == Result.BAD_TIME:
             raise _not_to_be_predicted(time)
-        return None if result else (position, covariance)
+        return (position, covariance) if result == Result.ACCEPTED else None
 
     def features(self) -> OnlineFeatures:
         """The map of the features."""
@@ -313,7 +313,7 @@ def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
         raise InputError(f"covariance has the shape {found.shape}, expected ({len(there)}, 3, 3)")
     found = found[there]
     if (np.abs(found - np.swapaxes(found, 1, 2)) > SYMMETRIC * np.abs(found).max(initial=0.0)).any():
-        raise InputError(REFUSED[3])
+        raise InputError(REFUSED[Result.BAD_COVARIANCE])
     return found
 
 

@@ -11,7 +11,7 @@ from baryscope.models.files import refuse_overwriting
 from baryscope.models.scenario import scenario_path
 from baryscope.models.words import counted
 from baryscope.scripts.cli.console import Show
-from baryscope.scripts.cli.whole import Whole
+from baryscope.scripts.cli.options.whole import Whole
 from baryscope.study.campaign import (
     CampaignSummary,
     Plan,

@@ -18,6 +18,7 @@ from baryscope.models.words import counted, length
 from baryscope.progress import stage
 from baryscope.report import html_of, report_of_joint
 from baryscope.scripts.cli.console import Show
+from baryscope.scripts.cli.options.features import named_features
 from baryscope.table import Table
 
 LEAST = 3  # markers of a body
@@ -69,8 +70,8 @@ def find_joint(
     with show.progress() as progress:
         with stage(progress, f"reading {tracks}"):
             data = read_tracks(tracks, units)
-        moving = chosen(data, child, "child", LEAST, "marker")
-        ground = None if parent is None else chosen(data, parent, "parent", LEAST, "marker")
+        moving = named_features(data, child, "child", LEAST, "marker")
+        ground = None if parent is None else named_features(data, parent, "parent", LEAST, "marker")
         if ground is not None and (both := sorted(set(ground.labels) & set(moving.labels))):
             raise InputError(f"parent and child: found {both[0]} in both, expected markers of one body each")
         with stage(progress, "finding the joint"):
@@ -90,25 +91,6 @@ def find_joint(
         show.remark(f"the centre at every time: {output}")
         if report:
             show.remark(f"report, for a browser: {written[1]}")
-
-
-def chosen(data: FeatureTracks, text: str, option: str, least: int, what: str = "feature") -> FeatureTracks:
-    """The tracks of the features that an option names, a,b,c, in that order.
-
-    least: how many it has to name; what: what a feature is called there.
-
-    Raises:
-        InputError: there is no such feature, one is named twice, or they are fewer.
-    """
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        if name not in data.labels:
-            raise InputError(f"{option}: found {name!r}, expected some of {', '.join(data.labels)}")
-        if names.count(name) > 1:
-            raise InputError(f"{option}: found {name!r} twice, expected each {what} once")
-    if len(names) < least:
-        raise InputError(f"{option}: found {counted(len(names), what)}, expected at least {least}")
-    return data.of_features(names)
 
 
 def _write_path(found: Joint, stream: TextIO) -> None:

@@ -16,7 +16,7 @@ from baryscope.models.files import refuse_overwriting
 from baryscope.models.words import counted
 from baryscope.progress import stage
 from baryscope.scripts.cli.console import Show
-from baryscope.scripts.cli.whole import Whole
+from baryscope.scripts.cli.options.whole import Whole
 
 
 def track_images(

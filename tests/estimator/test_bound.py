@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import forces
-from baryscope.estimator.bound import _expected, _truth, cramer_rao_bound
+from baryscope.estimator.bound import Truth, cramer_rao_bound, expected_observations
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.ml.likelihood import Model, equations
@@ -265,11 +265,10 @@ def test_with_process_noise_it_is_that_of_a_gaussian_process():
     found = cramer_rao_bound(flown, trajectory="polynomial:1", process_noise=density, predict=ahead)
     time = flown.sample_times
     n = len(time)
-    rotation, motion, origin = _truth(flown, time)
-    points = np.array([point.position for point in flown.features.points])
-    observations = _expected(flown, time, motion.attitude, origin, points)
+    truth = Truth.of(flown, time)
+    observations = expected_observations(flown, time, truth)
     free = SampledPath(np.eye(3 * n).reshape(n, 3, 3 * n), lambda x: x.reshape(n, 3))
-    information = equations(observations, Model(motion, free, origin, points)).matrix
+    information = equations(observations, Model(truth.motion, free, truth.origin, truth.points)).matrix
     joint = np.zeros((len(information) + 3, len(information) + 3))
     joint[:-3, :-3] = information
     joint[8:, 8:] += np.linalg.inv(integrated_noise(np.append(time, time[-1] + ahead), density))
@@ -277,7 +276,7 @@ def test_with_process_noise_it_is_that_of_a_gaussian_process():
     expected = np.einsum("kikj->kij", of_positions.reshape(n + 1, 3, n + 1, 3))
     np.testing.assert_allclose(found.position_covariance, expected[:-1], atol=0.02 * np.abs(expected[:-1]).max())
     np.testing.assert_allclose(found.predicted_covariance[:3, :3], expected[-1], atol=0.02 * np.abs(expected[-1]).max())
-    assert rotation.size == 8
+    assert truth.rotation.size == 8
 
 
 @pytest.mark.parametrize("rate, expected", [(3.5, (0.65, 0.89, 2.2)), (1.2, (1.01, 2.05, 15))])
@@ -302,9 +301,9 @@ def test_the_true_path_is_under_j2():
     """By two orbits of an independent program: in half a day it is 2 km long, and 90 m from Kepler's."""
     orbit = replace(ORBIT.model(), j2=forces.J2, equatorial_radius=forces.RADIUS)
     flown = scenario(duration=40e3, step=400.0).model_copy(update={"orbit": orbit})
-    found = _truth(flown, flown.sample_times)[2]
-    expected = forces.fly(flown, flown.sample_times)[2]
-    kepler = _truth(flown.model_copy(update={"orbit": ORBIT.model()}), flown.sample_times)[2]
+    found = Truth.of(flown, flown.sample_times).origin
+    _, expected = forces.fly_paths(flown, flown.sample_times)
+    kepler = Truth.of(flown.model_copy(update={"orbit": ORBIT.model()}), flown.sample_times).origin
     assert np.abs(kepler - expected).max() > 50.0
     np.testing.assert_allclose(found, expected, atol=0.2)  # there LVLH axes turn about the radius, too, at the start
 
@@ -324,7 +323,7 @@ def test_errors_of_the_camera_that_the_motion_does_not_tell_are_added():
     flown = scenario()
     plain = cramer_rao_bound(flown, trajectory="polynomial:2")
     found = cramer_rao_bound(flown, trajectory="polynomial:2", consider=Rig(scale_deviation=1e-2))
-    origin = _truth(flown, flown.sample_times)[2]
+    origin = Truth.of(flown, flown.sample_times).origin
     expected = plain.position_covariance + 1e-4 * origin[:, :, None] * origin[:, None]
     np.testing.assert_allclose(found.position_covariance, expected, atol=1e-2 * np.abs(expected).max())
     noisy = cramer_rao_bound(flown, consider=Rig(attitude_noise=1e-3))

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from baryscope.estimator import PathOptions, estimate
 from baryscope.estimator.adjustment import lasting_errors
@@ -13,19 +12,10 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.tracks import FeatureTracks
 from free_paths import FEATURES, at_rest, turning
-from synthetic import make_case
+from synthetic import first_order, make_case
 
 NOISE = 0.01
 FRAMES = 400
-
-
-def first_order(rng, shape, keep):
-    """A Markov process (n, …) of variance 1 whose autocorrelation at lag k is keep^k."""
-    white = rng.standard_normal(shape)
-    if keep == 0:
-        return white
-    begin = keep * white[:1]
-    return np.concatenate([white[:1], lfilter([np.sqrt(1 - keep**2)], [1, -keep], white[1:], axis=0, zi=begin)[0]])
 
 
 def true_growth(keep):

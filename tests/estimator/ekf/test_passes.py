@@ -5,7 +5,11 @@ import pytest
 
 from baryscope.estimator.ekf.passes import refuse_lost, squared_length
 from baryscope.estimator.ekf.problem import FAR
+from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.errors import ComputationError
+from synthetic import ENVISAT, attitude, box_features, first_order, make_case
 
 
 @pytest.mark.parametrize("away", [1.1 * FAR, np.nan, np.inf])
@@ -26,3 +30,21 @@ def test_a_step_is_measured_by_a_covariance_that_rounding_has_made_singular():
     assert squared_length(np.array([0.3, 0.3]), singular) == pytest.approx(0.09, rel=1e-9)
     assert squared_length(np.array([0.3, -0.3]), singular) > 1e13
     assert squared_length(np.zeros(2), np.zeros((2, 2))) == 0
+
+
+def test_the_members_of_a_bank_are_scored_alike():
+    """As many frames share an error in each: those of the posterior were scored with more of them than the best one."""
+    time = np.arange(600.0)
+    com = np.tile([4.0, -19.0, 3.0], (len(time), 1))
+    points = box_features(8, (10, 5, 5), seed=3, centre=(1, 0.5, 0))
+    tracks = make_case(time, attitude(ENVISAT, np.deg2rad([1.2, 2.2, 2.4]), time), com, points).tracks
+    errors = 0.02 * first_order(np.random.default_rng(1), tracks.position.shape, 0.8)
+    found = estimate(
+        FeatureTracks(time, tracks.position + errors, tracks.labels),
+        method="ekf",
+        options=PathOptions(trajectory="polynomial:1"),
+    )
+    assert found.noise.lasting > 5
+    bank = found.predictor.found.last.bank
+    assert len(bank.scores) > 10
+    np.testing.assert_allclose(bank.evaluate(list(bank.scores)), list(bank.scores.values()), rtol=1e-9)

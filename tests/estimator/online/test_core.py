@@ -9,7 +9,7 @@ import pytest
 
 from baryscope.estimator.limits import FARTHEST, LATEST
 from baryscope.estimator.online import OnlineStatus
-from baryscope.estimator.online.core import MOST_FEATURES, Options, State, Tumble, sources
+from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, sources
 from baryscope.estimator.online.estimator import REFUSED
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.sensor.navigation import STATUSES
@@ -61,9 +61,9 @@ def test_statuses_have_the_headers_numbers():
 
 def test_refusals_have_the_headers_numbers():
     """What Python has checked before, or answers by None, has no text here."""
-    names = names_of("OnlineResult")
-    assert {names[number] for number in REFUSED} == {"BAD_TIME", "BAD_COVARIANCE", "BAD_NAME", "TOO_LATE"}
-    assert names[0] == "ACCEPTED"
+    assert [one.name for one in Result] == names_of("OnlineResult")
+    assert [one.value for one in Result] == list(range(len(Result)))
+    assert set(REFUSED) == {Result.BAD_TIME, Result.BAD_COVARIANCE, Result.BAD_NAME, Result.TOO_LATE}
 
 
 @pytest.mark.parametrize("kind, struct", [(Options, "OnlineOptions"), (State, "OnlineState"), (Tumble, "OnlineTumble")])

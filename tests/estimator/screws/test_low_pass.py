@@ -34,6 +34,7 @@ def test_filtered_lines_still_pass_through_their_common_point():
     new_axis, new_point = low_pass_axes(axis, point, 1.0, cutoff=0.05)
     np.testing.assert_allclose(np.linalg.norm(new_axis, axis=1), 1.0)
     np.testing.assert_allclose(np.cross(new_point - pivot, new_axis), 0, atol=1e-10)
+    np.testing.assert_allclose(np.sum((new_point - point) * new_axis, axis=1), 0, atol=1e-10)  # the nearest ones
     assert np.abs(new_axis - axis).max() < 0.2
 
 

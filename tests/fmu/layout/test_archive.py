@@ -9,16 +9,7 @@ import pytest
 
 from baryscope.fmu import Session
 from baryscope.models.errors import InputError
-
-
-def _repacked(source, target, change):
-    """A copy of an FMU, each member passed through `change(name, content)`; None drops it."""
-    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
-        for name in old.namelist():
-            content = change(name, old.read(name))
-            if content is not None:
-                new.writestr(name, content)
-    return target
+from mutations import rewritten
 
 
 def _refusal(path):
@@ -87,7 +78,7 @@ def test_what_zipfile_cannot_unpack(envisat_fmu, tmp_path, change, words):
 
 @pytest.mark.parametrize("name", ["../evil", "/etc/evil", "a/../../evil", "C:/evil", "a\\evil"])
 def test_paths_that_lead_out(envisat_fmu, tmp_path, name):
-    path = _repacked(envisat_fmu, tmp_path / "unit.fmu", lambda _, content: content)
+    path = rewritten(envisat_fmu, tmp_path / "unit.fmu", lambda _, content: content)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr(name, "x")
     assert "unsafe path" in _refusal(path)
@@ -95,38 +86,38 @@ def test_paths_that_lead_out(envisat_fmu, tmp_path, name):
 
 
 def test_no_description(envisat_fmu, tmp_path):
-    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: None if n == "modelDescription.xml" else c)
+    path = rewritten(envisat_fmu, tmp_path / "x.fmu", lambda n, c: None if n == "modelDescription.xml" else c)
     assert "modelDescription.xml cannot be read" in _refusal(path)
 
 
 def test_another_model(envisat_fmu, tmp_path):
-    path = _repacked(
+    path = rewritten(
         envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b'modelName="TumblingTarget"', b'modelName="Ball"')
     )
     assert "is Ball of FMI 2.0, expected TumblingTarget" in _refusal(path)
 
 
 def test_other_variables(envisat_fmu, tmp_path):
-    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b"orbit.raan", b"orbit.node"))
+    path = rewritten(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b"orbit.raan", b"orbit.node"))
     assert "not those of this version" in _refusal(path)
 
 
 def test_no_library_for_this_machine(envisat_fmu, tmp_path):
-    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: None if n.startswith("binaries") else c)
+    path = rewritten(envisat_fmu, tmp_path / "x.fmu", lambda n, c: None if n.startswith("binaries") else c)
     assert "expected a unit for this machine" in _refusal(path)
 
 
 def test_description_and_library_of_different_builds(envisat_fmu, tmp_path):
     from baryscope.fmu.runtime.session import UnitError
 
-    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b'guid="{', b'guid="{0'))
+    path = rewritten(envisat_fmu, tmp_path / "x.fmu", lambda n, c: c.replace(b'guid="{', b'guid="{0'))
     with pytest.raises(UnitError, match="different builds"):
         Session(path)
 
 
 def test_a_library_that_cannot_be_loaded_leaves_the_working_directory(envisat_fmu, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = _repacked(envisat_fmu, tmp_path / "x.fmu", lambda n, c: b"no library" if n.startswith("binaries") else c)
+    path = rewritten(envisat_fmu, tmp_path / "x.fmu", lambda n, c: b"no library" if n.startswith("binaries") else c)
     assert "cannot be loaded" in _refusal(path)
     assert Path.cwd() == tmp_path
 
@@ -138,7 +129,7 @@ def test_a_library_that_is_cut_off_is_refused_before_it_ends_the_process(kept, e
         size = kept if isinstance(kept, int) else int(kept * len(content))
         return content[:size] if name.startswith("binaries") else content
 
-    path = _repacked(envisat_fmu, tmp_path / "x.fmu", cut)
+    path = rewritten(envisat_fmu, tmp_path / "x.fmu", cut)
     refusal = _refusal(path)
     assert refusal.startswith(f"{path}: binaries/")
     assert re.search(r"\.so: is cut off, found \d+ bytes, expected \d+ as in its header$", refusal)

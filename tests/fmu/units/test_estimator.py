@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from fmpy.validation import validate_fmu
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.online import OnlineEstimator
 from baryscope.fmu import build_fmu
-from baryscope.fmu.check import check_unit
 from baryscope.fmu.units import blueprint_of
 from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
@@ -38,23 +36,8 @@ def units(watched, tmp_path_factory):
 
 
 @pytest.fixture
-def started(units, tmp_path):
-    opened = []
-
-    def start(unit, **parameters):
-        opened.append(Stepped(units[unit], tmp_path / f"{unit}{len(opened)}", **parameters))
-        return opened[-1]
-
-    yield start
-    for one in opened:
-        one.fmu.freeInstance()
-
-
-@pytest.mark.parametrize("fmi, scalar", [(2, False), (3, False), (3, True)])
-def test_its_declarations_are_true(watched, tmp_path, fmi, scalar):
-    unit = build_fmu(watched, tmp_path / "estimator.fmu", unit="estimator", fmi=fmi, scalar=scalar)
-    assert validate_fmu(str(unit)) == []
-    assert check_unit(unit, isolated=False) == []
+def started(units, opened):
+    return lambda unit, **parameters: opened(Stepped, units[unit], **parameters)
 
 
 def test_more_features_than_the_map_holds_are_refused(watched):

@@ -78,8 +78,8 @@ def test_its_declarations_are_true(summing, tmp_path, fmi, scalar):
     assert kinds[name][2].endswith(label)
 
 
-def test_it_steps_and_refuses_what_it_has_not(summing, tmp_path):
-    importer = Importer(pack_unit(summing, tmp_path / "s.fmu"), tmp_path)
+def test_it_steps_and_refuses_what_it_has_not(summing, opened, tmp_path):
+    importer = opened(Importer, pack_unit(summing, tmp_path / "s.fmu"))
     s, at = importer.fmu, importer.references
     importer.initialise()
     assert importer.messages == []
@@ -106,7 +106,6 @@ def test_it_steps_and_refuses_what_it_has_not(summing, tmp_path):
     s.doStep(1.0, 0.5)
     importer.refused(lambda: s.getDirectionalDerivative([at["y[1]"]], x[:1], [1.0]), "is sampled")
     importer.refused(lambda: s.setRealInputDerivatives(x[:1], [1], [1.0]), "is sampled")
-    s.freeInstance()
 
 
 def test_model_exchange_is_refused(summing, tmp_path):
@@ -117,8 +116,8 @@ def test_model_exchange_is_refused(summing, tmp_path):
         Model(pack_unit(summing, tmp_path / "s.fmu"), tmp_path)
 
 
-def test_arrays_of_booleans_in_fmi_3(summing, tmp_path):
-    importer = Importer3(pack_unit(summing, tmp_path / "s.fmu", fmi=3), tmp_path)
+def test_arrays_of_booleans_in_fmi_3(summing, opened, tmp_path):
+    importer = opened(Importer3, pack_unit(summing, tmp_path / "s.fmu", fmi=3))
     s, at = importer.fmu, importer.references
     importer.initialise()
     s.setFloat64([at["x"]], [1.0, -2.0, 4.0])
@@ -126,4 +125,3 @@ def test_arrays_of_booleans_in_fmi_3(summing, tmp_path):
     s.doStep(0.0, 1.0)
     assert s.getFloat64([at["y"]], 3) == [-2.0] * 3
     assert [bool(b) for b in s.getBoolean([at["positive"]], 3)] == [True, False, True]
-    s.freeInstance()

@@ -1,5 +1,7 @@
 """The samples and commands that CentreOfMassEstimator takes, leaves out or waits for, and what it logs of them."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -20,16 +22,8 @@ def unit(envisat, tmp_path_factory):
 
 
 @pytest.fixture
-def started(unit, tmp_path):
-    opened = []
-
-    def start():
-        opened.append(Stepped(unit, tmp_path / str(len(opened)), onOrbit=False))
-        return opened[-1]
-
-    yield start
-    for one in opened:
-        one.fmu.freeInstance()
+def started(unit, opened):
+    return partial(opened, Stepped, unit, onOrbit=False)
 
 
 def test_samples_that_are_no_news_change_nothing(started):

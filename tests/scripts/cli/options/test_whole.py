@@ -3,7 +3,7 @@
 import pytest
 
 from baryscope.scripts.cli import app
-from baryscope.scripts.cli.whole import Whole
+from baryscope.scripts.cli.options.whole import Whole
 
 WHOLE = {
     ("campaign", "--draws"),
