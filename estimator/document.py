@@ -125,6 +125,7 @@ class FindingPart(Part):
         "different-points",
         "departure",
         "wrong-orbit",
+        "untold-oblateness",
         "unknown-burn",
         "wrong-sigma",
         "changing-noise",
@@ -154,6 +155,7 @@ class FindingPart(Part):
     shift: Vector | None = Field(None, description="wrong-orbit: of the target from its orbit, LVLH, mid-time, m")
     deviation: Vector | None = Field(None, description="wrong-orbit: standard deviation of shift, m")
     oblate: bool | None = Field(None, description="wrong-orbit: whether the orbit has J2, which else may look like it")
+    j2: float | None = Field(None, description="untold-oblateness: of the Earth, which the estimate has")
     begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: begin, s")
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: end, s")

@@ -66,6 +66,13 @@ class WrongOrbit:
 
 
 @dataclass(frozen=True)
+class UntoldOblateness:
+    """The orbit told has no J2, but the tracks are likelier with the Earth's, `j2`, which the estimate has."""
+
+    j2: float
+
+
+@dataclass(frozen=True)
 class FramesLeftOut:
     """All observations of successive frames from begin to end, in s, are rejected: the estimate does not hold there.
 
@@ -167,6 +174,7 @@ Finding = (
     | DifferentPoints
     | Departure
     | WrongOrbit
+    | UntoldOblateness
     | UnknownBurn
     | WrongSigma
     | ChangingNoise

@@ -19,6 +19,7 @@ from baryscope.estimator.findings import (
     FreeAttitudes,
     LackOfFit,
     UnknownBurn,
+    UntoldOblateness,
     WrongOrbit,
     WrongSigma,
 )
@@ -87,6 +88,11 @@ def sentence(finding: Finding) -> str:
             off = ", ".join(f"{value / 1e3:.3g} ± {sd / 1e3:.2g} km {where}" for where, value, sd in parts)
             other = "" if finding.oblate else ", or this is J2, which the orbit file does not tell"
             return f"the target is off its orbit by {off}, for which the estimate is corrected{other}"
+        case UntoldOblateness():
+            return (
+                "the orbit file tells no J2, but the tracks are likelier with the Earth's about the axis z, which the "
+                "estimate has: put j2 and equatorial_radius into the file, j2 = 0 if there is none"
+            )
         case UnknownBurn():
             change = ", ".join(
                 f"{1e3 * value:.3g} ± {1e3 * sd:.2g}"

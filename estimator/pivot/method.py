@@ -50,8 +50,10 @@ from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import (
     following_rotation,
+    untold_oblateness,
     with_corrected_orbit,
     with_needed_noise,
+    with_oblateness,
     wrong_orbit,
 )
 from baryscope.estimator.prediction import PredictedPath
@@ -169,14 +171,14 @@ def _motion(found: Pivot, of_path: PredictedPath, time: FloatArray, errors: Shar
     )
 
 
-def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
+def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> Pivot:
     """The least-squares solution for bodies and path, with its findings.
 
     Raises:
         InputError: an invalid combination of options, or a singular covariance.
         ComputationError: the tracks do not determine the unknowns.
     """
-    trajectory = trajectory_of(options.trajectory, orbit)
+    orbit, trajectory = told, trajectory_of(options.trajectory, told)
     given = _Given.of(tracks)
     registered, span = given.registered, (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
@@ -189,6 +191,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
             break
         # Of a path with more degrees they tell less.
         _refuse_untold(found, registered)
+    found, start, orbit = with_oblateness(found, start, orbit, options)
     found, fewer = without_strays(found, start, options)
     if registered.in_line:
         start = fewer
@@ -199,6 +202,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     found = with_corrected_orbit(found, orbit, start, options)
     _refuse_untold(found, registered)
     findings = _findings(found, registered, tracks) + wrong_orbit(found, orbit)
+    findings += untold_oblateness(told, found.path)
     findings += unknown_burns(found.path, found.solution.x, found.variance * found.solution.covariance)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))
