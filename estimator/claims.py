@@ -20,7 +20,7 @@ from baryscope.estimator.findings import (
     UnknownBurn,
     WrongSigma,
 )
-from baryscope.estimator.prediction import Widening
+from baryscope.estimator.prediction import Widening, beyond
 from baryscope.estimator.registration.intervals import runs_of
 from baryscope.estimator.result import Cluster, Estimate, Motion, Status
 
@@ -75,7 +75,8 @@ def _extrapolated(result: Estimate) -> tuple[Extrapolated, ...]:
     """A finding if a path that is told is extrapolated so far that its law claims more than the tracks.
 
     The law of a smooth path is what this shows where it is seen. Whether it holds beyond, as on an ellipse that nears
-    its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have.
+    its periapsis, nothing tells but an orbit; and not even that where forces are at work that it does not have. A
+    chaser that burns where it is seen may burn where it is not, of which the covariance knows nothing.
     """
     seen = with_attitude(result.used & ~result.rejected)
     told = result.observability is not None and result.observability.observable.all()
@@ -83,10 +84,24 @@ def _extrapolated(result: Estimate) -> tuple[Extrapolated, ...]:
     if lawful or not told or not len(seen):
         return ()
     assert result.covariance is not None  # noqa: S101  what is told has one
-    variance = np.trace(result.covariance, axis1=1, axis2=2)
+    begin, end = result.time[seen[[0, -1]]]
+    variance = np.trace(result.covariance, axis1=1, axis2=2) + _of_burns_beyond(result, float(begin), float(end))
     if variance.max() <= FAR**2 * variance[seen[0] : seen[-1] + 1].max():
         return ()
-    return (Extrapolated(float(result.time[seen[0]]), float(result.time[seen[-1]])),)
+    return (Extrapolated(float(begin), float(end)),)
+
+
+def _of_burns_beyond(result: Estimate, begin: float, end: float) -> FloatArray:
+    """The variance (n,) of positions before and after begin … end, in s, by burns as those found between them, m².
+
+    Burns at random times change the velocity as white acceleration does, of which the trace of the density is the mean
+    of their squared changes over the time between them (Campbell's theorem).
+    """
+    changes = [finding.change for finding in result.findings if isinstance(finding, UnknownBurn)]
+    if not changes or end <= begin:
+        return np.zeros(len(result.time))
+    density = float(np.sum(np.square(changes))) / (end - begin)
+    return density * np.abs(beyond(result.time, begin, end)) ** 3 / 3
 
 
 def _widening(result: Estimate) -> Widening:

@@ -126,6 +126,7 @@ class FindingPart(Part):
         "departure",
         "wrong-orbit",
         "estimated-orbit",
+        "untold-oblateness",
         "unknown-burn",
         "wrong-sigma",
         "changing-noise",
@@ -159,6 +160,7 @@ class FindingPart(Part):
     period_deviation: float | None = Field(None, description="estimated-orbit: its standard deviation, s")
     eccentricity: float | None = Field(None, description="estimated-orbit: of the target's orbit")
     eccentricity_deviation: float | None = Field(None, description="estimated-orbit: its standard deviation")
+    j2: float | None = Field(None, description="untold-oblateness: of the Earth, which the estimate has")
     begin: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: begin, s")
     begin_deviation: float | None = Field(None, description="unknown-burn: its standard deviation, s")
     end: float | None = Field(None, description="unknown-burn, frames-left-out, extrapolated: end, s")

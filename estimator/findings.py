@@ -76,6 +76,13 @@ class EstimatedOrbit:
 
 
 @dataclass(frozen=True)
+class UntoldOblateness:
+    """The orbit told has no J2, but the tracks are likelier with the Earth's, `j2`, which the estimate has."""
+
+    j2: float
+
+
+@dataclass(frozen=True)
 class FramesLeftOut:
     """All observations of successive frames from begin to end, in s, are rejected: the estimate does not hold there.
 
@@ -178,6 +185,7 @@ Finding = (
     | Departure
     | WrongOrbit
     | EstimatedOrbit
+    | UntoldOblateness
     | UnknownBurn
     | WrongSigma
     | ChangingNoise

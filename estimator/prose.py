@@ -22,6 +22,7 @@ from baryscope.estimator.findings import (
     FreeAttitudes,
     LackOfFit,
     UnknownBurn,
+    UntoldOblateness,
     WrongOrbit,
     WrongSigma,
 )
@@ -95,6 +96,11 @@ def sentence(finding: Finding) -> str:
                 "no orbit is given, but the path tells one, on which it lies: a period of "
                 f"{_to_its_digits(finding.period / 60, finding.period_deviation / 60)} min and an eccentricity of "
                 f"{_to_its_digits(finding.eccentricity, finding.eccentricity_deviation)}"
+            )
+        case UntoldOblateness():
+            return (
+                "the orbit file tells no J2, but the tracks are likelier with the Earth's about the axis z, which the "
+                "estimate has: put j2 and equatorial_radius into the file, j2 = 0 if there is none"
             )
         case UnknownBurn():
             change = ", ".join(

@@ -1,6 +1,6 @@
 """The target's orbit: Keplerian elements in SI units, as estimators and dynamics use it."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from math import inf, isfinite, pi, sqrt
 from typing import Protocol
@@ -121,6 +121,12 @@ class Orbit:
                 f"orbit.equatorial_radius: found {radius:g} m, expected at most the distance of the periapsis, "
                 f"{periapsis:g} m"
             )
+
+    def with_earths_j2(self) -> "Orbit | None":
+        """The same orbit with the Earth's J2, about the z axis; None if its forces are known, or not the Earth's."""
+        if self.j2 is not None or self.ephemeris is not None or not self._is_the_earths:
+            return None
+        return replace(self, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
 
     @property
     def elements(self) -> tuple[float, ...]:

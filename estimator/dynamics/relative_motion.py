@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from baryscope.estimator.dynamics.extended import parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, LinearMotion, Motion, Panels
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -165,6 +167,11 @@ class PerturbedOrbit(_OnOrbit):
         factor[:3, :3] = -R_I_L
         factor[3:] = -R_I_L @ np.hstack([turn, self.orbit.mean_motion * np.eye(3)])
         return factor
+
+
+def orbit_in(path: Path) -> Orbit | None:
+    """The orbit of the relative motion that a path is, or is based on; None if it is another one."""
+    return next((part.orbit for part in parts_of(path) if isinstance(part, _OnOrbit)), None)
 
 
 def beyond_gradient(orbit: Orbit, reference: FloatArray, gradient: FloatArray, p: FloatArray) -> FloatArray:

@@ -22,7 +22,8 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.stereo import observations_of
 from baryscope.estimator.dynamics.burns import burned_in
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.trajectory import highest_degree, trajectory_of
+from baryscope.estimator.dynamics.relative_motion import orbit_in
+from baryscope.estimator.dynamics.trajectory import Trajectory, highest_degree, trajectory_of
 from baryscope.estimator.ekf.answer import answer_of, process_noise_of
 from baryscope.estimator.ekf.passes import Passes, passes
 from baryscope.estimator.ekf.problem import Problem
@@ -33,6 +34,7 @@ from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
+from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
 from baryscope.estimator.progress import Progress, Rounds, silent
 from baryscope.estimator.result import Estimate
 from baryscope.estimator.tracks import FeatureTracks
@@ -68,7 +70,8 @@ def estimate_by_filter(
     try:
         found = _filtered(tracks, orbit, options, solved, progress)
         if found.converged:
-            return answer_of(found, begin)
+            answer = answer_of(found, begin)
+            return replace(answer, findings=answer.findings + untold_oblateness(orbit, found.problem.path))
         failure = ComputationError("the passes of the filter do not come to rest", Reason.DIVERGED)
     except ComputationError as error:
         failure = error
@@ -133,18 +136,21 @@ def _filtered(
         found = other
     if not found.converged:
         found = better() or found
-    return _with_unknown_burns(found, orbit) if on_orbit else found
+    return _with_untold_forces(found, orbit, trajectory) if on_orbit else found
 
 
-def _with_unknown_burns(found: Passes, orbit: Orbit | None) -> Passes:
-    """The passes with the burns that `pivot` finds among the path's unknowns, if there may be any."""
+def _with_untold_forces(found: Passes, orbit: Orbit | None, trajectory: Trajectory) -> Passes:
+    """The passes with the burns that `pivot` finds, and with J2 if it finds that, where the path has process noise."""
     problem = found.problem
-    options, noise = problem.options, process_noise_of(found)
-    if options.unknown_burns == "none" or (noise.significance or 0.0) < SIGNIFICANT:
+    options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
+    if (noise.significance or 0.0) < SIGNIFICANT:
         return found
     try:
-        burned = _with_burns_of(solve_pivot(problem.tracks, orbit, options), problem.path)
-        return found if burned is problem.path else passes(replace(problem, path=burned))
+        solved, path = solve_pivot(problem.tracks, orbit, options), problem.path
+        if untold_oblateness(orbit, solved.path):
+            path = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
+        path = _with_burns_of(solved, path)
+        return found if path is problem.path else passes(replace(problem, path=path))
     except ComputationError:
         return found
 

@@ -22,8 +22,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burn_equations import BurnEquations, BurnFit, burn_equations
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.free_attitudes import Linearised, linearised
-from baryscope.estimator.pivot.reduced import bounded_cost, scaled
+from baryscope.estimator.pivot.reduced import bounded_cost, fixed_at, scaled
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
@@ -119,7 +118,7 @@ def _gains(found: Pivot) -> list[float]:
     """What each burn gains in 2 ln p."""
     burned = burned_in(found.path)
     assert burned is not None  # noqa: S101  there are burns
-    linear, prior = scaled(_problem(found), found.variance), found.path.prior
+    linear, prior = scaled(found.problem, found.variance), found.path.prior
     whole = cost(linear, prior, maximise(linear, prior, found.posterior.theta))
     return [
         _cost_without(linear, prior, np.arange(first, first + UNKNOWNS)) - whole
@@ -129,23 +128,15 @@ def _gains(found: Pivot) -> list[float]:
 
 def _cost_without(linear: Linear, prior: Prior, gone: NDArray[np.intp]) -> float:
     """−2 ln p at its minimum if some unknowns are zero, beside that with them."""
-    kept = np.setdiff1d(np.arange(len(linear.x)), gone)
-    x = linear.x[gone]
-    across = linear.information[np.ix_(kept, gone)]
-    few = Linear(linear.information[np.ix_(kept, kept)], linear.rhs[kept] + across @ x, linear.x[kept])
-    moved = 2 * float(linear.rhs[gone] @ x) + float(x @ linear.information[np.ix_(gone, gone)] @ x)
-    own = prior.of(kept)
-    return cost(few, own, maximise(few, own)) + moved
-
-
-def _problem(found: Pivot) -> Linearised:
-    return linearised(found.bodies, found.observations, found.sampled, found.solution.x, found.shift, found.offsets)
+    few, more = fixed_at(linear, gone, np.zeros(len(gone)))
+    own = prior.of(np.setdiff1d(np.arange(len(linear.x)), gone))
+    return cost(few, own, maximise(few, own)) + more
 
 
 def _likelier(one: Pivot, other: Pivot) -> bool:
     """Whether the marginal likelihood of a solution is greater, with outliers of a bounded cost."""
     variance = min(one.variance, other.variance)
     first, second = (
-        bounded_cost(_problem(found), found.observations.weight, variance, found.path.prior) for found in (one, other)
+        bounded_cost(found.problem, found.observations.weight, variance, found.path.prior) for found in (one, other)
     )
     return first < second

@@ -17,7 +17,7 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.findings import Finding
-from baryscope.estimator.pivot.free_attitudes import Solution
+from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.lost_bodies import LOST
 from baryscope.estimator.pivot.offset_prior import Holding
 from baryscope.estimator.pivot.tie_points import TiePoints
@@ -89,6 +89,12 @@ class Pivot:
     def known_offsets(self) -> FloatArray:
         """The information (k, 3, 3) of the prior of the bodies' offsets, in the weights' units."""
         return self.holding.known(self.variance)
+
+    @cached_property
+    def problem(self) -> Linearised:
+        """The least-squares problem linearised at the solution."""
+        at = self.bodies, self.observations, self.sampled, self.solution.x
+        return linearised(*at, self.shift, self.offsets)
 
     @property
     def bodies(self) -> tuple[Body, ...]:

@@ -43,19 +43,16 @@ from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS, is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import excess_residuals, lack_of_fit
+from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
+from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
+from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
 from baryscope.estimator.pivot.refinement import ROUNDING, Start, refined
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
 from baryscope.estimator.pivot.start import Initial, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
-from baryscope.estimator.pivot.unexplained import (
-    following_rotation,
-    with_corrected_orbit,
-    with_estimated_orbit,
-    with_needed_noise,
-    wrong_orbit,
-)
+from baryscope.estimator.pivot.unexplained import following_rotation, with_needed_noise
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -171,14 +168,14 @@ def _motion(found: Pivot, of_path: PredictedPath, time: FloatArray, errors: Shar
     )
 
 
-def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions) -> Pivot:
+def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions) -> Pivot:
     """The least-squares solution for bodies and path, with its findings.
 
     Raises:
         InputError: an invalid combination of options, or a singular covariance.
         ComputationError: the tracks do not determine the unknowns.
     """
-    trajectory = trajectory_of(options.trajectory, orbit)
+    orbit, trajectory = told, trajectory_of(options.trajectory, told)
     given = _Given.of(tracks)
     registered, span = given.registered, (float(tracks.time[0]), float(tracks.time[-1]))
     _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
@@ -192,6 +189,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         # Of a path with more degrees they tell less.
         _refuse_untold(found, registered)
     found, start = with_estimated_orbit(found, start, options)
+    found, start, orbit = with_oblateness(found, start, orbit, options)
     found, fewer = without_strays(found, start, options)
     if registered.in_line:
         start = fewer
@@ -204,6 +202,7 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
     findings = _findings(found, registered, tracks) + wrong_orbit(found, orbit)
     of_x = found.variance * found.solution.covariance
     findings += estimated_orbit(found.path, found.solution.x, of_x) + unknown_burns(found.path, found.solution.x, of_x)
+    findings += untold_oblateness(told, found.path)
     found = replace(found, converged=found.converged or is_at_rest(found), findings=findings)
     return found.at_mean(errors_of(tracks))
 

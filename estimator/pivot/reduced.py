@@ -9,6 +9,7 @@ from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, squar
 from baryscope.estimator.registration.noise import GATE
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.intp]
 
 
 def scaled(problem: Linearised, variance: float) -> Linear:
@@ -29,6 +30,18 @@ def of_first(linear: Linear, prior: Prior, theta: FloatArray, count: int) -> Lin
     left = solved(linear.information[count:, count:] + np.diag(precision), np.column_stack([across, pull]))
     own = linear.information[:count, :count] - across.T @ left[:, :-1]
     return Linear(own, linear.rhs[:count] - across.T @ left[:, -1], linear.x[:count])
+
+
+def fixed_at(linear: Linear, fixed: IntArray, values: FloatArray) -> tuple[Linear, float]:
+    """The problem in the others (p - k,) where some unknowns have values (k,), and what −2 ln p is greater by.
+
+    fixed (k,): their indices.
+    """
+    kept = np.setdiff1d(np.arange(len(linear.x)), fixed)
+    change = values - linear.x[fixed]
+    rhs = linear.rhs[kept] - linear.information[np.ix_(kept, fixed)] @ change
+    more = float(change @ linear.information[np.ix_(fixed, fixed)] @ change) - 2 * float(linear.rhs[fixed] @ change)
+    return Linear(linear.information[np.ix_(kept, kept)], rhs, linear.x[kept]), more
 
 
 def bounded_cost(

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
-from baryscope.estimator.findings import Departure, Extrapolated
+from baryscope.estimator.findings import Departure, Extrapolated, UnknownBurn
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.result import Status
-from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
+from oracles import inertial_states
+from synthetic import ENVISAT, MU, Orbit, attitude, box_features, make_case
 
 TIME = np.arange(0.0, 6000.0, 20.0)
 STATE = np.array([0.0, -20.0, 4.0, 3.0, -10.0, 4.0])
@@ -25,6 +27,23 @@ def tracks_of(com, seen):
 
 def of_orbit():
     return RelativeOrbit(ORBIT.model(), 3000.0).at(TIME).position(STATE)
+
+
+def with_kicks(kicks):
+    """A path (n, 3) on the orbit with changes of the chaser's velocity, in C, m/s: a target and a chaser by DOP853."""
+    target, chaser = inertial_states(ORBIT.model(), -STATE[:3], -1e-3 * STATE[3:])
+    flown, state = np.empty((0, 12)), np.concatenate([*target, *chaser])
+
+    def slope(_, s):
+        pull = [-MU * r / np.linalg.norm(r) ** 3 for r in (s[:3], s[6:9])]
+        return np.concatenate([s[3:6], pull[0], s[9:], pull[1]])
+
+    times = [TIME[0], *(at for at, _ in kicks), TIME[-1]]
+    for begin, end, change in zip(times[:-1], times[1:], [*(one for _, one in kicks), np.zeros(3)], strict=True):
+        own = TIME[(begin <= TIME) & (end >= TIME)]
+        part = solve_ivp(slope, (begin, end), state, "DOP853", own, rtol=1e-13, atol=1e-6).y.T
+        flown, state = np.concatenate([flown[:-1], part]), part[-1] + np.concatenate([np.zeros(9), change])
+    return flown[:, :3] - flown[:, 6:9]
 
 
 def findings(tracks, **options):
@@ -65,4 +84,19 @@ def test_an_orbit_that_lacks_a_force_is_not_trusted_far_beyond():
     throughout, none = findings(tracks_of(com, (0.0, 6000.0)), orbit=ORBIT.model())
     assert none == []
     assert any(isinstance(one, Departure) for one in throughout.findings)
+    assert throughout.status is Status.GOOD
+
+
+def test_a_chaser_that_burns_where_it_is_seen_may_burn_where_it_is_not():
+    """Of two burns the first is before all frames: metres off at the first time, at a claim of centimetres."""
+    com = with_kicks([(1200.0, np.array([1e-3, 2e-3, -1e-3])), (4200.0, np.array([4e-3, -4e-3, 4e-3]))])
+    found, (finding,) = findings(tracks_of(com, SEEN), orbit=ORBIT.model())
+    assert [type(one) for one in found.findings] == [UnknownBurn, Extrapolated]
+    assert (finding.begin, finding.end) == (SEEN[0], TIME[-1])
+    assert found.status is Status.NOT_CHECKED
+    off = np.linalg.norm(found.position - com, axis=1)
+    assert off[0] > 2.0
+    assert off[SEEN[0] <= TIME].max() < 0.1
+    throughout, none = findings(tracks_of(com, (0.0, 6000.0)), orbit=ORBIT.model())
+    assert none == []
     assert throughout.status is Status.GOOD

@@ -5,10 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.forces import Forced, constant_of
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
-from baryscope.estimator.findings import Departure, FollowsRotation, WrongOrbit
+from baryscope.estimator.findings import Departure, FollowsRotation, UntoldOblateness, WrongOrbit
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import solve_pivot
@@ -18,6 +19,7 @@ from baryscope.models.ephemeris.trajectory import kepler_states, lvlh_axes
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.judging import of_estimate, wrong
 from baryscope.study.population.sensing import sampled
+from oracles import inertial_states, oblate_gravity
 from synthetic import ENVISAT, Orbit, attitude, box_features, make_case
 
 ORBIT = Orbit().model()
@@ -81,6 +83,35 @@ def test_a_force_that_is_not_told():
     assert drag.deviation < 2e-7
     # With process noise instead, the covariance says what not telling it costs.
     assert told.predicted_rmse < found.predicted_rmse
+
+
+@cache
+def under_j2():
+    """Tracks of a revolution, and the path: the difference of two orbits by DOP853, of which errors are common."""
+    time = np.arange(0.0, ORBIT.period, 15.0)
+    start = np.concatenate(inertial_states(ORBIT, np.array([5.0, -20.0, 4.0]), np.array([0.0, -0.01, 0.004])))
+
+    def slope(_, s):
+        return np.concatenate([s[3:6], oblate_gravity(s[:3]), s[9:], oblate_gravity(s[6:9])])
+
+    flown = solve_ivp(slope, time[[0, -1]], start.ravel(), "DOP853", time, rtol=1e-13, atol=1e-6).y
+    com = (flown[:3] - flown[6:9]).T
+    turning = attitude(ENVISAT, np.deg2rad([0.2, 0.2, 0.6]), time)
+    return make_case(time, turning, com, box_features(8, (10, 4, 4), 1), noise=0.02, seed=3).tracks, com
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_an_orbit_that_is_told_without_j2_has_it_where_the_tracks_show_it(method):
+    """J2 told or not is then the same estimate: its claim is not that of process noise, by half or more."""
+    tracks, com = under_j2()
+    assert ORBIT.with_earths_j2().with_earths_j2() is None
+    found, told = (estimate(tracks, method=method, orbit=one) for one in (ORBIT, ORBIT.with_earths_j2()))
+    assert [type(one) for one in found.findings] == [UntoldOblateness]
+    assert told.findings == ()
+    assert found.status is Status.GOOD
+    assert nees(found, com) < 12
+    np.testing.assert_allclose(found.position, told.position, atol=0.1 * told.predicted_rmse)
+    assert found.predicted_rmse < 1.1 * told.predicted_rmse
 
 
 def test_process_noise_that_follows_the_rotation_is_announced():
@@ -174,12 +205,13 @@ def test_directions_that_are_claimed_are_announced_though_others_are_not_told():
 
 
 def test_a_path_that_is_curved_as_much_is_not_where_the_tracks_tell_it():
-    """A relative orbit of a whole period, of which nothing is told."""
+    """A relative orbit of a whole period, as a smooth path."""
     time = np.arange(0.0, 6000.0, 10.0)
     com = RelativeOrbit(ORBIT, 3000.0).at(time).position(X)
     tumbling = attitude(ENVISAT, np.deg2rad([1.0, 1.0, 3.0]), time)
     tracks = make_case(time, tumbling, com, box_features(8, (10, 4, 4), 1), noise=0.02, seed=3).tracks
-    assert solve_pivot(tracks, None, PathOptions()).path_unknowns > 12
-    found = estimate(tracks)
+    smooth = PathOptions(trajectory="polynomial")
+    assert solve_pivot(tracks, None, smooth).path_unknowns > 12
+    found = estimate(tracks, options=smooth)
     assert found.findings == ()
     assert nees(found, com) < 12

@@ -1,0 +1,85 @@
+"""An orbit that is not given, where the path tells it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.extended import based_on
+from baryscope.estimator.dynamics.interpolated_path import interpolated
+from baryscope.estimator.dynamics.trajectory import smooth_in
+from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.elements import NAMES
+from baryscope.estimator.orbits.estimated import on_estimated_orbit
+from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
+from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
+from baryscope.estimator.pivot.reduced import of_first, scaled
+from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.models.errors import ComputationError, InputError
+
+FloatArray = NDArray[np.float64]
+Position = Callable[[FloatArray], FloatArray]  # times (k,) in s → the path (k, 3) in C, m
+
+CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
+MOST_LINEARISED = 4  # times that the path is linearised about an orbit
+NEAR = 0.5  # deviations from the elements about which it is linear
+
+
+def with_estimated_orbit(found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
+    """The solution on an orbit that a smooth path itself tells, if it is likelier there, and its start."""
+    fit = _orbit_of(found, options)
+    if fit is None:
+        return found, start
+    try:
+        other, again = _refined_on(fit, found, start, options)
+    except (ComputationError, InputError):  # the latter of an orbit that is none
+        return found, start
+    return (other, again) if other.converged else (found, start)
+
+
+def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
+    """The orbit that a smooth path lies on, if that is likely; what is asked for as a polynomial stays one."""
+    smooth = smooth_in(found.path)
+    if smooth is None or options.trajectory is not None or options.acceleration is not None:
+        return None
+    if not found.converged or found.slip > 0 or found.path_unknowns <= CUBIC:
+        return None
+    theta = found.posterior.theta
+    linear = of_first(scaled(found.problem, found.variance), found.path.prior, theta, smooth.size)
+    fit = likeliest_orbit(linear, smooth, theta[: len(smooth.prior.hyperparameters)])
+    return fit if fit is not None and fit.gain >= SIGNIFICANT else None
+
+
+def _refined_on(fit: OrbitFit, found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
+    """The solution with the orbit's elements among the unknowns, about which the path is linearised until they are
+    near, and its start.
+
+    Raises:
+        ComputationError: it diverges.
+        InputError: it leads to an orbit that is none.
+    """
+    smooth = smooth_in(found.path)
+    assert smooth is not None  # noqa: S101  on which the orbit was found
+    others = found.solution.x[smooth.size :]
+    moved = found.solution.moved_to(np.concatenate([fit.coefficients, others]))
+    again = replace(start, observations=found.observations, inliers=found.inliers, first_prior=None, slips=False)
+    elements, of_motion, bodies = fit.elements, fit.x, moved.bodies
+    position: Position = lambda time: smooth.at(time).position(fit.coefficients)  # noqa: E731
+    for _ in range(MOST_LINEARISED):
+        base = on_estimated_orbit(elements, position, smooth.begin, smooth.end)
+        path, x = based_on(found.path, base), np.concatenate([of_motion, np.zeros(len(NAMES)), others])
+        sampled = interpolated(path.at, path.frequency, start.time)
+        again = replace(again, path=path, sampled=sampled, bodies=bodies, x=x)
+        other = refined(again, options)
+        departures = base.factors(other.solution.x, other.variance * other.solution.covariance)
+        if all(abs(one.value) <= NEAR * one.deviation for one in departures):
+            break
+        elements, bodies, position = base.moved(other.solution.x), other.bodies, _position_of(other)
+        of_motion, _, others = np.split(other.solution.x[: path.size], [len(fit.x), base.size])
+        again = replace(again, observations=other.observations)
+    return other, again
+
+
+def _position_of(found: Pivot) -> Position:
+    return lambda time: found.path.at(time).position(found.solution.x)
