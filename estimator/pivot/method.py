@@ -177,9 +177,9 @@ def solve_pivot(tracks: FeatureTracks, orbit: Orbit | None, options: PathOptions
         ComputationError: the tracks do not determine the unknowns.
     """
     trajectory = trajectory_of(options.trajectory, orbit)
-    given = _Given.of(tracks)
-    registered, span = given.registered, (float(tracks.time[0]), float(tracks.time[-1]))
-    _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
+    span = (float(tracks.time[0]), float(tracks.time[-1]))
+    given = _Given.of(tracks, trajectory.path(orbit, *span))
+    registered = given.registered
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, *span, errors_of(tracks), highest)
@@ -221,16 +221,16 @@ class _Given:
     lasting: float
 
     @classmethod
-    def of(cls, tracks: FeatureTracks) -> "_Given":
-        """That of tracks.
+    def of(cls, tracks: FeatureTracks, path: Path) -> "_Given":
+        """That of tracks, whose frames have to be enough for a path.
 
         Raises:
             InputError: a singular covariance.
-            ComputationError: there are no bodies, or too large ones.
+            ComputationError: there are no bodies, or too large ones, or in too few frames.
         """
         measured = observations_of(tracks, tracks.seen)
         inliers = screen(tracks.position, tracks.seen, tracks.covariance)
-        registered = _registered(tracks, inliers)
+        registered = _registered(tracks, inliers, path)
         most = max(len(body.features) for body in registered.bodies)
         if most > MAX_BODY_FEATURES:
             raise ComputationError(
@@ -281,20 +281,23 @@ class _Given:
         return found
 
 
-def _registered(tracks: FeatureTracks, inliers: BoolArray) -> Registered:
-    """The bodies of features that give attitudes; those in a line where there are none.
+def _registered(tracks: FeatureTracks, inliers: BoolArray, path: Path) -> Registered:
+    """The bodies of features that give attitudes; those in a line where these are none, or too few for a path.
 
     Raises:
-        ComputationError: there are neither.
+        ComputationError: there are neither, or in too few frames.
     """
     try:
-        return find_bodies(tracks.position, inliers, tracks.time)
+        bodies = find_bodies(tracks.position, inliers, tracks.time)
+        _refuse_few_frames(bodies.bodies, path)
+        return bodies
     except ComputationError as error:
-        if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES):
+        if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES, Reason.TOO_FEW_FRAMES):
             raise
         rods = find_rods(tracks.position, inliers)
         if rods is None:
             raise
+        _refuse_few_frames(rods.bodies, path)
         return rods
 
 

@@ -1,5 +1,7 @@
 """The centre of mass from features in a line, such as two."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -30,6 +32,27 @@ def test_errors_are_as_large_as_claimed(method, features):
     squares = []
     for seed in range(DRAWS):
         made = case(features, seed)
+        found = found_by(method, made.tracks, "relative-orbit", process_noise="none")
+        assert found.status is Status.GOOD
+        squares.append(squared_error(found, made))
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * DRAWS) / DRAWS
+    assert low < np.mean(squares) < high
+
+
+def with_three_frames_of_three(seed):
+    """A case of two features, with a third one in three frames."""
+    made = case(FEATURES[[0, 3, 5]], seed)
+    position = made.tracks.position.copy()
+    position[:70, 2] = position[73:, 2] = np.nan
+    return replace(made, tracks=FeatureTracks(made.tracks.time, position, made.tracks.labels))
+
+
+@BOTH
+def test_a_few_frames_of_three_features_do_not_cost_those_of_two(method):
+    """They have an attitude, but are too few for a path. Squares as above."""
+    squares = []
+    for seed in range(DRAWS):
+        made = with_three_frames_of_three(seed)
         found = found_by(method, made.tracks, "relative-orbit", process_noise="none")
         assert found.status is Status.GOOD
         squares.append(squared_error(found, made))
