@@ -40,7 +40,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
-from baryscope.estimator.pivot.joint_covariance import SPURIOUS, is_at_rest, without_spurious_information
+from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import excess_residuals, lack_of_fit
 from baryscope.estimator.pivot.refinement import ROUNDING, Start, refined
 from baryscope.estimator.pivot.ridge import with_ridges
@@ -69,6 +69,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
+MOST_SPURIOUS = 0.2  # of the information on a path from lines: its square, 4 % of that, is not subtracted
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 
 
@@ -354,7 +355,7 @@ def _refuse_untold(found: Pivot, registered: Registered) -> None:
     Raises:
         ComputationError: they do not.
     """
-    if registered.in_line and spurious_share(found) > SPURIOUS:
+    if registered.in_line and spurious_share(found) > MOST_SPURIOUS:
         raise ComputationError(
             "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
             Reason.COLLINEAR_FEATURES,
