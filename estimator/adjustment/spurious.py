@@ -29,6 +29,11 @@ def three_sigma_factor(values: float) -> float:
     return float(1 + 3 * np.sqrt(2 / values))
 
 
+def effective_count(terms: FloatArray) -> float:
+    """How many of the terms t (n,) of a sum give most of it: (Σ t)² / Σ t² (Kish 1965, Survey Sampling)."""
+    return float(terms.sum()) ** 2 / max(float(terms @ terms), np.finfo(float).tiny)
+
+
 def farthest(points: FloatArray) -> float:
     """The standard deviation, m, of the centre of mass in a direction that is not observed, for points (m, 3) from it.
 
@@ -186,12 +191,12 @@ class NoisyAttitudes:
     def likely_spurious_information(self) -> FloatArray:
         """The same with a margin of three standard deviations, of as many frames as give most of it.
 
-        These may be few: those of which little is seen. Of terms t they are (Σ t)² / Σ t² (Kish 1965, Survey Sampling).
+        These may be few: those of which little is seen.
         """
         known, turned = self.known, self._turned
         traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
         each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
-        frames = self.every * float(each.sum()) ** 2 / max(float(each @ each), np.finfo(float).tiny)
+        frames = self.every * effective_count(each)
         return three_sigma_factor(max(frames, 1.0)) * self.spurious_information()
 
     def of_known(self) -> "NoisyAttitudes":

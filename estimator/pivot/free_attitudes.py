@@ -23,11 +23,13 @@ from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import inverse_across, null_space_of, symmetric_pseudo_inverse
+from baryscope.estimator.pivot.lost_bodies import told_features
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.noise import GATE
 from baryscope.models.errors import ComputationError, Reason
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 WORSE = 0.01  # increase of −2 ln p, for each observation, from which a step was too long
 MOST_HALVINGS = 5  # of one step
@@ -88,9 +90,9 @@ class Linearised:
 
     matrix (p, p) and rhs (p,) of the change of x, after the elimination of the points; sizes (p,): the matrix's
     diagonal before. For each body, with attitudes at their optimum: inverse (3 m, 3 m) of its points' matrix, by_path
-    (3 m, p): a change δx changes the points by −by_path δx, and points_rhs (3 m,). squares (n, m): the weighted squared
-    residuals, without the frames' own shifts; noise_cost: the weighted squares of these. offset_cost: the squares of
-    the offsets, over their prior's variances.
+    (3 m, p): a change δx changes the points by −by_path δx, points_rhs (3 m,), and told (m,): the points that hold the
+    axes. squares (n, m): the weighted squared residuals, without the frames' own shifts; noise_cost: the weighted
+    squares of these. offset_cost: the squares of the offsets, over their prior's variances.
     """
 
     bodies: tuple[Body, ...]
@@ -101,6 +103,7 @@ class Linearised:
     inverse: tuple[FloatArray, ...]
     by_path: tuple[FloatArray, ...]
     points_rhs: tuple[FloatArray, ...]
+    told: tuple[BoolArray, ...]
     squares: FloatArray
     noise_cost: float = 0.0
     offset_cost: float = 0.0
@@ -122,10 +125,10 @@ class Linearised:
         covariance = symmetric_pseudo_inverse(matrix, sizes)
         change = covariance @ rhs
         moved, decrease = [], float(change @ rhs) + self.decrease_by_points
-        for body, inverse, by_path, points_rhs in zip(
-            self.bodies, self.inverse, self.by_path, self.points_rhs, strict=True
+        for body, inverse, by_path, points_rhs, told in zip(
+            self.bodies, self.inverse, self.by_path, self.points_rhs, self.told, strict=True
         ):
-            moved.append(body.moved(inverse @ points_rhs - by_path @ change))
+            moved.append(body.moved(inverse @ points_rhs - by_path @ change, told))
         unknowns = np.concatenate([self.x + change, *(body.points.ravel() for body in moved)])
         if not np.abs(unknowns).max() <= MAX_LENGTH:
             raise diverged()
@@ -251,6 +254,7 @@ def linearised(
         tuple(inverses),
         tuple(by_paths),
         points_rhs,
+        tuple(told_features(body, observations.weight) for body in turned),
         squares,
         noise_cost,
         offset_cost,

@@ -20,6 +20,7 @@ from baryscope.estimator.geometry.symmetric import factor_of
 from baryscope.estimator.observability import UNOBSERVABLE
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.refinement import STEP_TOLERANCE
+from baryscope.estimator.pivot.rods import without_spurious_path
 
 FloatArray = NDArray[np.float64]
 
@@ -80,6 +81,8 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     far = implausible_columns(points, solution.offset_covariance, crossed)
     whole = JointCovariance(variance * (joint + columns @ columns.T) + unseen @ unseen.T, len(found.bodies))
     whole = whole.grown(np.concatenate(far, axis=0))
+    if all(body.in_line for body in found.bodies):
+        whole = whole.grown(without_spurious_path(found, _least(found)))
     if found.shown_spurious_share < SPURIOUS:
         return whole
     # By a factor, as rounding of large products would leave the difference of two such terms indefinite.

@@ -12,6 +12,7 @@ from baryscope.estimator.geometry.gauge import are_in_line
 from baryscope.estimator.registration.body import Body
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 LOST = 0.1  # share of a body's weight that is left where a path has lost it
 LEAST = 3  # features of a body
@@ -81,10 +82,16 @@ def without_untold_features(bodies: tuple[Body, ...], weight: FloatArray) -> tup
     """
     fewer, weight = [], weight.copy()
     for body in bodies:
-        block = np.ix_(body.frames, body.features)
-        told = np.asarray((weight[block] >= REJECTED).any(axis=0))
-        few = told.sum() < LEAST or (are_in_line(body.points[told]) and not are_in_line(body.points))
-        if not few:
-            weight[block] *= told
-        fewer.append(body if few or told.all() else body.of_features(told))
+        told = told_features(body, weight)
+        weight[np.ix_(body.frames, body.features)] *= told
+        fewer.append(body if told.all() else body.of_features(told))
     return (tuple(fewer), weight) if fewer != list(bodies) else None
+
+
+def told_features(body: Body, weight: FloatArray) -> BoolArray:
+    """The features (m,) of a body of which weights (n, m) do not reject all observations; all where these are too few,
+    or in a line.
+    """
+    told = np.asarray((weight[np.ix_(body.frames, body.features)] >= REJECTED).any(axis=0))
+    few = told.sum() < LEAST or (are_in_line(body.points[told]) and not are_in_line(body.points))
+    return np.ones_like(told) if few else told

@@ -41,7 +41,7 @@ from baryscope.estimator.orbits.estimated import estimated_orbit
 from baryscope.estimator.pivot.burns import unknown_burns, with_unknown_burns
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.free_attitudes import MAX_LENGTH, diverged
-from baryscope.estimator.pivot.joint_covariance import SPURIOUS, is_at_rest, without_spurious_information
+from baryscope.estimator.pivot.joint_covariance import is_at_rest, without_spurious_information
 from baryscope.estimator.pivot.lack_of_fit import excess_residuals, lack_of_fit
 from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
@@ -68,6 +68,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MAX_BODY_FEATURES = 1000  # of a cluster: with as many, an adjustment takes minutes and a gigabyte
+MOST_SPURIOUS = 0.2  # of the information on a path from lines: its square, 4 % of that, is not subtracted
 SEEN = 0.1  # variance of degrees left out times information on a coefficient, from which the tracks see them
 
 
@@ -176,9 +177,9 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
         ComputationError: the tracks do not determine the unknowns.
     """
     orbit, trajectory = told, trajectory_of(options.trajectory, told)
-    given = _Given.of(tracks)
-    registered, span = given.registered, (float(tracks.time[0]), float(tracks.time[-1]))
-    _refuse_few_frames(registered.bodies, trajectory.path(orbit, *span))
+    span = (float(tracks.time[0]), float(tracks.time[-1]))
+    given = _Given.of(tracks, trajectory.path(orbit, *span))
+    registered = given.registered
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, *span, errors_of(tracks), highest)
@@ -224,16 +225,16 @@ class _Given:
     lasting: float
 
     @classmethod
-    def of(cls, tracks: FeatureTracks) -> "_Given":
-        """That of tracks.
+    def of(cls, tracks: FeatureTracks, path: Path) -> "_Given":
+        """That of tracks, whose frames have to be enough for a path.
 
         Raises:
             InputError: a singular covariance.
-            ComputationError: there are no bodies, or too large ones.
+            ComputationError: there are no bodies, or too large ones, or in too few frames.
         """
         measured = observations_of(tracks, tracks.seen)
         inliers = screen(tracks.position, tracks.seen, tracks.covariance)
-        registered = _registered(tracks, inliers)
+        registered = _registered(tracks, inliers, path)
         most = max(len(body.features) for body in registered.bodies)
         if most > MAX_BODY_FEATURES:
             raise ComputationError(
@@ -284,20 +285,23 @@ class _Given:
         return found
 
 
-def _registered(tracks: FeatureTracks, inliers: BoolArray) -> Registered:
-    """The bodies of features that give attitudes; those in a line where there are none.
+def _registered(tracks: FeatureTracks, inliers: BoolArray, path: Path) -> Registered:
+    """The bodies of features that give attitudes; those in a line where these are none, or too few for a path.
 
     Raises:
-        ComputationError: there are neither.
+        ComputationError: there are neither, or in too few frames.
     """
     try:
-        return find_bodies(tracks.position, inliers, tracks.time)
+        bodies = find_bodies(tracks.position, inliers, tracks.time)
+        _refuse_few_frames(bodies.bodies, path)
+        return bodies
     except ComputationError as error:
-        if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES):
+        if error.reason not in (Reason.TOO_FEW_FEATURES, Reason.COLLINEAR_FEATURES, Reason.TOO_FEW_FRAMES):
             raise
         rods = find_rods(tracks.position, inliers)
         if rods is None:
             raise
+        _refuse_few_frames(rods.bodies, path)
         return rods
 
 
@@ -354,7 +358,7 @@ def _refuse_untold(found: Pivot, registered: Registered) -> None:
     Raises:
         ComputationError: they do not.
     """
-    if registered.in_line and spurious_share(found) > SPURIOUS:
+    if registered.in_line and spurious_share(found) > MOST_SPURIOUS:
         raise ComputationError(
             "the features seen together lie in a line, which turns too little, or too evenly, to tell a path",
             Reason.COLLINEAR_FEATURES,

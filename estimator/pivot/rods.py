@@ -12,6 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.observations import Observations
+from baryscope.estimator.adjustment.spurious import (
+    effective_count,
+    spurious_information_columns,
+    three_sigma_factor,
+)
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.alignment import matrix_from_quaternion, rotation_from_moments
@@ -75,14 +80,19 @@ def best_attitudes(own: Observations, points: FloatArray, origin: FloatArray) ->
 
 
 def spurious_share(found: Pivot) -> float:
-    """The spurious information on the path over that on it, in the direction where it is greatest.
+    """The spurious information on the path over that on it, in the direction where it is greatest."""
+    return float(np.linalg.eigvals(found.solution.covariance @ spurious_information(found)[0]).real.max())
+
+
+def spurious_information(found: Pivot) -> tuple[FloatArray, float]:
+    """The spurious information on the path's x (p, p), in the weights' units, and how many frames give most of it.
 
     A frame does not see what moves the centre of mass across the plane in which it is with the line: the attitude
     follows. But with the noise φ of that attitude, the distance from the line seems to change by φ times as much. For
     the information Q on the distance, the direction t across the plane and the path's Jacobian J, the information is
     Σ Q φ² Jᵀ t tᵀ J. Along the axis of a spin, and across a plane in which the line stays, there is no other.
     """
-    total = np.zeros_like(found.solution.covariance)
+    total, sizes = np.zeros_like(found.solution.covariance), []
     for body, noisy in zip(found.bodies, found.noisy_attitudes, strict=True):
         centroid = body.points.mean(axis=0)
         along = np.linalg.svd(body.points - centroid)[2][0]
@@ -93,4 +103,19 @@ def spurious_share(found: Pivot) -> float:
         across = noisy.attitude @ np.cross(along, away)
         matrices = (seen * turned)[:, None, None] * across[:, :, None] * across[:, None]
         total += noisy.every * found.sampled.gram(noisy.frames, matrices)
-    return float(np.linalg.eigvals(found.solution.covariance @ total).real.max())
+        sizes.append(np.repeat(seen * turned, noisy.every))
+    return total, effective_count(np.concatenate(sizes))
+
+
+def without_spurious_path(found: Pivot, least: float) -> FloatArray:
+    """Columns A (3 k + p, d) by which the joint covariance of offsets and x grows, as A Aᵀ, without that information.
+
+    With a margin of three standard deviations, as that of attitudes; least: the least information on the place of the
+    centre of mass in a direction, in the weights' units.
+    """
+    spurious, frames = spurious_information(found)
+    solution = found.solution
+    of_x, of_offsets = spurious_information_columns(
+        solution.covariance, solution.offset_path.T, three_sigma_factor(max(frames, 1.0)) * spurious, least
+    )
+    return np.asarray(np.sqrt(found.variance) * np.concatenate([of_offsets, of_x]))

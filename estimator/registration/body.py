@@ -44,10 +44,15 @@ class Body:
         found += origin[self.frames][:, None]
         return np.asarray(found)
 
-    def moved(self, change: FloatArray) -> "Body":
-        """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points."""
+    def moved(self, change: FloatArray, told: BoolArray | slice = slice(None)) -> "Body":
+        """The body with its points changed by (3 m,) in m, less the rotation of the axes attached to the points.
+
+        told (m,): to which of them, all unless given. One that nothing tells may move by more than the body is long: a
+        rotation by as much, which is linear in the change, would distort the others.
+        """
         moves = change.reshape(-1, 3)
-        return replace(self, points=self.points + moves - np.cross(turn_by_points(self.points) @ change, self.points))
+        turn = turn_by_points(self.points[told]) @ moves[told].ravel()
+        return replace(self, points=self.points + moves - np.cross(turn, self.points))
 
 
 def places_of(bodies: Sequence[Body], origin: FloatArray, otherwise: FloatArray) -> FloatArray:

@@ -79,6 +79,25 @@ def points_of(bodies):
     return found
 
 
+def test_a_feature_of_which_all_is_rejected_does_not_distort_the_others():
+    """Its point moves by metres, where it seems to be: the step of the others is the one without it.
+
+    Oracle: the same step of the bodies without that feature; its weights, 1e-9, tell as much less of the others.
+    """
+    observations, sampled, bodies, x = scene(full=False)
+    position, weight = observations.position.copy(), observations.weight.copy()
+    position[:5, 1] += bodies[0].attitude @ [40.0, -20.0, 30.0]
+    weight[:5, 1] *= 1e-9
+    rejected = Observations(position, weight)
+    found = gauss_newton_step(bodies, rejected, sampled, x)
+    told = np.array([True, False, True, True])
+    alone = gauss_newton_step((bodies[0].of_features(told), bodies[1]), rejected, sampled, x)
+    assert np.linalg.norm(found.bodies[0].points[1] - bodies[0].points[1]) > 30
+    np.testing.assert_allclose(found.x, alone.x, rtol=0, atol=1e-5)
+    lengths = [distances(one.bodies[0].points[own]) for one, own in ((found, told), (alone, slice(None)))]
+    np.testing.assert_allclose(*lengths, rtol=0, atol=1e-5)
+
+
 @pytest.mark.parametrize("full", [False, True], ids=["isotropic", "precisions"])
 def test_a_step_agrees_with_the_dense_normal_equations(full):
     """With all rotations, points and path as unknowns; the pseudo-inverse fixes the gauge of the bodies' axes."""

@@ -28,15 +28,21 @@ def astray():
 
 @pytest.mark.parametrize("method", ["pivot", "ml"])
 def test_a_label_without_a_right_observation_costs_nothing(astray, method):
+    """But for a few right observations that may be rejected with it: of a hundredth less, estimates differ by a tenth
+    of a deviation (Hausman 1978: the covariance of the difference is the difference of the covariances); three of
+    these, and three hundredths of a covariance.
+    """
     tracks, com = astray
     options = PathOptions(trajectory="polynomial:1", process_noise="none", sigma=NOISE)
     without = FeatureTracks(TIME, tracks.position[:, :6], tracks.labels[:6])
     found, best = (estimate(one, method=method, options=options) for one in (tracks, without))
     assert str(found.status) == str(best.status) == "good"
-    np.testing.assert_allclose(found.position, best.position, atol=1e-5)
-    np.testing.assert_allclose(found.covariance, best.covariance, rtol=1e-2, atol=1e-10)
     assert found.rejected[:60, 6].all()
     assert found.rejected[:, :6].mean() < 0.01
+    deviation = np.sqrt(np.diagonal(best.covariance, axis1=1, axis2=2))
+    assert (np.abs(found.position - best.position) / deviation).max() < 0.3
+    off = np.abs(found.covariance - best.covariance) / (deviation[:, :, None] * deviation[:, None])
+    assert off.max() < 0.03
     (cluster,) = found.clusters
     assert "F6" not in cluster.labels
     nees = np.einsum("ni,nij,nj->n", found.position - com, np.linalg.inv(found.covariance), found.position - com)

@@ -1,11 +1,15 @@
 """The centre of mass from features in a line, such as two."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from baryscope.estimator.document import write_estimate
 from baryscope.estimator.methods import estimate
+from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot import method
 from baryscope.estimator.result import Status
 from baryscope.estimator.tracks import FeatureTracks
@@ -30,6 +34,27 @@ def test_errors_are_as_large_as_claimed(method, features):
     squares = []
     for seed in range(DRAWS):
         made = case(features, seed)
+        found = found_by(method, made.tracks, "relative-orbit", process_noise="none")
+        assert found.status is Status.GOOD
+        squares.append(squared_error(found, made))
+    low, high = chi2.ppf([0.0005, 0.9995], 3 * DRAWS) / DRAWS
+    assert low < np.mean(squares) < high
+
+
+def with_three_frames_of_three(seed):
+    """A case of two features, with a third one in three frames."""
+    made = case(FEATURES[[0, 3, 5]], seed)
+    position = made.tracks.position.copy()
+    position[:70, 2] = position[73:, 2] = np.nan
+    return replace(made, tracks=FeatureTracks(made.tracks.time, position, made.tracks.labels))
+
+
+@BOTH
+def test_a_few_frames_of_three_features_do_not_cost_those_of_two(method):
+    """They have an attitude, but are too few for a path. Squares as above."""
+    squares = []
+    for seed in range(DRAWS):
+        made = with_three_frames_of_three(seed)
         found = found_by(method, made.tracks, "relative-orbit", process_noise="none")
         assert found.status is Status.GOOD
         squares.append(squared_error(found, made))
@@ -91,6 +116,34 @@ def test_lines_that_turn_about_one_axis_are_refused(height, words, reason):
     with pytest.raises(ComputationError, match=words) as raised:
         estimate(about_one_axis(height))
     assert raised.value.reason is reason
+
+
+def hardly_off_one_axis(seed):
+    """Tracks of two features whose axis of rotation is off its mean by 0.048 rad, and the path, a line."""
+    time = np.arange(150.0)
+    wobble = 0.048 * np.column_stack([np.sin(0.023 * time + 1), np.cos(0.031 * time), 0 * time])
+    turned = Rotation.from_rotvec(wobble) * Rotation.from_rotvec(np.outer(0.1 * time, [0.0, 0.0, 1.0]))
+    path = np.array([4.0, -19.0, 3.0]) + np.outer(time, [0.004, -0.003, 0.002])
+    features = np.array([[1.0, 0.2, 0.3], [-0.5, 0.8, 0.8]])
+    return make_case(time, turned.as_matrix(), path, features, noise=0.01, seed=seed)
+
+
+def test_a_path_that_noise_seems_to_tell_in_part_is_claimed_without_that():
+    """A seventh of the information along the axis is that of the noise of the attitudes. Squares along it are χ²₁,
+    their mean lies in its band of 99.9 %: with that information it is beyond.
+    """
+    squares, draws, options = [], 80, PathOptions(trajectory="polynomial:1", process_noise="none")
+    for seed in range(draws):
+        made = hardly_off_one_axis(seed)
+        try:
+            found = estimate(made.tracks, options=options)
+        except ComputationError:
+            continue
+        middle = len(made.com) // 2
+        squares.append((found.position - made.com)[middle, 2] ** 2 / found.covariance[middle, 2, 2])
+    assert len(squares) >= 0.95 * draws  # where noise makes the share of that information great, there is no answer
+    low, high = chi2.ppf([0.0005, 0.9995], len(squares)) / len(squares)
+    assert low < np.mean(squares) < high
 
 
 def test_what_tells_no_path_is_refused_before_paths_of_more_degrees(monkeypatch):

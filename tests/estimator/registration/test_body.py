@@ -31,6 +31,15 @@ def test_points_that_move_anyhow_do_not_turn():
     assert turned < 1e-9 < 1e-6 < first
 
 
+def test_a_point_that_nothing_tells_does_not_turn_the_others():
+    """It moves by ten times the body's length."""
+    change, told = np.zeros((5, 3)), np.arange(5) != 3
+    change[3] = [20.0, -30.0, 10.0]
+    moved = BODY.moved(change.ravel(), told).points
+    np.testing.assert_array_equal(moved[told], POINTS[told])
+    np.testing.assert_array_equal(moved[3], POINTS[3] + change[3])
+
+
 def test_features_are_where_the_origin_and_the_attitude_put_them():
     origin = RNG.normal(size=(9, 3))
     pairs = zip([1, 2, 4, 7], ATTITUDE, strict=True)
