@@ -31,11 +31,11 @@ from baryscope.estimator.options import DENSEST, PathOptions
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.thrust import KnownAcceleration
-from baryscope.models.directions import axes_along
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
 from baryscope.models.scenario import Scenario
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.tracking import observation_covariance, visible
 
 FloatArray = NDArray[np.float64]

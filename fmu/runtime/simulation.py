@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baryscope.fmu.runtime.arguments import array_of
 from baryscope.fmu.runtime.session import Session
+from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.variables import Kind, Variable

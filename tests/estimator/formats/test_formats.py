@@ -247,7 +247,7 @@ def test_what_is_no_trc_is_refused_in_a_line(tracks, tmp_path, change, expected)
     [
         (lambda rows: rows.pop("y"), "has no column 'y', expected time, feature, x, y, z"),
         (lambda rows: rows.update(cxx=rows["x"]), "has cxx only, expected all of cxx, cxy"),
-        (lambda rows: rows.update(x=["far"] * len(rows["x"])), "column x: not numbers"),
+        (lambda rows: rows.update(x=["far"] * len(rows["x"])), "column x: found .*, expected real numbers"),
         (lambda rows: rows["x"].__setitem__(3, np.inf), "column x: an infinite number"),
         (lambda rows: rows["x"].__setitem__(3, np.inf), "frame, row 3, column x: an infinite number, expected finite"),
         (lambda rows: rows["time"].__setitem__(2, -np.inf), "frame, row 2, column time: an infinite number"),
