@@ -57,6 +57,8 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     """
     if hasattr(frame, "collect"):
         raise InputError(f"{source}: a lazy frame, expected its rows: frame.collect()")
+    if hasattr(frame, "data_vars"):
+        raise InputError(f"{source}: a dataset of xarray, expected rows; tracks_of_dataset takes datasets")
     names = list(frame if isinstance(frame, Mapping) else frame.columns)
     missing = [name for name in FORM.required if name not in names]
     if missing:
