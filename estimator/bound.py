@@ -37,6 +37,7 @@ from baryscope.models.relative_orbit import relative_path
 from baryscope.models.scenario import Scenario
 from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.tracking import observation_covariance, visible
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 
@@ -64,6 +65,8 @@ class Bound:
     observations: int
     observability: Observability
     predicted_covariance: FloatArray
+
+    __repr__ = brief
 
     @property
     def predicted_deviation(self) -> float:

@@ -26,6 +26,7 @@ from baryscope.estimator.limits import LATEST
 from baryscope.estimator.turning import TurningPoint, carried, curved
 from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -49,6 +50,8 @@ class Prediction:
     position: FloatArray
     velocity: FloatArray
     covariance: FloatArray
+
+    __repr__ = brief
 
     @classmethod
     def of(cls, time: FloatArray, state: FloatArray, covariance: FloatArray) -> "Prediction":

@@ -67,6 +67,15 @@ class FeatureTracks:
         self._check_shapes()
         self._check_values()
 
+    def __repr__(self) -> str:
+        """How much they tell, in a line."""
+        n, m = self.seen.shape
+        about = [f"{100 * self.seen.mean():.3g} % seen" if m else "nothing seen"]
+        about += ["with covariances"] if self.covariance is not None else []
+        about += [f"time 0 is {self.epoch}"] if self.epoch is not None else []
+        span = f"{counted(n, 'frame')} from {self.time[0]:g} to {self.time[-1]:g} s"
+        return f"<FeatureTracks: {span}, {counted(m, 'feature')}, {', '.join(about)}>"
+
     @property
     def seen(self) -> BoolArray:
         """Which features are seen in which frames, (n, m)."""

@@ -15,6 +15,7 @@ from baryscope.models.checks import UNIT_TOLERANCE
 from baryscope.models.ephemeris.utc import seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 
@@ -39,6 +40,8 @@ class AttitudeSeries:
     time: FloatArray
     quaternion: FloatArray
     epoch: str | None
+
+    __repr__ = brief
 
     def __init__(self, time: ArrayLike, quaternion: ArrayLike, epoch: str | None = None) -> None:
         times, values = array_of("camera's attitude: time", time), array_of("camera's attitude: quaternion", quaternion)

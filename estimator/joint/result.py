@@ -9,6 +9,7 @@ from baryscope.estimator.adjustment.autocorrelation import frames_per_independen
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.tracks import FloatArray, IntArray
+from baryscope.models.words import counted, length
 
 Method = Literal["score", "ml"]
 
@@ -95,6 +96,12 @@ class Joint:
     axis: FloatArray
     slide: Slide | None
     hinge_axis: HingeAxis | None
+
+    def __repr__(self) -> str:
+        """What was found, and how well it is known, in a line."""
+        kind = "a hinge" if self.hinge else "a centre of rotation" if self.observable else "hardly known"
+        worst = float(np.sqrt(np.linalg.eigvalsh(self.covariance[3:, 3:])[-1]))
+        return f"<Joint by {self.method}: {kind}, {counted(len(self.time), 'frame')}, in the child ±{length(worst)}>"
 
     @property
     def hinge(self) -> bool:

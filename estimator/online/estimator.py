@@ -17,6 +17,7 @@ from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import Orbit
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -72,6 +73,8 @@ class OnlineState:
     noise_ratio: float
     lasting: float
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class OnlineFeatures:
@@ -80,6 +83,8 @@ class OnlineFeatures:
     names: NDArray[np.int64]
     position: FloatArray
     covariance: FloatArray
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +102,8 @@ class OnlineTumble:
     rate_covariance: FloatArray
     inertia: FloatArray
     inertia_covariance: FloatArray
+
+    __repr__ = brief
 
 
 class OnlineEstimator:

@@ -45,6 +45,17 @@ def test_masked_positions_are_not_seen():
         FeatureTracks(np.ma.masked_array([0.0, 1.0], [False, True]), position, ["a", "b", "c"])
 
 
+def test_tracks_are_shown_in_a_line():
+    """Whoever looked at them in a notebook was shown all of their numbers."""
+    position = np.zeros((2000, 3, 3))
+    position[:500] = np.nan
+    covariance = np.broadcast_to(np.eye(3), (2000, 3, 3, 3))
+    tracks = FeatureTracks(np.arange(2000.0), position, ["a", "b", "c"], covariance, "2026-03-01T12:00:00Z")
+    shown = "2000 frames from 0 to 1999 s, 3 features, 75 % seen, with covariances, time 0 is 2026-03-01T12:00:00Z"
+    assert repr(tracks) == f"<FeatureTracks: {shown}>"
+    assert "1 frame from 0 to 0 s, 1 feature, 0 % seen" in repr(FeatureTracks([0], [[[np.nan] * 3]], ["a"]))
+
+
 characters = st.characters(exclude_categories=["Cs"], exclude_characters="\r\n")
 labels = st.text(characters, min_size=1, max_size=5).map(str.strip).filter(bool)
 
