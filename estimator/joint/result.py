@@ -114,6 +114,18 @@ class Joint:
         return self.pair.time
 
     @property
+    def position_covariance(self) -> FloatArray:
+        """(n, 3, 3), m², of `position`, in the tracks' axes.
+
+        That of the centre in both bodies, and that of the sides, a and b, which slide by themselves: their mean is off
+        by (a + b) / 2, whose covariance is a quarter of that of a − b, the residual, however much each of them slides.
+        """
+        R_T_P, _ = self.pair.parent_pose
+        design = np.concatenate([R_T_P, self.pair.child.rotation], axis=2) / 2
+        slides = self.residual.T @ self.residual / len(self.residual) / 4
+        return np.asarray(design @ self.covariance @ np.swapaxes(design, 1, 2) + slides)
+
+    @property
     def parent_rms(self) -> FloatArray:
         """(m,), m, of each marker of the parent from the rigid body, per coordinate; (0,) without a parent."""
         return np.zeros(0) if self.pair.parent is None else self.pair.parent.rms
