@@ -31,12 +31,13 @@ from baryscope.estimator.options import DENSEST, PathOptions
 from baryscope.estimator.prediction import PredictedPath
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.thrust import KnownAcceleration
-from baryscope.models.directions import axes_along
 from baryscope.models.errors import ComputationError, InputError, Reason
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.relative_orbit import relative_path
 from baryscope.models.scenario import Scenario
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.tracking import observation_covariance, visible
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 
@@ -64,6 +65,8 @@ class Bound:
     observations: int
     observability: Observability
     predicted_covariance: FloatArray
+
+    __repr__ = brief
 
     @property
     def predicted_deviation(self) -> float:

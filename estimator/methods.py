@@ -152,6 +152,14 @@ def estimate(
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}, expected one of {', '.join(METHODS)}")
+    given: tuple[tuple[str, object, type, str], ...] = (
+        ("tracks", tracks, FeatureTracks, "as of read_tracks, tracks_of or tracks_of_dataset"),
+        ("orbit", orbit, Orbit, "as of load_orbit"),
+        ("camera", camera, Camera, "as of Camera.load"),
+    )
+    for name, value, kind, source in given:
+        if not isinstance(value, kind) and (value is not None or name == "tracks"):
+            raise InputError(f"{name}: found {type(value).__name__}, expected {kind.__name__}, {source}")
     refuse_implausible(tracks, "tracks")
     if camera is not None:
         tracks = camera.inertial(tracks)

@@ -24,7 +24,9 @@ from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.turning import TurningPoint, carried, curved
+from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
@@ -48,6 +50,8 @@ class Prediction:
     position: FloatArray
     velocity: FloatArray
     covariance: FloatArray
+
+    __repr__ = brief
 
     @classmethod
     def of(cls, time: FloatArray, state: FloatArray, covariance: FloatArray) -> "Prediction":
@@ -298,7 +302,7 @@ def point_in_body(
         if not seen[index]:
             raise InputError(f"point is {point!r}, which is not seen, expected a feature of the result")
         return points[index], np.eye(3 * m)[3 * index : 3 * index + 3]
-    coordinates = np.asarray(point, dtype=np.float64)
+    coordinates = array_of("point", point)
     if coordinates.shape != (3,) or not (np.abs(coordinates) <= FARTHEST).all():
         raise InputError(f"point is {point!r}, expected a feature's label or three coordinates within {FARTHEST:g} m")
     own = points[attached]
@@ -320,10 +324,7 @@ def times_of(time: ArrayLike) -> FloatArray:
     Raises:
         InputError: they are not finite numbers.
     """
-    given = np.atleast_1d(np.asarray(time))
-    if given.dtype.kind in "mM":
-        raise InputError(f"times: found {given.dtype}, expected numbers of seconds")
-    times = np.asarray(given, dtype=np.float64)
+    times = np.atleast_1d(array_of("times", time))
     if times.ndim != 1 or not len(times) or not (np.abs(times) <= LATEST).all():
         raise InputError(f"times: expected finite numbers within ±{LATEST:g} s")
     return times

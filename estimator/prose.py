@@ -192,7 +192,13 @@ def _screw_summary(result: Estimate, details: ScrewDetails) -> list[str]:
         f"(chosen from the data: {chosen})",
         f"rms of the registration {result.noise.a_posteriori:.3g} m, of the path's fit {details.fit_rms:.3g} m, "
         f"of the segments between successive axes {details.segment_rms:.3g} m",
+        f"no covariance; {untested(result.method)}",
     ]
+
+
+def untested(method: str) -> str:
+    """What is to be said of a method that has no status but good: what is wrong with its path, it cannot know."""
+    return f"{method} does not test its models: where they are wrong, nothing here says so"
 
 
 def _vector(direction: NDArray[np.float64]) -> str:

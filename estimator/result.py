@@ -23,6 +23,7 @@ from baryscope.estimator.options import Options
 from baryscope.estimator.prediction import UNCHANGED, Point, Prediction, Predictor, Widening, times_of
 from baryscope.estimator.registration.intervals import Interval
 from baryscope.models.errors import ComputationError, InputError, Reason
+from baryscope.models.words import brief, counted, length
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -67,6 +68,8 @@ class Cluster:
     points: FloatArray
     centre_of_mass: FloatArray
     covariance: FloatArray | None
+
+    __repr__ = brief
 
     @property
     def radius(self) -> float:
@@ -136,6 +139,8 @@ class Motion:
     angular_rate: FloatArray | None = None
     angular_rate_covariance: FloatArray | None = None
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
@@ -192,6 +197,19 @@ class Estimate:
     forces: tuple[Factor, ...] = ()
     widening: Widening = UNCHANGED
     epoch: str | None = None
+
+    def __repr__(self) -> str:
+        """Whether it can be used, and what it claims, in a line; `prose.summary` says more."""
+        rmse = self.predicted_rmse
+        about = [
+            f"{counted(len(self.time), 'position')} from {self.time[0]:g} to {self.time[-1]:g} s",
+            f"path {self.path}",
+            "no covariance, so no claim" if rmse is None else f"claimed to ±{length(rmse)} rms",
+            f"{counted(len(self.clusters), 'cluster')} of {counted(len(self.labels), 'feature')}",
+            f"{100 * self.rejected_share:.2g} % rejected",
+        ]
+        against = ", ".join(sorted({type(one).__name__ for one in self.findings})) or "none"
+        return f"<Estimate by {self.method}: {self.status}; {', '.join(about)}; findings: {against}>"
 
     def to_dataset(self) -> "Dataset":
         """The estimate over time as a dataset of xarray, in the units above: what the method has of position, velocity,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.limits import LATEST
+from baryscope.models.arguments import array_of
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
@@ -56,7 +57,7 @@ class KnownAcceleration:
         noise: float = 0.0,
         attitude: Callable[[FloatArray], FloatArray] | None = None,
     ) -> None:
-        moments, values = np.asarray(time, dtype=np.float64), np.asarray(value, dtype=np.float64)
+        moments, values = array_of("acceleration: time", time), array_of("acceleration: value", value)
         if moments.ndim != 1 or not len(moments) or values.shape != (len(moments), 3):
             raise InputError(
                 f"acceleration: time has the shape {moments.shape} and value {values.shape}, expected (k,) and (k, 3)"

@@ -15,6 +15,7 @@ from baryscope.estimator.geometry.symmetric import is_covariance
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST, SHORTEST_STEP, STRETCHED
 from baryscope.estimator.tables.table import read_table
 from baryscope.estimator.tables.tracks import COLUMNS, COVARIANCE_COLUMNS, FORM, UPPER, arrays_of, refuse_covariances
+from baryscope.models.arguments import array_of
 from baryscope.models.ephemeris.utc import utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes, write_together
@@ -29,7 +30,8 @@ IntArray = NDArray[np.intp]
 class FeatureTracks:
     """Positions of labelled features in frame C (origin at the chaser, inertial axes), frame by frame.
 
-    time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN where a feature is not seen;
+    time (n,) in s, strictly increasing; position (n, m, 3) in m, all three NaN, or masked, where a feature is not
+    seen;
     covariance (n, m, 3, 3) in m², or None; labels, one per feature, each once, are kept without blanks around; epoch:
     UTC of time 0 in ISO 8601, or None if it is not known; camera: the turning one through which they were seen, whose
     errors they share (`Camera.inertial`), or None. Files have no camera.
@@ -57,13 +59,22 @@ class FeatureTracks:
         camera: Camera | None = None,
     ) -> None:
         object.__setattr__(self, "camera", camera)
-        object.__setattr__(self, "time", _floats(time, "time"))
-        object.__setattr__(self, "position", _floats(position, "position"))
+        object.__setattr__(self, "time", array_of("time", time))
+        object.__setattr__(self, "position", array_of("position", position))
         object.__setattr__(self, "labels", tuple(map(_label, labels)))
-        object.__setattr__(self, "covariance", None if covariance is None else _floats(covariance, "covariance"))
+        object.__setattr__(self, "covariance", None if covariance is None else array_of("covariance", covariance))
         object.__setattr__(self, "epoch", None if epoch is None else utc_text(utc_of(epoch, "epoch")))
         self._check_shapes()
         self._check_values()
+
+    def __repr__(self) -> str:
+        """How much they tell, in a line."""
+        n, m = self.seen.shape
+        about = [f"{100 * self.seen.mean():.3g} % seen" if m else "nothing seen"]
+        about += ["with covariances"] if self.covariance is not None else []
+        about += [f"time 0 is {self.epoch}"] if self.epoch is not None else []
+        span = f"{counted(n, 'frame')} from {self.time[0]:g} to {self.time[-1]:g} s"
+        return f"<FeatureTracks: {span}, {counted(m, 'feature')}, {', '.join(about)}>"
 
     @property
     def seen(self) -> BoolArray:
@@ -243,21 +254,6 @@ def _label(label: object) -> str:
     if not isinstance(label, str):
         raise InputError(f"label {label!r}: expected a text")
     return label.strip()
-
-
-def _floats(values: ArrayLike, name: str) -> FloatArray:
-    """The values as floats.
-
-    Raises:
-        InputError: they are no numbers, as datetimes and durations, which NumPy would count in units of their own.
-    """
-    try:
-        array = np.asarray(values)
-        if array.dtype.kind not in "mMc":
-            return np.asarray(values if array.dtype.kind == "O" else array, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is not an array of numbers") from error
-    raise InputError(f"{name} is an array of {array.dtype}, expected real numbers")
 
 
 def _times(time: FloatArray, epoch: str | None) -> list[object]:

@@ -1,4 +1,25 @@
-"""Numbers in messages."""
+"""Numbers in messages, and values in a line, as notebooks show them."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+FEW = 6  # numbers of an array that are shown
+LONGEST = 120  # letters of a field
+
+
+def brief(value: Any) -> str:
+    """A dataclass in a line, its `__repr__`: of arrays the shape, of long fields the begin."""
+    shown = (f"{one.name}={_field(getattr(value, one.name))}" for one in dataclasses.fields(value) if one.repr)
+    return f"{type(value).__name__}({', '.join(shown)})"
+
+
+def _field(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > FEW:
+        return f"<array {value.shape}>"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
 
 
 def counted(number: int, noun: str, plural: str | None = None) -> str:

@@ -131,8 +131,8 @@ def rig_tracks(
     time: FloatArray, R_I_B: FloatArray, com: FloatArray, features: FloatArray, *, seed: int
 ) -> FeatureTracks:
     """Tracks of baryscope's own rig of reference at the chaser (1911 px, 1 m, 0.5 px), which looks at the target."""
-    from baryscope.models.directions import axes_along
     from baryscope.models.scenario import StereoRig
+    from baryscope.models.sensor.directions import axes_along
     from baryscope.models.stereo import project, triangulate
 
     rig, axes = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5), axes_along(com)

@@ -10,10 +10,12 @@ from baryscope.estimator.geometry.alignment import matrix_from_quaternion
 from baryscope.estimator.limits import LATEST
 from baryscope.estimator.tables.form import Form
 from baryscope.estimator.tables.table import read_table
+from baryscope.models.arguments import array_of
 from baryscope.models.checks import UNIT_TOLERANCE
 from baryscope.models.ephemeris.utc import seconds_between, utc_of, utc_text
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath, read_bytes
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 
@@ -39,8 +41,10 @@ class AttitudeSeries:
     quaternion: FloatArray
     epoch: str | None
 
+    __repr__ = brief
+
     def __init__(self, time: ArrayLike, quaternion: ArrayLike, epoch: str | None = None) -> None:
-        times, values = np.asarray(time, dtype=np.float64), np.asarray(quaternion, dtype=np.float64)
+        times, values = array_of("camera's attitude: time", time), array_of("camera's attitude: quaternion", quaternion)
         if times.ndim != 1 or not len(times) or values.shape != (len(times), 4):
             raise InputError(
                 f"camera's attitude: time has the shape {times.shape} and quaternion {values.shape}, "

@@ -8,7 +8,7 @@ import numpy as np
 
 from baryscope.estimator.formats.cf_times import seconds_of_cf
 from baryscope.estimator.formats.times import seconds_of
-from baryscope.estimator.formats.units import in_square_of
+from baryscope.estimator.formats.units import Unit, in_metres, in_square_of
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.models.ephemeris.utc import utc_text
 from baryscope.models.errors import InputError
@@ -57,8 +57,25 @@ def dataset(
     return found
 
 
-def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[FeatureTracks, str]:
+def tracks_of_dataset(found: "Dataset", *, units: Unit | None = None, source: str = "dataset") -> FeatureTracks:
+    """Tracks from a dataset as `dataset_of_tracks` makes it; times may be datetimes or durations.
+
+    Args:
+        found: with `position(time, feature, axis)`, and optionally `covariance(time, feature, axis, axis_)`.
+        units: of the positions; None: what their attribute `units` says, and metres without one. Covariances may be in
+            the square of another, which theirs says.
+        source: names the dataset in errors.
+
+    Raises:
+        InputError: it has no such positions, or its numbers are no tracks.
+    """
+    return in_metres(*_measured(found, units, source), source)
+
+
+def _measured(found: "Dataset", units: Unit | None, source: str) -> tuple[FeatureTracks, str]:
     """Tracks, in the unit of length of its positions, and that unit; covariances may be in the square of another.
+
+    units: of the positions, whatever they say.
 
     Raises:
         InputError: it has no `position` with the dimensions time, feature and axis, or its numbers are no tracks.
@@ -69,11 +86,13 @@ def tracks_of_dataset(found: "Dataset", source: str = "dataset") -> tuple[Featur
     for name in ("axis", "axis_"):
         found = _in_order(found, name, source)
     position = found["position"].transpose("time", "feature", "axis")
-    unit, covariance = str(position.attrs.get("units", "m")), None
+    said, covariance = position.attrs.get("units"), None
+    unit = str(units or said or "m")
     if "covariance" in found:
         given = found["covariance"].transpose("time", "feature", "axis", "axis_")
         told = str(given.attrs.get("units", f"{unit}2"))
-        covariance = in_square_of(given.values, unit, told, f"{source}, covariance")
+        denied = None if units is None or said is None else str(said)
+        covariance = in_square_of(given.values, unit, told, f"{source}, covariance", denied)
     time, epoch = _times(found, source)
     try:
         labels = [str(label) for label in found["feature"].values]
@@ -113,8 +132,8 @@ def _times(found: "Dataset", source: str) -> tuple[Any, str | None]:
     return seconds_of_cf(time.values, time.attrs, f"{source}, time")
 
 
-def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:
-    """The tracks of a NetCDF file, in its unit of length, and that unit.
+def read_netcdf(path: AnyPath, units: Unit | None = None) -> tuple[FeatureTracks, str]:
+    """The tracks of a NetCDF file, in its unit of length, and that unit; units: what it is, whatever the file says.
 
     Raises:
         InputError: it is no such file, or xarray or h5netcdf is not installed.
@@ -127,11 +146,11 @@ def read_netcdf(path: AnyPath) -> tuple[FeatureTracks, str]:
             found = opened.load()
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{source}: not NetCDF 4 ({error})") from error
-    return tracks_of_dataset(found, source)
+    return _measured(found, units, source)
 
 
-def read_zarr(path: AnyPath) -> tuple[FeatureTracks, str]:
-    """The tracks of a Zarr store, a folder, in its unit of length, and that unit.
+def read_zarr(path: AnyPath, units: Unit | None = None) -> tuple[FeatureTracks, str]:
+    """The tracks of a Zarr store, a folder, in its unit of length, and that unit; units: as of `read_netcdf`.
 
     Raises:
         InputError: it is no such folder, or xarray or zarr is not installed.
@@ -146,7 +165,7 @@ def read_zarr(path: AnyPath) -> tuple[FeatureTracks, str]:
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
         why = str(error.args[0] if error.args else error)  # without the quotes that a KeyError puts around it
         raise InputError(f"{source}: not Zarr ({why})") from error
-    return tracks_of_dataset(found, source)
+    return _measured(found, units, source)
 
 
 def xarray_for(what: str, engine: str = "h5netcdf") -> Any:

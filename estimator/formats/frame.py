@@ -13,6 +13,7 @@ from baryscope.estimator.tables.form import Columns
 from baryscope.estimator.tables.table import Table
 from baryscope.estimator.tables.tracks import FORM, arrays_of
 from baryscope.estimator.tracks import FeatureTracks
+from baryscope.models.arguments import array_of
 from baryscope.models.ephemeris.utc import utc_text
 from baryscope.models.errors import InputError
 
@@ -43,7 +44,7 @@ class _Rows(Table):
 def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: str = "frame") -> FeatureTracks:
     """Tracks from the columns time, feature, x, y, z and optionally cxx, cxy, cxz, cyy, cyz, czz; others are ignored.
 
-    Rows are those of `FeatureTracks.read_csv`, in any order; NaN and missing values are empty cells.
+    Rows are those of `FeatureTracks.read_csv`, in any order; NaN, missing and masked values are empty cells.
 
     Args:
         frame: of polars or pandas, or a mapping from names to columns; time in s, as durations, or in UTC as datetimes
@@ -56,6 +57,8 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     """
     if hasattr(frame, "collect"):
         raise InputError(f"{source}: a lazy frame, expected its rows: frame.collect()")
+    if hasattr(frame, "data_vars"):
+        raise InputError(f"{source}: a dataset of xarray, expected rows; tracks_of_dataset takes datasets")
     names = list(frame if isinstance(frame, Mapping) else frame.columns)
     missing = [name for name in FORM.required if name not in names]
     if missing:
@@ -68,7 +71,7 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
     moments = seconds_of(frame["time"], lambda row: f"{source}, row {row}, column time")
     time, epoch = (_numbers(frame["time"], "time", source), None) if moments is None else moments
     numbers = {"time": time} | {name: _numbers(frame[name], name, source) for name in (*"xyz", *optional)}
-    labels, codes = _labels(np.asarray(frame["feature"]), source)
+    labels, codes = _labels(np.asanyarray(frame["feature"]), source)
     if not len(codes) or {len(column) for column in numbers.values()} != {len(codes)}:
         lengths = ", ".join(str(len(column)) for column in (codes, *numbers.values()))
         raise InputError(f"{source}: columns of {lengths} rows, expected as many in all, and at least one")
@@ -78,17 +81,11 @@ def tracks_of(frame: Frame | Mapping[str, Any], *, units: Unit = "m", source: st
 
 
 def _numbers(column: Any, name: str, source: str) -> FloatArray:
-    expected = "expected finite numbers, one for each row"
-    try:
-        given = np.asarray(column)
-        if given.dtype.kind in "mM":
-            raise TypeError("times")  # of which numpy takes the counts of nanoseconds
-        values, logical = given.astype(np.float64), _is_logical(given)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{source}, column {name}: not numbers ({error})") from error
+    where, expected = f"{source}, column {name}", "expected finite numbers, one for each row"
+    values, logical = array_of(where, column), _is_logical(np.asarray(column))
     if values.ndim != 1 or logical:
         found = "true and false" if logical else f"the shape {values.shape}"
-        raise InputError(f"{source}, column {name}: {found}, {expected}")
+        raise InputError(f"{where}: {found}, {expected}")
     infinite = np.isinf(values)
     if infinite.any():
         raise InputError(f"{source}, row {int(np.argmax(infinite))}, column {name}: an infinite number, {expected}")

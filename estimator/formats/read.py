@@ -42,9 +42,9 @@ def read_tracks(path: AnyPath, units: Unit | None = None) -> FeatureTracks:
         case ".c3d":
             tracks, said = read_c3d(path)
         case ".nc":
-            tracks, said = read_netcdf(path)
+            tracks, said = read_netcdf(path, units)
         case ".zarr":
-            tracks, said = read_zarr(path)
+            tracks, said = read_zarr(path, units)
         case _:
             raise InputError(f"{source}: ends in {ending!r}, expected one of {', '.join(ENDINGS)}")
     if not (units or said):

@@ -45,9 +45,11 @@ def seconds_of(times: Any, place: Callable[[int], str]) -> tuple[FloatArray, Mom
 
 def _column_of(times: Any, place: Callable[[int], str]) -> NDArray[Any]:
     """The times as an array, of datetimes (in UTC) or durations if they are some in whatever form."""
-    if getattr(getattr(times, "dtype", None), "kind", "") == "M":
+    if getattr(getattr(times, "dtype", None), "kind", "") == "M" and not isinstance(times, np.ma.MaskedArray):
         return np.asarray(times, dtype="datetime64[ns]")  # of pandas, with a time zone
-    column = np.asarray(times)
+    column: NDArray[Any] = np.asanyarray(times)
+    if column.dtype.kind in "mM":
+        return np.where(np.ma.getmaskarray(column), np.array("NaT", column.dtype), np.asarray(column))
     if column.dtype.kind not in "OUT":
         return column
     cells = column.tolist()

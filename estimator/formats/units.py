@@ -24,8 +24,11 @@ _MEANT = {name + end: unit for unit, names in SPELLINGS.items() for name in (uni
 _SQUARE = re.compile(r"\s*(.+?)\s*(?:\^|\*\*)?\s*2\s*")
 
 
-def in_square_of(covariance: FloatArray, unit: str, told: str, source: str) -> FloatArray:
+def in_square_of(covariance: FloatArray, unit: str, told: str, source: str, denied: str | None = None) -> FloatArray:
     """Covariances in the square of a unit, from those in the square that is told, as mm2, mm^2 or mm**2.
+
+    denied: what the positions are said to be in, where the unit is told to be another one instead: covariances in its
+    square are then in that of the unit, too.
 
     Raises:
         InputError: what is told is no square of a unit of length.
@@ -35,6 +38,8 @@ def in_square_of(covariance: FloatArray, unit: str, told: str, source: str) -> F
     if own is None:
         raise InputError(f"{source}: in {told!r}, expected the square of a unit of length, as mm2")
     meant = _MEANT.get(unit.strip().lower(), own)  # of another unit `in_metres` tells
+    if denied is not None and own == _MEANT.get(denied.strip().lower()):
+        return covariance
     return covariance if own == meant else covariance * (METRES[own] / METRES[meant]) ** 2
 
 

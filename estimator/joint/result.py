@@ -9,6 +9,7 @@ from baryscope.estimator.adjustment.autocorrelation import frames_per_independen
 from baryscope.estimator.geometry.symmetric import made_definite
 from baryscope.estimator.joint.bodies import Pair
 from baryscope.estimator.tracks import FloatArray, IntArray
+from baryscope.models.words import counted, length
 
 Method = Literal["score", "ml"]
 
@@ -96,6 +97,12 @@ class Joint:
     slide: Slide | None
     hinge_axis: HingeAxis | None
 
+    def __repr__(self) -> str:
+        """What was found, and how well it is known, in a line."""
+        kind = "a hinge" if self.hinge else "a centre of rotation" if self.observable else "hardly known"
+        worst = float(np.sqrt(np.linalg.eigvalsh(self.covariance[3:, 3:])[-1]))
+        return f"<Joint by {self.method}: {kind}, {counted(len(self.time), 'frame')}, in the child ±{length(worst)}>"
+
     @property
     def hinge(self) -> bool:
         """Whether the bodies turn about one axis, along which the centre is hardly known."""
@@ -105,6 +112,18 @@ class Joint:
     def time(self) -> FloatArray:
         """(n,), s, of the frames that show both bodies."""
         return self.pair.time
+
+    @property
+    def position_covariance(self) -> FloatArray:
+        """(n, 3, 3), m², of `position`, in the tracks' axes.
+
+        That of the centre in both bodies, and that of the sides, a and b, which slide by themselves: their mean is off
+        by (a + b) / 2, whose covariance is a quarter of that of a − b, the residual, however much each of them slides.
+        """
+        R_T_P, _ = self.pair.parent_pose
+        design = np.concatenate([R_T_P, self.pair.child.rotation], axis=2) / 2
+        slides = self.residual.T @ self.residual / len(self.residual) / 4
+        return np.asarray(design @ self.covariance @ np.swapaxes(design, 1, 2) + slides)
 
     @property
     def parent_rms(self) -> FloatArray:

@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
+from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import Orbit
+from baryscope.models.words import brief
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -71,6 +73,8 @@ class OnlineState:
     noise_ratio: float
     lasting: float
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class OnlineFeatures:
@@ -79,6 +83,8 @@ class OnlineFeatures:
     names: NDArray[np.int64]
     position: FloatArray
     covariance: FloatArray
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +102,8 @@ class OnlineTumble:
     rate_covariance: FloatArray
     inertia: FloatArray
     inertia_covariance: FloatArray
+
+    __repr__ = brief
 
 
 class OnlineEstimator:
@@ -169,7 +177,7 @@ class OnlineEstimator:
         Raises:
             InputError: a shape or a value is not as above; the filter is then as it was before.
         """
-        place = np.asarray(points, dtype=np.float64)
+        place = array_of("points", points)
         if place.ndim != 2 or place.shape[1] != 3:
             raise InputError(f"points has the shape {place.shape}, expected (m, 3)")
         m = len(place)
@@ -308,7 +316,7 @@ def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
     Raises:
         InputError: another shape, or one is not symmetric; whether they are definite, the core tells.
     """
-    found = np.asarray(covariance, dtype=np.float64)
+    found = array_of("covariance", covariance)
     if found.shape != (len(there), 3, 3):
         raise InputError(f"covariance has the shape {found.shape}, expected ({len(there)}, 3, 3)")
     found = found[there]
@@ -318,7 +326,7 @@ def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
 
 
 def _acceleration(given: ArrayLike | None) -> FloatArray:
-    found = np.zeros(3) if given is None else np.array(given, dtype=np.float64)
+    found = np.zeros(3) if given is None else array_of("acceleration", given)
     if found.shape != (3,) or not (np.abs(found) <= STRONGEST).all():
         raise InputError(f"acceleration: found {given!r}, expected three numbers within {STRONGEST:g} m/s²")
     return found

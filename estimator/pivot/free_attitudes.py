@@ -108,12 +108,6 @@ class Linearised:
     noise_cost: float = 0.0
     offset_cost: float = 0.0
 
-    @property
-    def decrease_by_points(self) -> float:
-        """The predicted decrease of the squares by a step of the points alone, at a fixed x."""
-        pairs = zip(self.points_rhs, self.inverse, strict=True)
-        return sum(float(points_rhs @ inverse @ points_rhs) for points_rhs, inverse in pairs)
-
     def step(self, precision: FloatArray | None = None) -> Solution:
         """The solution after one step; precision (p,): inverse prior variances of x, in the units of the weights.
 
@@ -124,10 +118,11 @@ class Linearised:
         matrix, rhs, sizes = self.matrix + np.diag(prior), self.rhs - prior * self.x, self.sizes + prior
         covariance = symmetric_pseudo_inverse(matrix, sizes)
         change = covariance @ rhs
-        moved, decrease = [], float(change @ rhs) + self.decrease_by_points
+        moved, decrease = [], float(change @ rhs)
         for body, inverse, by_path, points_rhs, told in zip(
             self.bodies, self.inverse, self.by_path, self.points_rhs, self.told, strict=True
         ):
+            decrease += float(points_rhs @ inverse @ points_rhs)
             moved.append(body.moved(inverse @ points_rhs - by_path @ change, told))
         unknowns = np.concatenate([self.x + change, *(body.points.ravel() for body in moved)])
         if not np.abs(unknowns).max() <= MAX_LENGTH:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.fmu.layout.archive import Tables, UnitFile, open_unit
-from baryscope.fmu.runtime.arguments import array_of, number_of
 from baryscope.fmu.runtime.instance import Buffer, FlagBuffer, Instance
 from baryscope.fmu.runtime.state import SavedState, read_times
+from baryscope.models.arguments import array_of, number_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.variables import Kind, Variable

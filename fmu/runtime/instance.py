@@ -17,8 +17,8 @@ from fmpy.fmi3 import FMU3Slave
 from baryscope.fmu.layout.archive import UnitFile
 from baryscope.fmu.layout.platforms import FmiVersion, host_platform, library_of_this_machine
 from baryscope.fmu.layout.whole import refuse_cut
-from baryscope.fmu.runtime.arguments import number_of
 from baryscope.fmu.runtime.loading import loaded
+from baryscope.models.arguments import number_of
 from baryscope.models.errors import ComputationError, InputError
 
 _WARNING = 1

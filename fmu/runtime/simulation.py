@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from baryscope.fmu.runtime.arguments import array_of
 from baryscope.fmu.runtime.session import Session
+from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.variables import Kind, Variable
+from baryscope.models.words import counted
 
 FloatArray = NDArray[np.float64]
 
@@ -27,6 +28,11 @@ class Recording:
     time: FloatArray
     values: FloatArray
     variables: tuple[Variable, ...]
+
+    def __repr__(self) -> str:
+        """What is recorded, in a line."""
+        span = f" from {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
+        return f"<Recording: {counted(len(self.time), 'time')}{span}, {counted(len(self.variables), 'variable')}>"
 
     def __getitem__(self, name: str) -> FloatArray:
         """A view of one output, (n, *shape)."""

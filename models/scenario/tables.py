@@ -149,8 +149,8 @@ class StereoRig(FileModel):
     """[sensor.stereo]: a rectified pair of cameras at the chaser that points at the target's CoM.
 
     `pixel_noise` is the standard deviation of each pixel coordinate. The baseline is normal to the boresight; its
-    direction is that of `baryscope.models.directions.axes_along`. `resolution` is the images' size, with the principal
-    point in the middle; without it they have no edges.
+    direction is that of `baryscope.models.sensor.directions.axes_along`. `resolution` is the images' size, with the
+    principal point in the middle; without it they have no edges.
     """
 
     focal_length: Annotated[float, Unit("px"), Field(ge=1, le=1e9)]

@@ -8,9 +8,9 @@ from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from baryscope.models.columns import ColumnFunction
-from baryscope.models.directions import axes_along
 from baryscope.models.frames import rotation_from_quaternion
 from baryscope.models.scenario import Outliers, Scenario
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.draws import Purpose, standard_normals
 
 FloatArray = NDArray[np.float64]

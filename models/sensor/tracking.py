@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.models.columns import ColumnFunction
-from baryscope.models.directions import axes_along
 from baryscope.models.scenario import Scenario
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.draws import Purpose, standard_normals, uniforms
 from baryscope.models.sensor.outliers import blunders, slides, swaps
 from baryscope.models.stereo import FACING_TOLERANCE, facing_cosine, in_images, project, triangulate

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from baryscope import __version__
 from baryscope.estimator.formats import Unit, read_tracks
 from baryscope.estimator.joint import Joint, Method, joint
+from baryscope.estimator.tables import COVARIANCE_COLUMNS, UPPER
 from baryscope.estimator.tracks import FeatureTracks, FloatArray
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import Writer, refuse_overwriting, write_together
@@ -58,7 +59,8 @@ def find_joint(
     report
         With --output, write a .report.html file, too: the centre in both bodies over time and the markers' residuals.
     output
-        The centre at every time that shows both bodies, OUT.csv; the report goes beside it, OUT.report.html.
+        The centre at every time that shows both bodies, and its covariance (the columns of an estimate of `baryscope
+        estimate`), OUT.csv; the report goes beside it, OUT.report.html.
     """
     show = show or Show()
     written = []
@@ -95,8 +97,10 @@ def find_joint(
 
 def _write_path(found: Joint, stream: TextIO) -> None:
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["time", "x", "y", "z"])
-    writer.writerows(np.column_stack([found.time, found.position]).tolist())
+    writer.writerow(["time", "x", "y", "z", *COVARIANCE_COLUMNS])
+    rows, columns = np.transpose(UPPER)
+    covariance = found.position_covariance[:, rows, columns]
+    writer.writerows(np.column_stack([found.time, found.position, covariance]).tolist())
 
 
 def _words(found: Joint) -> list[str]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.details import ScrewDetails
 from baryscope.estimator.document import document_of
-from baryscope.estimator.prose import summary, verdict
+from baryscope.estimator.prose import summary, untested, verdict
 from baryscope.estimator.result import Estimate, Status
 from baryscope.report.charts import SIGMAS, curve
 from baryscope.report.document import Chart, Facts, Part, Series, Sheet, Timeline, Words
@@ -37,7 +37,7 @@ def verdict_of(result: Estimate) -> Verdict:
     """
     state, words = STATUSES[result.status]
     if state != "bad" and isinstance(result.details, ScrewDetails):
-        state, words = "warn", f"{result.method} does not test its models: where they are wrong, nothing here says so."
+        state, words = "warn", f"{untested(result.method)}."
     claim = "" if result.predicted_rmse is None else f" It claims ±{millimetres(result.predicted_rmse)} mm rms."
     return state, words + claim
 

@@ -16,7 +16,7 @@ from baryscope.estimator.result import Estimate
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.models.files import AnyPath
 from baryscope.models.scenario import Scenario
-from baryscope.models.words import counted
+from baryscope.models.words import brief, counted
 from baryscope.progress import Progress, Share, stage
 from baryscope.study.flight import Flight, fly
 from baryscope.study.methods import axes_of, labels_of, options_of
@@ -44,6 +44,8 @@ class Outcome:
     estimate: Estimate | None = None
     error: FloatArray | None = None
     failure: str = ""
+
+    __repr__ = brief
 
     @property
     def method(self) -> str:
@@ -108,6 +110,10 @@ class Comparison:
     outcomes: tuple[Outcome, ...]
     bound: Bound | None
     no_bound: str = ""
+
+    def __repr__(self) -> str:
+        """What was flown, and by which methods; `table` has what came of it."""
+        return f"<Comparison of {', '.join(one.label for one in self.outcomes)}: {self.flight!r}>"
 
     def __getitem__(self, label: str) -> Outcome:
         """The outcome of a method, by label."""

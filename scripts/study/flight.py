@@ -42,6 +42,10 @@ class Flight:
     truth: Recording
     tracks: FeatureTracks
 
+    def __repr__(self) -> str:
+        """What was flown, in a line."""
+        return f"<Flight of {self.scenario.name}: {self.tracks!r}>"
+
     @property
     def true_path(self) -> FloatArray:
         """The centre of mass in frame C at every time, (n, 3), m."""

@@ -23,6 +23,7 @@ from baryscope.models.keplerian import PARAMETERS
 from baryscope.models.orbit import Orbit
 from baryscope.models.sensor.navigation import STATUSES
 from baryscope.models.variables import Kind, variable_table
+from baryscope.models.words import brief
 from baryscope.progress import Progress, stage
 from baryscope.report.charts import nees_of
 from baryscope.study.flight import TRUTH_COLUMNS
@@ -85,6 +86,8 @@ class Loop:
     mode: FloatArray
     inside: BoolArray
     orbit: Orbit
+
+    __repr__ = brief
 
     @property
     def time(self) -> FloatArray:

@@ -253,6 +253,19 @@ def test_wrong_options_are_refused(options, expected):
     assert expected in str(caught.value)
 
 
+def test_other_kinds_of_arguments_are_named_with_what_makes_them():
+    """An array of positions and the name of an orbit file, as newcomers try, ended in an AttributeError of ours."""
+    tracks = make_case(*turning(20), at_rest(np.arange(20)), FEATURES).tracks
+    for arguments, expected in (
+        ((tracks.position,), "tracks: found ndarray, expected FeatureTracks, as of read_tracks, tracks_of or"),
+        ((None,), "tracks: found NoneType, expected FeatureTracks"),
+        ((tracks, {"orbit": "target.toml"}), "orbit: found str, expected Orbit, as of load_orbit"),
+        ((tracks, {"camera": "attitude.csv"}), r"camera: found str, expected Camera, as of Camera\.load"),
+    ):
+        with pytest.raises(InputError, match=f"^{expected}"):
+            estimate(arguments[0], **(arguments[1] if len(arguments) > 1 else {}))
+
+
 def test_the_list_of_methods_and_the_default():
     assert METHODS["pivot"].options is METHODS["ml"].options is PathOptions
     assert estimate(fixed_case(20).tracks).method == "pivot"

@@ -188,7 +188,7 @@ def test_what_cannot_be_predicted_is_said_in_a_line():
         ml.predict([70.0], (1.0, np.nan, 0.0))
     with pytest.raises(InputError, match="times: expected finite numbers"):
         pivot.predict([np.inf])
-    with pytest.raises(InputError, match=r"times: found timedelta64\[m\], expected numbers of seconds"):
+    with pytest.raises(InputError, match=r"times: found timedelta64\[m\], expected real numbers"):
         pivot.predict(np.array([2], dtype="timedelta64[m]"))
 
 

@@ -122,9 +122,10 @@ def test_summary_has_noise_rejected_features_and_every_finding():
 
 
 def test_summary_of_a_screw_method_has_the_options_chosen_from_data(case_of, at_rest):
-    first, second = summary(estimate(case_of(at_rest, noise=0.02).tracks, method="screw-gpa"))
+    first, second, third = summary(estimate(case_of(at_rest, noise=0.02).tracks, method="screw-gpa"))
     assert first.endswith("(chosen from the data: lag, cutoff, degree)")
     assert second.startswith("rms of the registration 0.02 m, ")
+    assert third == "no covariance; screw-gpa does not test its models: where they are wrong, nothing here says so"
 
 
 @pytest.mark.parametrize(

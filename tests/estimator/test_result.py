@@ -57,6 +57,18 @@ def test_status_is_the_most_severe_defect():
     assert [status.value for status in Status if status.trustworthy] == ["good", "not observable"]
 
 
+def test_an_estimate_is_shown_by_its_status_and_claim():
+    """Whoever looked at one in a notebook was shown all of its numbers, and its status, a property, not at all."""
+    assert repr(an_estimate()).startswith("<Estimate by ")
+    assert ": good; " in repr(an_estimate())
+    assert "claimed to ±37.42 mm rms" in repr(an_estimate())  # √14e-4 m
+    doubtful = repr(an_estimate(findings=(FewFrames(7, 9.2), WrongSigma(0.01, 0.02))))
+    assert ": not checked; " in doubtful
+    assert doubtful.endswith("findings: FewFrames, WrongSigma>")
+    assert "no covariance, so no claim" in repr(an_estimate(covariance=None))
+    assert "\n" not in doubtful
+
+
 def test_predicted_rmse_is_the_mean_trace():
     assert an_estimate().predicted_rmse == pytest.approx(np.sqrt(14e-4))
     assert an_estimate(covariance=None).predicted_rmse is None

@@ -33,6 +33,29 @@ def test_rows_in_any_order_columns_in_any_order_and_unseen_features(tmp_path):
     np.testing.assert_array_equal(tracks.position[1, 0], [4, 5, 6])
 
 
+def test_masked_positions_are_not_seen():
+    """As netCDF4 and numpy.ma bring them; their numbers, such as -9999 for what is missing, were taken for seen."""
+    position = np.full((2, 3, 3), 7.0)
+    position[1, 2] = -9999.0
+    tracks = FeatureTracks([0.0, 1.0], np.ma.masked_equal(position, -9999.0), ["a", "b", "c"])
+    np.testing.assert_array_equal(tracks.seen, [[True] * 3, [True, True, False]])
+    with pytest.raises(InputError, match=r"feature 'c' at 1\.0 s is partly NaN"):
+        FeatureTracks([0.0, 1.0], np.ma.masked_array(position, np.arange(18).reshape(2, 3, 3) == 15), ["a", "b", "c"])
+    with pytest.raises(InputError, match=r"^time of frame 1 is nan, expected a finite number"):
+        FeatureTracks(np.ma.masked_array([0.0, 1.0], [False, True]), position, ["a", "b", "c"])
+
+
+def test_tracks_are_shown_in_a_line():
+    """Whoever looked at them in a notebook was shown all of their numbers."""
+    position = np.zeros((2000, 3, 3))
+    position[:500] = np.nan
+    covariance = np.broadcast_to(np.eye(3), (2000, 3, 3, 3))
+    tracks = FeatureTracks(np.arange(2000.0), position, ["a", "b", "c"], covariance, "2026-03-01T12:00:00Z")
+    shown = "2000 frames from 0 to 1999 s, 3 features, 75 % seen, with covariances, time 0 is 2026-03-01T12:00:00Z"
+    assert repr(tracks) == f"<FeatureTracks: {shown}>"
+    assert "1 frame from 0 to 0 s, 1 feature, 0 % seen" in repr(FeatureTracks([0], [[[np.nan] * 3]], ["a"]))
+
+
 characters = st.characters(exclude_categories=["Cs"], exclude_characters="\r\n")
 labels = st.text(characters, min_size=1, max_size=5).map(str.strip).filter(bool)
 

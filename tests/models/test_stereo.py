@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baryscope.models.directions import axes_along
 from baryscope.models.scenario import Sensor, StereoRig, Tracking, load_scenario
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.tracking import observation_covariance, observe
 from baryscope.models.stereo import project, triangulate
 

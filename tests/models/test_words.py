@@ -1,6 +1,10 @@
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 import pytest
 
-from baryscope.models.words import counted, length
+from baryscope.models.words import LONGEST, brief, counted, length
 
 
 @pytest.mark.parametrize("number, words, expected", [
@@ -19,3 +23,20 @@ def test_one_is_singular(number, words, expected):
 )
 def test_lengths_carry_their_unit(metres, expected):
     assert length(metres) == expected
+
+
+@dataclass
+class Shown:
+    """What a notebook shows."""
+
+    few: Any
+    many: Any
+    text: str
+
+    __repr__ = brief
+
+
+def test_a_value_is_shown_in_a_line():
+    long = "x" * (2 * LONGEST)
+    shown = repr(Shown(np.eye(2), np.zeros((1000, 3)), long))
+    assert shown == f"Shown(few=array([[1., 0.], [0., 1.]]), many=<array (1000, 3)>, text='{long[: LONGEST - 1]}…)"

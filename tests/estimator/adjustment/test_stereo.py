@@ -8,9 +8,9 @@ import pytest
 from baryscope.estimator import estimate
 from baryscope.estimator.adjustment.stereo import StereoNoise, observations_of, stereo_noise, varies_with_range
 from baryscope.estimator.tracks import FeatureTracks
-from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import StereoRig
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.stereo import project, triangulate
 
 RIG = StereoRig(focal_length=1911.0, baseline=1.0, pixel_noise=0.5)

@@ -111,8 +111,7 @@ def test_netcdf_and_back(precise, tracks, tmp_path):
         assert back.epoch == one.epoch
     found["position"].attrs["units"] = "mm"
     found["position"].data *= 1e3
-    back, unit = tracks_of_dataset(found)
-    assert unit == "mm"
+    same(tracks_of_dataset(found), tracks)
     found.to_netcdf(path, engine="h5netcdf")
     same(read_tracks(path), tracks)
 
@@ -140,6 +139,31 @@ def test_covariances_have_a_unit_of_their_own(precise, tmp_path, told):
     found["covariance"].attrs["units"] = "m"
     with pytest.raises(InputError, match="dataset, covariance: in 'm', expected the square of a unit of length"):
         tracks_of_dataset(found)
+
+
+def test_a_dataset_is_read_in_metres(precise, tmp_path):
+    """Its tracks, which are in m by contract, had the numbers of its own unit, and estimates of them m for mm.
+
+    Told to be in mm, with covariances that say mm2, these were taken for m2 and made mm2: too small by a million.
+    """
+    found = dataset_of_tracks(precise)
+    found["position"] = 1e3 * found["position"]  # keeps no attributes
+    found["covariance"].data *= 1e6
+    found["covariance"].attrs["units"] = "mm2"
+    same(tracks_of_dataset(found, units="mm"), precise)
+    found.to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    same(read_tracks(tmp_path / "t.nc", "mm"), precise)
+    for said, told in (("m", "m2"), ("m", "mm2"), ("cm", "cm2")):
+        found["position"].attrs["units"], found["covariance"].attrs["units"] = said, told
+        same(tracks_of_dataset(found, units="mm"), precise)
+    found["covariance"].attrs["units"] = "mm2"
+    found["position"].attrs["units"] = "mm"
+    same(tracks_of_dataset(found), precise)
+    found["position"].attrs["units"] = "furlong"
+    with pytest.raises(InputError, match=r"^dataset: lengths in 'furlong', expected one of m, cm, mm"):
+        tracks_of_dataset(found)
+    with pytest.raises(InputError, match=r"^frame: a dataset of xarray, expected rows; tracks_of_dataset takes"):
+        tracks_of(found)
 
 
 def test_zarr_and_back(precise, tracks, tmp_path):
@@ -247,7 +271,7 @@ def test_what_is_no_trc_is_refused_in_a_line(tracks, tmp_path, change, expected)
     [
         (lambda rows: rows.pop("y"), "has no column 'y', expected time, feature, x, y, z"),
         (lambda rows: rows.update(cxx=rows["x"]), "has cxx only, expected all of cxx, cxy"),
-        (lambda rows: rows.update(x=["far"] * len(rows["x"])), "column x: not numbers"),
+        (lambda rows: rows.update(x=["far"] * len(rows["x"])), "column x: found .*, expected real numbers"),
         (lambda rows: rows["x"].__setitem__(3, np.inf), "column x: an infinite number"),
         (lambda rows: rows["x"].__setitem__(3, np.inf), "frame, row 3, column x: an infinite number, expected finite"),
         (lambda rows: rows["time"].__setitem__(2, -np.inf), "frame, row 2, column time: an infinite number"),

@@ -32,13 +32,16 @@ def test_without_noise_the_centre_is_exact():
 
 def test_the_covariance_is_honest_where_skin_lasts():
     """The mean NEES of 20 draws is near 3, with a standard deviation of sqrt(6 / 20) = 0.55, of which 3 are allowed."""
-    nees = []
+    nees, of_path = [], []
     for seed in range(20):
         parent, child, centre = recording(np.random.default_rng(seed), 0.003, 0.9)
         found = joint(parent, child)
         error = found.in_child - of_the_average_markers(parent, child, centre)
         nees.append(error @ np.linalg.solve(found.covariance[3:, 3:], error))
+        off = found.position - centre
+        of_path.append(np.mean(np.einsum("ki,kij,kj->k", off, np.linalg.inv(found.position_covariance), off)))
     assert 1.3 < np.mean(nees) < 4.7, np.mean(nees)
+    assert 1.3 < np.mean(of_path) < 4.7, np.mean(of_path)  # of many times, which vary less than one
 
 
 def test_attitudes_whose_noise_lasts_do_not_tell_where_the_centre_is():

@@ -11,10 +11,10 @@ from scipy.stats import chi2
 
 import oracles
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
-from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 from baryscope.models.scenario import StereoRig
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.stereo import project, triangulate
 from tops import DRIFT, FRAMES, POINTS, SIGMA, START, attitudes, batch_bound, errors, run, straight, tracks
 

@@ -230,7 +230,7 @@ def test_times_must_increase(any_fmu, times):
 
 
 def test_durations_are_no_times(any_fmu):
-    with pytest.raises(InputError, match=r"times: found array.*\[ms\].*, expected real numbers"):
+    with pytest.raises(InputError, match=r"times: found timedelta64\[ms\], expected real numbers"):
         simulate(any_fmu, np.arange(3).astype("timedelta64[ms]"))
 
 

@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 from baryscope.estimator.online import OnlineEstimator
 from baryscope.fmu import build_fmu
 from baryscope.fmu.units import blueprint_of
-from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Run, Sensor, StereoRig
+from baryscope.models.sensor.directions import axes_along
 from baryscope.models.sensor.navigation import STATUSES
 from importer import Stepped
 

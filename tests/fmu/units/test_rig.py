@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 import forces
 from baryscope.fmu import build_fmu
 from baryscope.fmu.check import check_unit
-from baryscope.models.directions import axes_along
 from baryscope.models.errors import InputError
 from baryscope.models.scenario import Run, Sensor, StereoRig, Tracking
 from baryscope.models.sensor import observe
+from baryscope.models.sensor.directions import axes_along
 from baryscope.scripts.cli.app import main
 from importer import Importer, Stepped
 from mutations import flag, mutated, variable

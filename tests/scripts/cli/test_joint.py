@@ -34,6 +34,19 @@ def test_the_centre_is_written_at_every_time(recorded, capsys):
     path = np.array([[float(row[axis]) for axis in "xyz"] for row in rows])
     np.testing.assert_allclose([float(row["time"]) for row in rows], TIME)
     assert np.sqrt(np.mean((path - centre) ** 2)) < 0.002  # that of a pose by four markers at 0.2 m, and of skin
+    variances = np.array([[float(row[name]) for name in ("cxx", "cyy", "czz")] for row in rows])
+    assert np.sqrt(np.mean((path - centre) ** 2 / variances)) < 2  # of one centre, which three numbers tell
+
+
+def test_the_centre_of_a_hinge_is_told_to_be_unknown_along_its_axis(recorded):
+    """Its path was nine digits without a covariance, whoever reads it, decimetres off along the axis."""
+    assert app.main(["joint", "hinge.csv", "--parent", PARENT, "--child", CHILD, "-o", "hinge.path.csv", "-q"]) == 0
+    with (recorded / "hinge.path.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    full = np.array([[[float(row[f"c{min(a, b)}{max(a, b)}"]) for b in "xyz"] for a in "xyz"] for row in rows])
+    deviations = np.sqrt(np.linalg.eigvalsh(full))
+    assert (deviations[:, 2] > 0.03).all()  # a third of the markers' radius of 0.1 m or more: hardly known
+    assert (deviations[:, 1] < 0.02).all()
 
 
 def test_the_utc_of_time_0_is_told(recorded, capsys):

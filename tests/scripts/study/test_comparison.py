@@ -53,6 +53,10 @@ def test_nothing_is_printed(scenario, capfd):
 def test_a_comparison_holds_its_numbers(comparison):
     """Against the definitions, from the paths themselves."""
     assert [outcome.label for outcome in comparison.outcomes] == ["pivot", "screw-gpa", "screw-gpa-lvlh"]
+    assert repr(comparison).startswith(
+        "<Comparison of pivot, screw-gpa, screw-gpa-lvlh: <Flight of small: <FeatureTracks: "
+    )
+    assert max(map(len, map(repr, (comparison, *comparison.outcomes)))) < 500
     truth = comparison.flight.truth["target.position"]
     for outcome in comparison.outcomes:
         squares = ((outcome.estimate.position - truth) ** 2).sum(axis=1)

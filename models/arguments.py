@@ -9,18 +9,20 @@ from baryscope.models.errors import InputError
 
 
 def array_of(name: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
-    """The reals in `value`; with `shape`, in that shape. They need not be finite.
+    """The reals in `value`, NaN where NumPy has them masked; with `shape`, in that shape. They need not be finite.
 
     Raises:
         InputError: the value is no array of real numbers, or has another shape; the message names `name`.
     """
     try:
-        if np.asarray(value).dtype.kind in "mMc":  # durations and datetimes would count in units of their own
+        given = np.asanyarray(value)
+        if given.dtype.kind in "mMc":  # durations and datetimes would count in units of their own
             raise TypeError
-        array = np.asarray(value, dtype=float)
+        array = np.asarray(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        shown = " ".join(reprlib.repr(value).split())
-        raise InputError(f"{name}: found {shown}, expected real numbers") from error
+        raise InputError(f"{name}: found {_shown(value)}, expected real numbers") from error
+    if isinstance(given, np.ma.MaskedArray):  # whose numbers there are none: fill values, and what was there before
+        array = np.where(np.ma.getmaskarray(given), np.nan, array)
     if shape is not None and array.shape != shape:
         raise InputError(f"{name}: found shape {array.shape}, expected {shape}")
     return array
@@ -33,3 +35,10 @@ def number_of(name: str, value: ArrayLike) -> float:
         InputError: the value is none; the message names `name`.
     """
     return float(array_of(name, value, ()))
+
+
+def _shown(value: ArrayLike) -> str:
+    """A value in a few words: that of times is cut off before their unit, which matters."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "mM":
+        return str(value.dtype)
+    return " ".join(reprlib.repr(value).split())

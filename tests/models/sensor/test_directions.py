@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from baryscope.models.directions import axes_along
+from baryscope.models.sensor.directions import axes_along
 
 CORNERS = [[1.0, 0, 0], [0, -1.0, 0], [0, 0, 1e-20], [1, 1, 1], [-1, 1, 0], [0, 1e-300, 1]]
 
