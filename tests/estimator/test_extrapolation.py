@@ -53,9 +53,17 @@ def findings(tracks, **options):
 
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 def test_a_curved_path_far_beyond_its_frames_is_announced(method):
-    found, (finding,) = findings(tracks_of(of_orbit(), SEEN), method=method)
+    """As a smooth path; on the orbit that it tells it goes on, within 4.5 deviations: χ₃ exceeds them once in 6,000."""
+    com = of_orbit()
+    smooth = PathOptions(trajectory="polynomial")
+    found, (finding,) = findings(tracks_of(com, SEEN), method=method, options=smooth)
     assert (finding.begin, finding.end) == (SEEN[0], TIME[-1])
     assert found.status is Status.NOT_CHECKED
+    found, none = findings(tracks_of(com, SEEN), method=method)
+    assert none == []
+    assert found.status is Status.GOOD
+    error = found.position[0] - com[0]
+    assert error @ np.linalg.solve(found.covariance[0], error) < 4.5**2
 
 
 def test_a_path_in_view_or_of_a_model_is_not():
