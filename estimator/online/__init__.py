@@ -3,6 +3,6 @@
 `OnlineEstimator` is what users call; `core` compiles the C once and loads it.
 """
 
-from baryscope.estimator.online.estimator import OnlineEstimator, OnlineFeatures, OnlineState, OnlineStatus
+from baryscope.estimator.online.estimator import OnlineEstimator, OnlineFeatures, OnlineState, OnlineStatus, Thrust
 
-__all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus"]
+__all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus", "Thrust"]
