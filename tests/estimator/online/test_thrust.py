@@ -81,7 +81,7 @@ def squares(errors, covariances):
 
 
 def test_what_thrusters_are_wrong_by_is_found_and_claims_are_true():
-    """Told accelerations were taken for exact: off by three times the claim after 300 s, and by centimetres.
+    """Told accelerations were taken for exact: off by several times the claim.
 
     At each of four times NEES is that of true claims, its mean over the draws below the 99.9 % quantile of χ².
     """
