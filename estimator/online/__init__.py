@@ -9,6 +9,7 @@ from baryscope.estimator.online.estimator import (
     OnlineState,
     OnlineStatus,
     OnlineTumble,
+    Thrust,
 )
 
-__all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus", "OnlineTumble"]
+__all__ = ["OnlineEstimator", "OnlineFeatures", "OnlineState", "OnlineStatus", "OnlineTumble", "Thrust"]

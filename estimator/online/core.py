@@ -13,7 +13,7 @@ from baryscope.fmu.units.filter import MOST_FEATURES, filter_functions, filter_h
 from baryscope.models.files import temporary_folder
 from baryscope.models.keplerian import ELEMENT_COUNT
 
-__all__ = ["MOST_FEATURES", "Options", "Result", "State", "Tumble", "build", "library", "sources"]
+__all__ = ["MOST_FEATURES", "Options", "Result", "State", "Thrust", "Tumble", "build", "library", "sources"]
 
 MAIN = "library.c"
 
@@ -38,7 +38,10 @@ class Options(ctypes.Structure):
     """`OnlineOptions` of online.h."""
 
     _fields_ = (
-        *((name, _double) for name in ("sigma", "offset", "speed", "attitude_noise", "longest_gap", "on_orbit")),
+        *(
+            (name, _double)
+            for name in ("sigma", "offset", "speed", "attitude_noise", "thrust", "longest_gap", "on_orbit")
+        ),
         ("elements", _double * ELEMENT_COUNT),
     )
 
@@ -66,7 +69,15 @@ class State(ctypes.Structure):
         ("v", _double * 3),
         ("R", _double * 9),
         ("covariance", _double * 36),
+        ("thrust", _double * 4),
+        ("of_thrust", _double * 16),
     )
+
+
+class Thrust(ctypes.Structure):
+    """`OnlineThrust` of online.h."""
+
+    _fields_ = (("acceleration", _double * 3), ("axes", _double * 9))
 
 
 @cache
@@ -103,13 +114,13 @@ def library() -> ctypes.CDLL:
         path = folder / job.output
         path.write_bytes(content)
         loaded = ctypes.CDLL(str(path))
-    numbers, names = ctypes.POINTER(_double), ctypes.POINTER(ctypes.c_longlong)
+    numbers, names, thrust = ctypes.POINTER(_double), ctypes.POINTER(ctypes.c_longlong), ctypes.POINTER(Thrust)
     loaded.online_size.restype = ctypes.c_ulonglong
     loaded.online_start.argtypes = [ctypes.c_void_p, ctypes.POINTER(Options)]
     loaded.online_start.restype = None
-    loaded.online_update.argtypes = [ctypes.c_void_p, _double, ctypes.c_int, names, numbers, numbers, numbers]
-    loaded.online_predict.argtypes = [ctypes.c_void_p, _double, numbers, ctypes.POINTER(State)]
+    loaded.online_update.argtypes = [ctypes.c_void_p, _double, ctypes.c_int, names, numbers, numbers, thrust]
+    loaded.online_predict.argtypes = [ctypes.c_void_p, _double, thrust, ctypes.POINTER(State)]
     loaded.online_tumble.argtypes = [ctypes.c_void_p, _double, ctypes.POINTER(Tumble)]
-    loaded.online_point.argtypes = [ctypes.c_void_p, _double, numbers, ctypes.c_longlong, numbers, numbers]
+    loaded.online_point.argtypes = [ctypes.c_void_p, _double, thrust, ctypes.c_longlong, numbers, numbers]
     loaded.online_features.argtypes = [ctypes.c_void_p, names, numbers, numbers]
     return loaded

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
+from baryscope.estimator.online import core
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
 from baryscope.models.arguments import array_of
 from baryscope.models.errors import InputError
@@ -25,6 +26,8 @@ BoolArray = NDArray[np.bool_]
 SYMMETRIC = 1e-9  # of the greatest element: what a matrix may differ from its transpose by, by rounding
 STRONGEST = 1e9  # m/s², absolute value of an acceleration's coordinate
 LONGEST_GAP = 86400.0  # s, a day
+THRUST_STD = 0.02  # 2 % of the acceleration and 1.1° of its direction, as of thrusters that nobody has calibrated
+ORTHONORMAL = 1e-6  # what the product of an attitude's matrix with its transpose may differ from the unit matrix by
 MAGIC = b"baryscope online\n"
 HEAD = struct.Struct("<17s32sI")  # what stands before the memory of a saved filter: MAGIC, its build, its checksum
 REFUSED = {
@@ -33,6 +36,18 @@ REFUSED = {
     Result.BAD_NAME: "names: found the same twice, expected each feature once",
     Result.TOO_LATE: "time: found {time!r} s, expected one at most {gap:g} s, longest_gap, after that of the last one",
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Thrust:
+    """What the chaser's thrusters are told to do.
+
+    acceleration: (3,) of the chaser in C, m/s²; attitude: (3, 3), R_C_D, of the axes D in which the thrusters are
+    fixed and turn with the chaser, so that their misalignment is constant there.
+    """
+
+    acceleration: ArrayLike
+    attitude: ArrayLike
 
 
 class OnlineStatus(StrEnum):
@@ -60,7 +75,10 @@ class OnlineState:
     time in s; position (3,) in C, m; velocity (3,) in C, m/s; covariance (6, 6) of both, in m and m/s; attitude (3, 3),
     R_C_B in axes B that are those of C in the first frame, NaN at times without a frame that fits; status; density:
     estimated, of white acceleration, m²/s³; noise_ratio: mean square of the residuals over that of the told noise;
-    lasting: how many frames have the same errors of the features, 1 + 2 Σ ρ; the covariance allows for it.
+    lasting: how many frames have the same errors of the features, 1 + 2 Σ ρ; the covariance allows for it;
+    thrust (4,): what the thrusters are wrong by, a scale s, and a rotation vector m in their axes, rad: an acceleration
+    that is told is (1 + s) exp([m]×) times that; thrust_covariance (4, 4). Zeros before the first push, and if
+    thrust_std is 0.
     """
 
     time: float
@@ -72,6 +90,8 @@ class OnlineState:
     density: float
     noise_ratio: float
     lasting: float
+    thrust: FloatArray
+    thrust_covariance: FloatArray
 
     __repr__ = brief
 
@@ -117,6 +137,8 @@ class OnlineEstimator:
             axis, in units of these features' rms distance from it.
         speed_std: of its velocity before the first frame, per axis, m/s.
         attitude_noise: of the camera's attitude, per axis and frame, rad.
+        thrust_std: of what the chaser's thrusters are wrong by, of their scale, and of their direction, rad about each
+            axis. It is estimated; 0: told accelerations are exact.
         longest_gap: from one frame to the next, s. A later frame is refused: after one whose time stamp is wrong all
             others would be too early.
 
@@ -133,6 +155,7 @@ class OnlineEstimator:
         offset_radii: float = 5.0,
         speed_std: float = 10.0,
         attitude_noise: float = 0.0,
+        thrust_std: float = THRUST_STD,
         longest_gap: float = LONGEST_GAP,
     ) -> None:
         if orbit is not None and (orbit.j2 is not None or orbit.ephemeris is not None):
@@ -142,6 +165,7 @@ class OnlineEstimator:
             _within("offset_radii", offset_radii, 0.1, 1e3, "radii"),
             _within("speed_std", speed_std, FINEST, COARSEST, "m/s"),
             _within("attitude_noise", attitude_noise, 0.0, 1.0, "rad"),
+            _within("thrust_std", thrust_std, 0.0, 1.0, "of the acceleration"),
             _within("longest_gap", longest_gap, FINEST, LATEST, "s"),
             float(orbit is not None),
             (ctypes.c_double * ELEMENT_COUNT)(*(() if orbit is None else orbit.elements)),
@@ -158,7 +182,7 @@ class OnlineEstimator:
         *,
         names: ArrayLike | None = None,
         covariance: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
+        acceleration: ArrayLike | Thrust | None = None,
     ) -> OnlineState:
         """Take a frame.
 
@@ -169,7 +193,8 @@ class OnlineEstimator:
             names: (m,), whole numbers that tell the features from each other; None: 0 to m − 1. A feature that
                 returns under another name is recognised by its place.
             covariance: (m, 3, 3), of the points, m²; None: that of sigma.
-            acceleration: (3,), of the chaser in C since the last frame, m/s²; None: zero.
+            acceleration: (3,), of the chaser in C since the last frame, m/s², or with the attitude of its thrusters,
+                which is that of C otherwise; None: zero.
 
         Returns:
             The state at the time.
@@ -194,7 +219,7 @@ class OnlineEstimator:
             raise InputError(f"time: found {time!r} s, expected one within {LATEST:g} s")
         spread = None if covariance is None else _covariances(covariance, there)
         upper = None if spread is None else np.ascontiguousarray(elements_of(spread))
-        push = _acceleration(acceleration)
+        push = _thrust(acceleration)
         result = self._library.online_update(
             self._memory,
             time,
@@ -202,28 +227,28 @@ class OnlineEstimator:
             labels.ctypes.data_as(ctypes.POINTER(ctypes.c_longlong)),
             _numbers(place),
             None if upper is None else _numbers(upper),
-            _numbers(push),
+            ctypes.byref(push),
         )
         if result != Result.ACCEPTED:
             gap = Options.from_buffer(self._memory).longest_gap  # a restored filter has its own
             raise InputError(REFUSED[Result(result)].format(time=time, gap=gap))
         return self.predict(time)
 
-    def predict(self, time: float, acceleration: ArrayLike | None = None) -> OnlineState:
-        """The state at a time in s that is not before the last frame; acceleration (3,): of the chaser in C till then.
+    def predict(self, time: float, acceleration: ArrayLike | Thrust | None = None) -> OnlineState:
+        """The state at a time in s that is not before the last frame; acceleration: as of `update`, till then.
 
         Raises:
             InputError: the time is before the last frame or too late, or a value is not finite.
         """
         found = State()
-        push = _acceleration(acceleration)
-        if _is_too_late(time) or self._library.online_predict(self._memory, time, _numbers(push), ctypes.byref(found)):
+        push, result = ctypes.byref(_thrust(acceleration)), ctypes.byref(found)
+        if _is_too_late(time) or self._library.online_predict(self._memory, time, push, result):
             raise _not_to_be_predicted(time)
         status = list(OnlineStatus)[int(found.status)]
         r, v, R, P = (np.array(value) for value in (found.r, found.v, found.R, found.covariance))
-        return OnlineState(
-            time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, found.density, found.noise_ratio, found.lasting
-        )
+        thrust, of_thrust = np.array(found.thrust), np.array(found.of_thrust).reshape(4, 4)
+        scalars = found.density, found.noise_ratio, found.lasting
+        return OnlineState(time, r, v, P.reshape(6, 6), R.reshape(3, 3), status, *scalars, thrust, of_thrust)
 
     def tumble(self, time: float) -> OnlineTumble | None:
         """The tumble at a time in s that is not before the last frame; None as long as no free tumble is known.
@@ -240,23 +265,23 @@ class OnlineEstimator:
         return OnlineTumble(*(np.array(getattr(found, name)).reshape(shape) for name, shape in shapes.items()))
 
     def point(
-        self, name: int, time: float, acceleration: ArrayLike | None = None
+        self, name: int, time: float, acceleration: ArrayLike | Thrust | None = None
     ) -> tuple[FloatArray, FloatArray] | None:
         """Where a feature will be, (3,) in C, m, and the covariance (3, 3); None without a tumble or such a feature.
 
         Args:
             name: of the feature.
             time: in s, not before the last frame.
-            acceleration: (3,), of the chaser in C till then, m/s²; None: zero.
+            acceleration: as of `update`, till then; None: zero.
 
         Raises:
             InputError: the time is before the last frame or too late, or a value is not finite.
         """
-        position, covariance, push = np.empty(3), np.empty((3, 3)), _acceleration(acceleration)
+        position, covariance, push = np.empty(3), np.empty((3, 3)), _thrust(acceleration)
         if _is_too_late(time):
             raise _not_to_be_predicted(time)
         result = self._library.online_point(
-            self._memory, time, _numbers(push), name, _numbers(position), _numbers(covariance)
+            self._memory, time, ctypes.byref(push), name, _numbers(position), _numbers(covariance)
         )
         if result == Result.BAD_TIME:
             raise _not_to_be_predicted(time)
@@ -325,11 +350,14 @@ def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
     return found
 
 
-def _acceleration(given: ArrayLike | None) -> FloatArray:
-    found = np.zeros(3) if given is None else array_of("acceleration", given)
-    if found.shape != (3,) or not (np.abs(found) <= STRONGEST).all():
-        raise InputError(f"acceleration: found {given!r}, expected three numbers within {STRONGEST:g} m/s²")
-    return found
+def _thrust(given: ArrayLike | Thrust | None) -> core.Thrust:
+    told = given if isinstance(given, Thrust) else Thrust(np.zeros(3) if given is None else given, np.eye(3))
+    push, axes = array_of("acceleration", told.acceleration), array_of("attitude", told.attitude)
+    if push.shape != (3,) or not (np.abs(push) <= STRONGEST).all():
+        raise InputError(f"acceleration: found {told.acceleration!r}, expected three numbers within {STRONGEST:g} m/s²")
+    if axes.shape != (3, 3) or not (np.abs(axes @ axes.T - np.eye(3)) <= ORTHONORMAL).all():
+        raise InputError(f"attitude of the thrust: found {told.attitude!r}, expected a rotation matrix (3, 3)")
+    return core.Thrust((ctypes.c_double * 3)(*push), (ctypes.c_double * 9)(*axes.ravel()))
 
 
 def _numbers(values: FloatArray) -> Any:

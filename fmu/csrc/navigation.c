@@ -21,18 +21,21 @@ static void moved_within(const Past *now, double time, double moved[6])
 }
 
 /* Between two times with no communication point in between; nothing is known of what was before the first one. */
-static void moved_between(const Model *model, double begin, double end, double moved[6])
+static Push push_between(const Model *model, double begin, double end, double axes[3][3])
 {
     static const double none[3];
+    Push push = {0};
+    double *moved = push.moved;
     int k = 0;
+    copy(axes, push.axes);
     while (k < model->count - 1 && model->past[k].time < end) k++;
-    memset(moved, 0, 6 * sizeof *moved);
-    if (k == 0 || model->past[k].time < end) return;
+    if (k == 0 || model->past[k].time < end) return push;
     double until_end[6];
     if (begin > model->past[k - 1].time) moved_within(&model->past[k], begin, moved);
     push_on(&model->filter.options, begin, end, none, moved);
     moved_within(&model->past[k], end, until_end);
     for (int i = 0; i < 6; i++) moved[i] = until_end[i] - moved[i];
+    return push;
 }
 
 /* Make room for a communication point: forget the oldest if the filter is past it, else the one between neighbours that are
@@ -161,12 +164,34 @@ static const double *command_of(Model *model, const double *values, double time,
     return none;
 }
 
+/* The axes of the camera by a quaternion; of one that is none, those of C. */
+static void axes_of(const double quaternion[4], double R[3][3])
+{
+    const double square = quaternion[0] * quaternion[0] + dot(quaternion + 1, quaternion + 1);
+    double q[4] = {1.0, 0.0, 0.0, 0.0};
+    for (int k = 0; k < 4 && isnormal(square); k++) q[k] = quaternion[k] / sqrt(square);
+    matrix_of(q, R);
+}
+
+/* The axes of the thrusters, which are fixed to the chaser as the camera is, between the last sample and this one: halfway. */
+static void axes_between(Model *model, const double *values, double axes[3][3])
+{
+    double now[3][3], turn[3];
+    axes_of(values + AT_ATTITUDE, now);
+    if (model->filter.frames == 0.0) copy(now, model->axes);
+    angle_between(now, model->axes, turn);
+    for (int k = 0; k < 3; k++) turn[k] *= 0.5;
+    copy(model->axes, axes);
+    turn_left(turn, axes);
+    copy(now, model->axes);
+}
+
 /* Hand the points that are seen to the filter, in C. A point that has a covariance which is none is left out, if others have one.
    False if the sample is refused. */
 static bool take_sample(Model *model, const double *values, char *message)
 {
     long long names[N_FEATURES];
-    double points[N_FEATURES][3], covariances[N_FEATURES][6], full[3][3], moved[6];
+    double points[N_FEATURES][3], covariances[N_FEATURES][6], full[3][3];
     const bool own = has_covariances(values);
     int count = 0;
     if (!are_in_range(values)) return false;
@@ -186,12 +211,15 @@ static bool take_sample(Model *model, const double *values, char *message)
     if (count == 0) return true;
     const double time = values[AT_SAMPLE_TIME] - model->started;
     double next;
+    double axes[3][3];
+    Push push;
+    axes_between(model, values, axes);
     while (model->filter.frames > 0.0 && (next = next_point(model, model->filter.time, time)) < time) {
-        moved_between(model, model->filter.time, next, moved);
-        advance(&model->filter, next, moved);
+        push = push_between(model, model->filter.time, next, axes);
+        advance(&model->filter, next, &push);
     }
-    moved_between(model, model->filter.time, time, moved);
-    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, moved) != ACCEPTED) return false;
+    push = push_between(model, model->filter.time, time, axes);
+    if (take_frame(&model->filter, time, count, names, points[0], own ? covariances[0] : NULL, &push) != ACCEPTED) return false;
     model->samples += 1.0;
     for (int k = 0; k < 3; k++) {
         model->sight[k] = 0.0;
@@ -247,25 +275,26 @@ static void write_features(const Online *filter, const Now *now, double *values)
 /* The outputs at a time. False if the filter has no finite state there. */
 static bool write_outputs(const Model *model, double *values, double time)
 {
+    double axes[3][3];
     OnlineState now, then;
     Ahead ahead;
-    static const double none[3];
+    static const OnlineThrust none;
     const Online *filter = &model->filter;
     values[AT_STATUS] = WAITING;
     values[AT_SAMPLES] = model->samples;
     memcpy(values + AT_SIGHT, model->sight, sizeof model->sight);
     write_tumble(model, values, time);
     if (filter->frames == 0.0) return true;
+    copy(model->axes, axes);
     start_ahead(filter, &ahead);
     write_features(filter, &ahead.now, values);
     while (ahead.time < time) {
-        double moved[6];
         const double next = next_point(model, ahead.time, time);
-        moved_between(model, ahead.time, next, moved);
-        go_ahead(&filter->options, &ahead, next, moved);
+        const Push push = push_between(model, ahead.time, next, axes);
+        go_ahead(filter, &ahead, next, &push);
     }
     state_there(filter, &ahead, &now);
-    push_ahead(filter, &ahead, time + values[AT_HORIZON], none);
+    push_ahead(filter, &ahead, time + values[AT_HORIZON], &none);
     state_there(filter, &ahead, &then);
     memcpy(values + AT_TARGET_POSITION, now.r, sizeof now.r);
     memcpy(values + AT_TARGET_VELOCITY, now.v, sizeof now.v);
@@ -276,6 +305,10 @@ static bool write_outputs(const Model *model, double *values, double time)
     values[AT_PROCESS_NOISE] = now.density;
     values[AT_NOISE_RATIO] = now.noise_ratio;
     values[AT_NOISE_LASTING] = now.lasting;
+    for (int k = 0; k < OF_THRUST; k++) {
+        values[AT_THRUST_ERROR + k] = now.thrust[k];
+        values[AT_THRUST_DEVIATION + k] = sqrt(now.of_thrust[k][k]);
+    }
     memcpy(values + AT_PREDICTED, then.r, sizeof then.r);
     write_upper(then.covariance[0], 6, values + AT_PREDICTED_COVARIANCE);
     for (int k = AT_OUTPUTS; k < AT_OUTPUTS + N_OUTPUTS; k++)
@@ -298,7 +331,7 @@ static void model_start(Model *model, double *values, double time)
 {
     OnlineOptions *options = &model->filter.options;
     *options = (OnlineOptions){values[AT_SIGMA], values[AT_OFFSET], values[AT_SPEED], values[AT_ATTITUDE_NOISE],
-                               INFINITY, values[AT_ON_ORBIT], {0.0}}; /* the end of the step bounds the time of a sample */
+                               values[AT_THRUST], INFINITY, values[AT_ON_ORBIT], {0.0}}; /* the end of the step bounds the time of a sample */
     memcpy(options->elements, values + AT_ORBIT, sizeof options->elements);
     model->started = time;
     model->attitude[0] = 1.0;

@@ -22,6 +22,7 @@ typedef struct {
     double samples;
     bool told[N_FAULTS]; /* that so was the first one of them */
     double attitude[4]; /* (w, x, y, z), of the last one that fits */
+    double axes[3][3];  /* of the camera at the last sample, R_C_V */
     double sight[3];    /* mean of the points of the last one, in C */
     int count;
     Past past[MOST_PAST]; /* the oldest first */

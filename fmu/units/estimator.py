@@ -24,6 +24,7 @@ from baryscope.models.variables import Variable
 
 NAME = "CentreOfMassEstimator"
 OFFSET, SPEED = 5.0, 10.0  # radii and m/s: before the first sample hardly anything is known
+THRUST = 0.02  # 2 % of the command and 1.1° of its direction, as of thrusters that nobody has calibrated
 STEREO_SIGMA = 0.05  # m, of points that come without covariances
 
 _FRAMES = (
@@ -50,6 +51,8 @@ _EQUATIONS = (
     "after the step's end waits. A sample.number that is less than before is logged, and its sample taken.",
     "Features that do not fit are left out; one that returns is known by its number; after ten samples without a fit "
     f"the filter begins with another map. It holds up to {MOST_FEATURES} features.",
+    "The chaser's thrusters may be wrong by a scale and a misalignment in the camera's axes, of the deviation "
+    "filter.thrust: both are estimated from the first command on.",
     "After a turn of the target further filters know a free tumble: attitude, rate and inertia are then those of the "
     "step's end. Where the attitudes contradict it, it is given up and learnt anew.",
     "navigation.valid says that the centre of mass is less uncertain than the features are far from each other, and "
@@ -95,6 +98,7 @@ def _starts(scenario: Scenario, system: NavigationSystem) -> dict[str, FloatArra
         "filter.sigma": scenario.sensor.noise or STEREO_SIGMA,
         "filter.offset": OFFSET,
         "filter.speed": SPEED,
+        "filter.thrust": THRUST,
         "onOrbit": 1.0,
     }
     orbit: dict[str, ArrayLike] = dict(zip(PARAMETERS, scenario.orbit.elements, strict=True))
@@ -114,6 +118,7 @@ _PLACES = {
     "AT_SIGMA": "filter.sigma",
     "AT_OFFSET": "filter.offset",
     "AT_SPEED": "filter.speed",
+    "AT_THRUST": "filter.thrust",
     "AT_ON_ORBIT": "onOrbit",
     "AT_ORBIT": PARAMETERS[0],
     "AT_HORIZON": "prediction.horizon",
@@ -135,6 +140,8 @@ _PLACES = {
     "AT_PROCESS_NOISE": "processNoise",
     "AT_NOISE_RATIO": "noiseRatio",
     "AT_NOISE_LASTING": "noiseLasting",
+    "AT_THRUST_ERROR": "thrust.error[1]",
+    "AT_THRUST_DEVIATION": "thrust.deviation[1]",
     "AT_BODY_FEATURES": "body.features[1,1]",
     "AT_BODY_COVARIANCES": "body.covariances[1,1]",
     "AT_BODY_KNOWN": "body.known[1]",

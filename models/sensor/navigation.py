@@ -107,6 +107,11 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
             limits=POSITIVE,
         ),
         Variable("filter.speed", PAR, "m/s", "Standard deviation of the CoM's velocity at first", limits=POSITIVE),
+        Variable(
+            "filter.thrust", PAR, "1",
+            "Standard deviation of what the chaser's thrusters are wrong by: scale, and rad about each axis; 0: exact",
+            limits=(0.0, 1.0),
+        ),
         Variable("onOrbit", PAR, "1", "Whether the target is on the orbit below, else free", boolean=True),
         *(orbit[name] for name in PARAMETERS),
         Variable(
@@ -133,6 +138,8 @@ def navigation_table(feature_count: int) -> tuple[Variable, ...]:
         shown("processNoise", "m2/s3", "Estimated density of white acceleration", limits=NOT_NEGATIVE),
         shown("noiseRatio", "1", "Mean square of the residuals over the expected one", limits=NOT_NEGATIVE),
         shown("noiseLasting", "1", "How many samples have the same errors of the features", limits=NOT_NEGATIVE),
+        shown("thrust.error", "1", "Scale error of the thrusters, and misalignment, rad about each camera axis", (4,)),
+        shown("thrust.deviation", "1", "Standard deviations of thrust.error; 0 before thrust, or exact", (4,)),
         shown("body.features", "m", "Features from the CoM, body axes; 0 if unknown", (n, 3)),
         shown("body.covariances", "m2", "Covariances of body.features; 0 if unknown", (n, 6), axes=UPPER),
         shown("body.known", "1", "Whether the feature is in the map", (n,), boolean=True, per_feature=True),
@@ -151,12 +158,13 @@ def _checks(given: Mapping[str, Symbol]) -> tuple[Check, ...]:
     def positive(name: str, unit: str) -> Check:
         return check(name, f"a value above 0{unit}", given[name] > 0)
 
-    noise, ahead = given["camera.attitudeNoise"], given["prediction.horizon"]
+    noise, thrust, ahead = (given[name] for name in ("camera.attitudeNoise", "filter.thrust", "prediction.horizon"))
     return (
         check("camera.attitudeNoise", "0 to 1 rad", ca.logic_and(noise >= 0, noise <= 1)),
         positive("filter.sigma", " m"),
         positive("filter.offset", ""),
         positive("filter.speed", " m/s"),
+        check("filter.thrust", "0 to 1", ca.logic_and(thrust >= 0, thrust <= 1)),
         *orbit_checks(Elements.named(given)),
         check("prediction.horizon", f"0 to {FARTHEST_AHEAD:g} s", ca.logic_and(ahead >= 0, ahead <= FARTHEST_AHEAD)),
     )

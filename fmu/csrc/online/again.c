@@ -10,17 +10,19 @@ static void keep(Online *filter, const Level *level, const double moved[OF_MAP])
     if (filter->stages >= STAGES) filter->stages = -1.0;
     if (filter->stages >= 0.0) {
         Stage *stage = &filter->stage[(int)filter->stages++];
-        *stage = filter->leg;
+        *stage = (Stage){.way = filter->leg};
         copy(level->lag, stage->lag), copy(level->offset, stage->offset);
         copy(level->noise, stage->noise), copy(level->turn, stage->turn), copy(level->both, stage->both);
         for (int k = 0; k < 3; k++) stage->c[k] = level->c[k], stage->scale[k] = level->scale[k];
+        for (int a = 0; a < 3; a++)
+            for (int k = 0; k < OF_THRUST; k++) stage->push[a][k] = level->push[a][k];
         for (int a = 0; a < OF_MAP; a++) {
             stage->moved[a] = moved[a];
             for (int b = 0; b < OF_MAP; b++) stage->change[a][b] = level->change[a][b];
         }
         stage->bend = level->bend;
     }
-    start_leg(filter);
+    start_way(&filter->leg);
 }
 
 /* What a node says if its map's offset was wrong by `wrong`, of the covariance P, in B: the error of the attitude moves
@@ -42,6 +44,7 @@ static void level_again(const Stage *stage, const double wrong[3], double P[3][3
     add_arc(level->turn, spread, more);
     for (int a = 0; a < 3; a++) {
         level->c[a] = stage->c[a], level->scale[a] = stage->scale[a];
+        for (int k = 0; k < OF_THRUST; k++) level->push[a][k] = stage->push[a][k];
         for (int b = 0; b < 3; b++) level->noise[a][b] = stage->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
     }
 }
@@ -49,48 +52,49 @@ static void level_again(const Stage *stage, const double wrong[3], double P[3][3
 /* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
 static int update_again(Online *filter, const Stage *stage, Level *level, double seems[3][3]) {
     double jump, M[3][3];
+    Member member;
     int sound;
     for (int m = 0; m < MEMBERS; m++) {
-        Member *member = &filter->bank[m];
-        if (!is_alive(member)) continue;
-        advance_member(member, law_of((int)member->steady), stage->span, stage->step, stage->F);
+        if (!is_alive(&filter->bank[m])) continue;
+        take_member(&filter->bank[m], &member);
+        advance_member(&member, law_of((int)member.steady), &stage->way);
+        keep_member(&member, &filter->bank[m]);
     }
-    update_members(filter, level, stage->span, &jump, &sound);
+    seeming(level->offset, level->turn, level->noise, M);
+    update_members(filter, level, M, stage->way.span, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
-    seeming(level->offset, level->turn, level->noise, M);
-    for (int m = 0; m < MEMBERS; m++) {
-        if (!is_alive(&filter->bank[m])) continue;
-        for (int a = 0; a < OF_MAP; a++) filter->bank[m].x[OFFSET + a] -= stage->moved[a];
-        take_back_of_member(&filter->bank[m], M, filter->widest);
-    }
+    for (int m = 0; m < MEMBERS; m++)
+        for (int a = 0; a < OF_MAP && is_alive(&filter->bank[m]); a++) filter->bank[m].x[OFFSET + a] -= stage->moved[a];
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) seems[a][b] += M[a][b];
     return sound;
 }
 
 /* What the noise of the attitudes seems to show of the offset, as a part of what is known. */
-static double part_of(const Member *member, double seems[3][3]) {
+static double part_of(const Kept *member, double seems[3][3]) {
     double trace = 0.0;
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) trace += member->P[OFFSET + a][OFFSET + b] * seems[a][b];
+        for (int b = 0; b < 3; b++) trace += kept(member, OFFSET + a, OFFSET + b) * seems[a][b];
     return trace;
 }
 
 /* Take the first nodes again if all are kept and the offset is known so much better; 1 if the bank is another. */
 static int take_again(Online *filter) {
-    Member before[MEMBERS];
-    const Member known = filter->bank[likeliest(filter->bank)];
+    Kept before[MEMBERS];
+    Jump jumps[JUMPS];
+    const Kept known = filter->bank[likeliest(filter->bank)];
     double wrong[STAGES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density;
     double variance = offset_variance(&known);
     int count = (int)filter->stages, sound = 1;
     if (count < 1 || !(variance < filter->again)) return 0;
     filter->again = AGAIN * variance;
     for (int a = 0; a < 3; a++) {
-        for (int b = 0; b < 3; b++) of_offset[a][b] = known.P[OFFSET + a][OFFSET + b];
+        for (int b = 0; b < 3; b++) of_offset[a][b] = kept(&known, OFFSET + a, OFFSET + b);
         for (int k = count - 1; k >= 0; k--)
             wrong[k][a] = filter->stage[k].moved[a] + (k + 1 < count ? wrong[k + 1][a] : known.x[OFFSET + a]);
     }
+    for (int j = 0; j < JUMPS; j++) jumps[j] = filter->jump[j];
     for (int m = 0; m < MEMBERS; m++) {
         before[m] = filter->bank[m];
         filter->bank[m] = going_on(&filter->first, m < STEADY ? m : 0);
@@ -103,6 +107,7 @@ static int take_again(Online *filter) {
     }
     if (sound && part_of(&filter->bank[likeliest(filter->bank)], seems) < SEEMS) return 1;
     for (int m = 0; m < MEMBERS; m++) filter->bank[m] = before[m];
+    for (int j = 0; j < JUMPS; j++) filter->jump[j] = jumps[j];
     filter->density = density;
     return 0;
 }

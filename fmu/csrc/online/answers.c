@@ -60,22 +60,24 @@ static void start_ahead(const Online *filter, Ahead *ahead) {
 }
 
 /* To a later time, until which pushes have moved the chaser. */
-static void go_ahead(const OnlineOptions *options, Ahead *ahead, double end, const double moved[6]) {
-    int count = end > ahead->time ? steps_between(options, ahead->time, end) : 0;
+static void go_ahead(const Online *filter, Ahead *ahead, double end, const Push *push) {
+    int count = end > ahead->time ? steps_between(&filter->options, ahead->time, end) : 0;
+    if (is_push(push)) begin_thrust(&filter->options, &ahead->now);
     for (int s = 0; s < count; s++) {
-        double step[6][6], T = (end - ahead->time) / count, from = ahead->time + s * T;
-        transition(options, from, s + 1 < count ? from + T : end, ahead->x, step);
-        carry_now(&ahead->now, T, step);
+        const int last = s + 1 == count;
+        double T = (end - ahead->time) / count, from = ahead->time + s * T;
+        Way way;
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, ahead->x, &ahead->now, &way);
     }
-    for (int i = 0; i < 6; i++) ahead->x[i] -= moved[i];
     ahead->time = end;
 }
 
-/* To a later time, until which an acceleration pushes the chaser. */
-static void push_ahead(const Online *filter, Ahead *ahead, double end, const double *acceleration) {
-    double moved[6] = {0.0};
-    push_on(&filter->options, ahead->time, end, acceleration, moved);
-    go_ahead(&filter->options, ahead, end, moved);
+/* To a later time, until which thrust pushes the chaser. */
+static void push_ahead(const Online *filter, Ahead *ahead, double end, const OnlineThrust *thrust) {
+    Push push = {0};
+    copy(thrust->axes, push.axes);
+    push_on(&filter->options, ahead->time, end, thrust->acceleration, push.moved);
+    go_ahead(filter, ahead, end, &push);
 }
 
 /* The covariance of (r, v) there. */
@@ -110,18 +112,30 @@ static void state_there(const Online *filter, const Ahead *ahead, OnlineState *s
     }
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) state->covariance[i][j] = 0.5 * (P[i][j] + P[j][i]);
+    for (int i = 0; i < OF_THRUST && ahead->now.errors == ERRORS; i++) {
+        state->thrust[i] = filter->thrust[i] + ahead->now.x[THRUST + i];
+        for (int j = 0; j < OF_THRUST; j++) {
+            const double known = ahead->now.own[THRUST + i][THRUST + j] + ahead->now.wider[THRUST + i][THRUST + j];
+            state->of_thrust[i][j] = factor_of(filter, &ahead->now) * known;
+        }
+    }
 }
 
-int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state) {
+/* Whether thrust is within range: axes are directions. */
+static int is_thrust(const OnlineThrust *thrust) {
+    return are_within(FARTHEST, thrust->acceleration, 3) && are_within(2.0, thrust->axes[0], 9);
+}
+
+int online_predict(const Online *filter, double time, const OnlineThrust *thrust, OnlineState *state) {
     if (!are_within(LATEST, &time, 1) || time < filter->time) return BAD_TIME;
-    if (!are_within(FARTHEST, acceleration, 3)) return BAD_ACCELERATION;
+    if (!is_thrust(thrust)) return BAD_ACCELERATION;
     Ahead ahead;
     if (filter->frames == 0.0) {
         begin_state(filter, time, state);
         return ACCEPTED;
     }
     start_ahead(filter, &ahead);
-    push_ahead(filter, &ahead, time, acceleration);
+    push_ahead(filter, &ahead, time, thrust);
     state_there(filter, &ahead, state);
     return ACCEPTED;
 }
@@ -172,12 +186,12 @@ static void curve(const double arm[3], const double turn[3][3], double shift[3],
         }
 }
 
-int online_point(const Online *filter, double time, const double *acceleration, long long name, double *position,
+int online_point(const Online *filter, double time, const OnlineThrust *thrust, long long name, double *position,
                  double *covariance) {
     OnlineTumble tumble;
     int slot = slot_of(filter, name);
     if (!are_within(LATEST, &time, 1) || time < filter->time) return BAD_TIME;
-    if (!are_within(FARTHEST, acceleration, 3)) return BAD_ACCELERATION;
+    if (!is_thrust(thrust)) return BAD_ACCELERATION;
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     Ahead ahead;
@@ -185,7 +199,7 @@ int online_point(const Online *filter, double time, const double *acceleration, 
     Known known;
     double P[6][6], arm[3], K[3][3], KC[3][3], RB[3][3], X[3][3], shift[3], arc[3][3];
     start_ahead(filter, &ahead);
-    push_ahead(filter, &ahead, time, acceleration);
+    push_ahead(filter, &ahead, time, thrust);
     const Now *now = &ahead.now;
     tie(filter, now, &ties);
     known_place(filter, now, &ties, slot, &known);

@@ -49,7 +49,7 @@ static Law law_of(int steady) {
 }
 
 /* White jerk over T s: of (r, v) and the acceleration. */
-static void add_wander(double jerk, double T, double P[MOTION][MOTION]) {
+static void add_wander(double jerk, double T, double P[ERRORS][ERRORS]) {
     const int AT[3] = {0, 3, LEVEL};
     const double square = T * T, Q[3][3] = {{square * square * T / 20.0, square * square / 8.0, square * T / 6.0},
                                             {square * square / 8.0, square * T / 3.0, square / 2.0},
@@ -76,7 +76,7 @@ static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]
 }
 
 /* The covariance of (r, v, offset, scale) from what they are with all errors. */
-static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[MOTION][MOTION]) {
+static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[ERRORS][ERRORS]) {
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b <= a; b++) {
             double sum = b < OFFSET ? G[a][PLACE + b] : 0.0;
@@ -87,7 +87,7 @@ static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], doub
 }
 
 /* The large filter's covariance of (r, v, offset, scale). */
-static void of_level(const Online *filter, double P[MOTION][MOTION]) {
+static void of_level(const Online *filter, double P[ERRORS][ERRORS]) {
     double G[LEVEL][MOST_ERRORS];
     with_level(filter, BODY + 3 * (int)filter->used, G);
     among_level(filter, G, P);
@@ -118,25 +118,27 @@ static void with_centroid(const Online *filter, double G[3][MOST_ERRORS]) {
             for (int j = 0; j < n; j++) G[a][j] += filter->P[BODY + 3 * f + a][j] / used;
 }
 
-static int is_alive(const Member *member) { return member->weight > -INFINITY; }
+static int is_alive(const Kept *member) { return member->weight > -INFINITY; }
 
 /* Of a coordinate of the offset, m2. */
-static double offset_variance(const Member *member) {
-    return (member->P[OFFSET][OFFSET] + member->P[OFFSET + 1][OFFSET + 1] + member->P[OFFSET + 2][OFFSET + 2]) / 3.0;
+static double offset_variance(const Kept *member) {
+    return (kept(member, OFFSET, OFFSET) + kept(member, OFFSET + 1, OFFSET + 1) + kept(member, OFFSET + 2, OFFSET + 2)) / 3.0;
 }
+
+static int is_bending(const Kept *member) { return law_of((int)member->steady).bend > 0.0; }
 
 /* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. One of
    which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
-static Member going_on(const Member *from, int steady) {
-    Member member = *from;
+static Kept going_on(const Kept *from, int steady) {
+    Kept member = *from;
     double bend = law_of(steady).bend, square = dot(&from->x[LEVEL], &from->x[LEVEL]) / 3.0;
-    member.errors = bend > 0.0 ? MOTION : LEVEL;
+    if (from->errors != ERRORS) member.errors = bend > 0.0 ? MOTION : LEVEL;
     member.steady = steady;
-    if (member.errors == from->errors && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
+    if ((bend > 0.0) == is_bending(from) && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
     for (int a = LEVEL; a < MOTION; a++) {
         member.x[a] = 0.0;
-        for (int b = 0; b < MOTION; b++) member.P[a][b] = member.P[b][a] = 0.0;
-        member.P[a][a] = bend * bend;
+        for (int b = 0; b < ERRORS; b++) member.P[pair(a, b)] = 0.0;
+        member.P[pair(a, a)] = bend * bend;
     }
     return member;
 }
@@ -152,17 +154,23 @@ static double first_weight(const Online *filter, int m) {
     return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY ? GRAVITY_ODDS : 0.0;
 }
 
-/* The large filter as a member, at x. */
+/* The large filter as a member, at x: of the thrusters it knows what the bank said last. */
 static Member large_at(const Online *filter, const double x[6]) {
-    Member large = {.errors = LEVEL};
+    Member large = {.errors = filter->pushed != 0.0 ? ERRORS : LEVEL};
     for (int k = 0; k < 6; k++) large.x[k] = x[k];
     of_level(filter, large.P);
+    for (int a = 0; a < OF_THRUST; a++) {
+        large.x[THRUST + a] = filter->thrust[a];
+        for (int b = 0; b < OF_THRUST; b++) large.P[THRUST + a][THRUST + b] = filter->of_thrust[a][b];
+    }
     return large;
 }
 
 /* All members as the large filter is, with the weights that they have; none has jumped. */
 static void start_bank(Online *filter) {
-    const Member first = large_at(filter, filter->x);
+    const Member large = large_at(filter, filter->x);
+    Kept first;
+    keep_member(&large, &first);
     for (int m = 0; m < MEMBERS; m++) {
         double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
         filter->bank[m] = going_on(&first, m < STEADY ? m : 0);
@@ -174,54 +182,88 @@ static void start_bank(Online *filter) {
 /* What an acceleration adds to a component of (r, v) in T s. */
 static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
 
-/* Over T s: x is step + F x, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
-static void advance_member(Member *member, Law law, double T, const double step[6], const double F[6][6]) {
+/* Of `advance_member`, what the errors of the thrusters add: to x, and to A, the covariance of (r, v) then with all now. */
+static void push_member(const Member *member, const Way *way, const double by[6], double x[6], double A[6][ERRORS]) {
+    for (int a = 0; a < 6; a++) {
+        for (int b = THRUST; b < ERRORS; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
+        for (int k = 0; k < 6; k++)
+            for (int b = THRUST; b < ERRORS; b++) A[a][b] += way->F[a][k] * member->P[k][b];
+        for (int k = 0; k < OF_THRUST; k++) {
+            x[a] += way->push[a][k] * member->x[THRUST + k];
+            for (int b = 0; b < ERRORS; b++) A[a][b] += way->push[a][k] * member->P[THRUST + k][b];
+        }
+    }
+}
+
+/* The way, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
+static void advance_member(Member *member, Law law, const Way *way) {
     const int n = (int)member->errors;
-    double x[6], by[6], A[6][MOTION], across[6][6];
+    const double T = way->span, (*F)[6] = way->F;
+    double x[6], by[6], A[6][ERRORS], across[6][6];
     for (int a = 0; a < 6; a++) {
         by[a] = n < MOTION ? 0.0 : bent_by(a, T);
-        x[a] = step[a] + by[a] * member->x[LEVEL + a % 3];
+        x[a] = way->step[a] + by[a] * member->x[LEVEL + a % 3];
         for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k], across[k][a] = F[a][k];
         for (int b = 0; b < MOTION; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < MOTION; b++) A[a][b] += F[a][k] * member->P[k][b];
     }
+    if (n > MOTION) push_member(member, way, by, x, A);
     for (int a = 0; a < 6; a++) {
         double s[6];
         member->x[a] = x[a];
         for (int b = 0; b < 6; b++) s[b] = by[b] * A[a][LEVEL + b % 3];
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < 6; b++) s[b] += A[a][k] * across[k][b];
+        for (int k = 0; k < OF_THRUST && n > MOTION; k++)
+            for (int b = 0; b < 6; b++) s[b] += A[a][THRUST + k] * way->push[b][k];
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = a == b ? s[b] + ROUNDING * s[b] : s[b];
         for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
     }
-    add_noise(law.white, T, &member->P[0][0], MOTION);
+    add_noise(law.white, T, &member->P[0][0], ERRORS);
     if (law.jerk > 0.0) add_wander(law.jerk, T, member->P);
 }
 
-/* All members, the shadow with its own density. */
-static void advance_bank(Member bank[MEMBERS + 1], double density, double T, const double step[6], const double F[6][6]) {
+/* The large filter, or its shadow: for them what the thrusters are wrong by is noise of each way. */
+static void advance_large(const Online *filter, Member *large, const Way *way) {
+    for (int k = THRUST; k < ERRORS; k++)
+        for (int j = THRUST; j < ERRORS; j++) large->P[k][j] = 0.0;
+    advance_member(large, (Law){.white = filter->density}, way);
+    add_thrust(filter, way, &large->P[0][0], ERRORS);
+}
+
+/* All members of a bank of the filter. */
+static void advance_bank(const Online *filter, const Way *way, Kept bank[MEMBERS + 1]) {
+    Member member;
     for (int m = 0; m <= SHADOW; m++) {
         if (!is_alive(&bank[m])) continue;
-        Law law = m == SHADOW ? (Law){.white = density} : law_of((int)bank[m].steady);
-        advance_member(&bank[m], law, T, step, F);
+        take_member(&bank[m], &member);
+        if (m == SHADOW) advance_large(filter, &member, way);
+        else advance_member(&member, law_of((int)member.steady), way);
+        keep_member(&member, &bank[m]);
     }
 }
 
 /* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
    there is no factor. */
-static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[3][MOTION]) {
+static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[3][ERRORS]) {
     const double(*late)[3] = level->lag, (*R)[3] = level->offset, *g = level->scale, bend = level->bend;
-    for (int a = 0; a < MOTION; a++)
+    const int pushed = member->errors > MOTION;
+    for (int a = 0; a < (pushed ? ERRORS : MOTION); a++)
         for (int k = 0; k < 3; k++)
             B[k][a] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
                       g[k] * member->P[a][SCALE] + bend * member->P[a][LEVEL + k];
+    for (int a = 0; a < ERRORS && pushed; a++)
+        for (int k = 0; k < 3; k++)
+            for (int i = 0; i < OF_THRUST; i++) B[k][a] += level->push[k][i] * member->P[a][THRUST + i];
     for (int k = 0; k < 3; k++) {
         e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
         e[k] -= g[k] * member->x[SCALE] + bend * member->x[LEVEL + k];
+        for (int i = 0; i < OF_THRUST && pushed; i++) e[k] -= level->push[k][i] * member->x[THRUST + i];
         for (int j = 0; j < 3; j++) {
             L[3 * k + j] = B[j][k] + g[k] * B[j][SCALE] + bend * B[j][LEVEL + k] + level->noise[k][j];
             for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[j][OFFSET + i] - late[k][i] * B[j][3 + i];
+            for (int i = 0; i < OF_THRUST && pushed; i++) L[3 * k + j] += level->push[k][i] * B[j][THRUST + i];
         }
     }
     return factored(3, L);
@@ -230,11 +272,11 @@ static int innovation(const Member *member, const Level *level, double e[3], dou
 /* The update with a node; 0 if rounding has left the covariance indefinite. */
 static int update_member(Member *member, const Level *level) {
     const int n = (int)member->errors;
-    double e[3], L[9], B[3][MOTION];
+    double e[3], L[9], B[3][ERRORS];
     if (!innovation(member, level, e, L, B)) return 0;
     whitened(L, e);
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
-    whiten_rows(L, n, MOTION, B[0]);
+    whiten_rows(L, n, ERRORS, B[0]);
     for (int a = 0; a < n; a++) {
         double before = member->P[a][a];
         member->x[a] += B[0][a] * e[0] + B[1][a] * e[1] + B[2][a] * e[2];
@@ -245,16 +287,15 @@ static int update_member(Member *member, const Level *level) {
 }
 
 /* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. */
-static void add_change(Member *member, const Level *level) {
+static void add_change(Kept *member, const Level *level) {
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b < OF_MAP; b++) member->P[OFFSET + a][OFFSET + b] += level->change[a][b];
+        for (int b = 0; b <= a; b++) member->P[pair(OFFSET + a, OFFSET + b)] += level->change[a][b];
 }
 
 /* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
 static void know_scale(Member *member, double variance) {
     const int n = (int)member->errors;
-    double own = member->P[SCALE][SCALE], off = member->x[SCALE], gain[MOTION];
-    if (!(own > variance)) return;
+    double own = member->P[SCALE][SCALE], off = member->x[SCALE], gain[ERRORS];
     for (int a = 0; a < n; a++) gain[a] = member->P[a][SCALE] / own;
     for (int a = 0; a < n; a++) {
         member->x[a] -= gain[a] * off;
@@ -271,11 +312,16 @@ static void know_scale_of_map(Online *filter) {
             for (int g = 0; g < used; g++)
                 variance += filter->share[f][SCALE - OFFSET][k] *
                             dot(filter->share[g][SCALE - OFFSET], &filter->P[BODY + 3 * f + k][BODY + 3 * g]);
-    for (int m = 0; m <= SHADOW; m++)
-        if (is_alive(&filter->bank[m])) know_scale(&filter->bank[m], variance);
+    Member member;
+    for (int m = 0; m <= SHADOW; m++) {
+        if (!is_alive(&filter->bank[m]) || !(kept(&filter->bank[m], SCALE, SCALE) > variance)) continue;
+        take_member(&filter->bank[m], &member);
+        know_scale(&member, variance);
+        keep_member(&member, &filter->bank[m]);
+    }
 }
 
-static int likeliest(const Member bank[MEMBERS]) {
+static int likeliest(const Kept bank[MEMBERS]) {
     int best = 0;
     for (int m = 1; m < MEMBERS; m++)
         if (bank[m].weight > bank[best].weight) best = m;

@@ -45,6 +45,7 @@ static int is_better_first(const Online *filter, const Frame *frame) {
 typedef struct {
     double x[6], P[6][6], weight[STEADY], density;
     double squares, freedom, sightings, trend, terms;
+    double pushed, thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
 } Path;
 
 /* The path as it is known now; 0 where that is not to be trusted. */
@@ -62,7 +63,11 @@ static int known_path(const Online *filter, Path *path) {
     for (int m = 0; m < STEADY; m++) path->weight[m] = filter->bank[m].weight - highest;
     path->density = filter->density;
     path->squares = filter->squares, path->freedom = filter->freedom, path->sightings = filter->sightings;
-    path->trend = filter->trend, path->terms = filter->terms;
+    path->trend = filter->trend, path->terms = filter->terms, path->pushed = filter->pushed;
+    for (int a = 0; a < OF_THRUST; a++) {
+        path->thrust[a] = filter->thrust[a];
+        for (int b = 0; b < OF_THRUST; b++) path->of_thrust[a][b] = filter->of_thrust[a][b];
+    }
     return worth_of(filter, &now, P) == TRACKING;
 }
 
@@ -88,7 +93,11 @@ static void resume_path(Online *filter, const Path *path) {
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = path->weight[m];
     filter->density = path->density;
     filter->squares = path->squares, filter->freedom = path->freedom, filter->sightings = path->sightings;
-    filter->trend = path->trend, filter->terms = path->terms;
+    filter->trend = path->trend, filter->terms = path->terms, filter->pushed = path->pushed;
+    for (int a = 0; a < OF_THRUST; a++) {
+        filter->thrust[a] = path->thrust[a];
+        for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = path->of_thrust[a][b];
+    }
     filter->stages = -1.0;
 }
 
@@ -96,15 +105,16 @@ static void resume_path(Online *filter, const Path *path) {
 static void doubt_path(Online *filter) {
     double more = TIMES * TIMES - 1.0;
     int best = likeliest(filter->bank);
-    Member *member = &filter->bank[STEADY];
+    Kept *member = &filter->bank[STEADY];
+    Jump *jump = &filter->jump[0];
     const double(*P)[MOST_ERRORS] = (const double(*)[MOST_ERRORS])filter->P;
     *member = filter->bank[best];
-    for (int m = 0; m < STEADY; m++) member->before[m] = filter->bank[m].weight;
-    member->parent = best, member->pending = 1.0, member->weight -= BELIEVED;
+    for (int m = 0; m < STEADY; m++) jump->before[m] = filter->bank[m].weight;
+    jump->parent = best, jump->pending = 1.0, member->weight -= BELIEVED;
     for (int a = 0; a < SCALE; a++)
-        for (int b = 0; b < SCALE; b++) {
+        for (int b = 0; b <= a; b++) {
             double sign = (a < OFFSET) == (b < OFFSET) ? 1.0 : -1.0; /* the offset's error is opposite */
-            member->P[a][b] += more * sign * P[PLACE + a % OFFSET][PLACE + b % OFFSET];
+            member->P[pair(a, b)] += more * sign * P[PLACE + a % OFFSET][PLACE + b % OFFSET];
         }
 }
 
@@ -139,7 +149,7 @@ static void begin(Online *filter, Frame *frame, const Path *path) {
     start_interval(filter);
     start_bank(filter);
     if (path) doubt_path(filter);
-    start_leg(filter);
+    start_way(&filter->leg);
     filter->first = filter->bank[0];
     filter->again = FIRST_AGAIN * filter->widest;
 }

@@ -13,13 +13,15 @@ static void transition(const OnlineOptions *options, double begin, double end, d
     for (int k = 0; k < 3; k++) F[k][3 + k] = end - begin, x[k] += (end - begin) * x[3 + k];
 }
 
+static void start_way(Way *way) {
+    *way = (Way){0};
+    for (int i = 0; i < 6; i++) way->F[i][i] = 1.0;
+}
+
 /* Count the transition from here. */
 static void start_interval(Online *filter) {
-    for (int i = 0; i < 6; i++) {
-        filter->from[i] = filter->x[i];
-        for (int j = 0; j < 6; j++) filter->F[i][j] = i == j;
-    }
-    filter->elapsed = 0.0;
+    for (int i = 0; i < 6; i++) filter->from[i] = filter->x[i];
+    start_way(&filter->way);
 }
 
 static void multiplied(const double A[6][6], const double B[6][6], double C[6][6]) {
@@ -30,21 +32,18 @@ static void multiplied(const double A[6][6], const double B[6][6], double C[6][6
         }
 }
 
-/* The way since the last node is longer, by F and step, T s. */
-static void go_on(Stage *leg, double T, const double step[6], const double F[6][6]) {
-    double before[6][6], x[6];
+/* A way goes on by another one. */
+static void go_on(Way *way, const Way *by) {
+    const Way before = *way;
+    multiplied(by->F, before.F, way->F);
     for (int i = 0; i < 6; i++) {
-        x[i] = step[i] + dot(F[i], leg->step) + dot(&F[i][3], &leg->step[3]);
-        for (int j = 0; j < 6; j++) before[i][j] = leg->F[i][j];
+        way->step[i] = by->step[i] + dot(by->F[i], before.step) + dot(&by->F[i][3], &before.step[3]);
+        for (int k = 0; k < OF_THRUST; k++) {
+            way->push[i][k] = by->push[i][k];
+            for (int j = 0; j < 6; j++) way->push[i][k] += by->F[i][j] * before.push[j][k];
+        }
     }
-    multiplied(F, before, leg->F);
-    for (int i = 0; i < 6; i++) leg->step[i] = x[i];
-    leg->span += T;
-}
-
-static void start_leg(Online *filter) {
-    filter->leg = (Stage){0};
-    for (int i = 0; i < 6; i++) filter->leg.F[i][i] = 1.0;
+    way->span += by->span;
 }
 
 /* In how many steps to go: the noise's covariance is that of a straight line, true for a small arc of the orbit. */
@@ -76,70 +75,89 @@ static void push_on(const OnlineOptions *options, double begin, double end, cons
     }
 }
 
-/* By what (r, v) went from the time of the covariances on, besides the transition. */
-static void step_since(const Online *filter, double step[6]) {
-    for (int i = 0; i < 6; i++)
-        step[i] = filter->x[i] - (dot(filter->F[i], filter->from) + dot(&filter->F[i][3], &filter->from[3]));
+/* The way from the time of the covariances on. */
+static Way way_since(const Online *filter) {
+    Way way = filter->way;
+    for (int i = 0; i < 6; i++) {
+        way.step[i] = filter->x[i] - (dot(way.F[i], filter->from) + dot(&way.F[i][3], &filter->from[3]));
+        for (int k = 0; k < OF_THRUST && filter->pushed != 0.0; k++) way.step[i] -= way.push[i][k] * filter->thrust[k];
+    }
+    return way;
 }
 
 /* Bring the covariances, and the bank, to the time of the state. */
 static void settle(Online *filter) {
     int n = size_of(filter);
-    double A[6][MOST_ERRORS], step[6];
-    if (filter->elapsed == 0.0) return;
-    step_since(filter, step);
+    double A[6][MOST_ERRORS];
+    if (filter->way.span == 0.0) return;
+    const Way way = way_since(filter);
     for (int i = 0; i < 6; i++) {
         for (int j = 0; j < n; j++) A[i][j] = 0.0;
         for (int k = 0; k < 6; k++)
-            for (int j = 0; j < n; j++) A[i][j] += filter->F[i][k] * filter->P[PLACE + k][j];
+            for (int j = 0; j < n; j++) A[i][j] += way.F[i][k] * filter->P[PLACE + k][j];
     }
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < n; j++) filter->P[PLACE + i][j] = filter->P[j][PLACE + i] = A[i][j];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j <= i; j++) {
             double sum = 0.0;
-            for (int k = 0; k < 6; k++) sum += A[i][PLACE + k] * filter->F[j][k];
+            for (int k = 0; k < 6; k++) sum += A[i][PLACE + k] * way.F[j][k];
             if (i == j) sum += ROUNDING * sum;
             filter->P[PLACE + i][PLACE + j] = filter->P[PLACE + j][PLACE + i] = sum;
         }
-    add_noise(filter->density, filter->elapsed, &filter->P[PLACE][PLACE], MOST_ERRORS);
-    advance_bank(filter->bank, filter->density, filter->elapsed, step, filter->F);
-    go_on(&filter->leg, filter->elapsed, step, filter->F);
-    filter->span += filter->elapsed;
+    add_noise(filter->density, way.span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    add_thrust(filter, &way, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    advance_bank(filter, &way, filter->bank);
+    go_on(&filter->leg, &way);
+    filter->span += way.span;
     start_interval(filter);
 }
 
-/* What is known goes on by the transition F over T s. */
-static void carry_now(Now *now, double T, const double F[6][6]) {
-    static const double no_step[6];
-    Member own = {.errors = MOTION}, wider = {.errors = MOTION};
-    for (int a = 0; a < MOTION; a++) {
+/* What is known goes on by a way without a step. */
+static void carry_now(Now *now, const Way *way) {
+    const int n = (int)now->errors;
+    Member own = {.errors = n}, wider = {.errors = n};
+    for (int a = 0; a < n; a++) {
         wider.x[a] = now->x[a];
-        for (int b = 0; b < MOTION; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
+        for (int b = 0; b < n; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
     }
-    advance_member(&own, (Law){.white = now->white}, T, no_step, F);
-    advance_member(&wider, (Law){.jerk = now->jerk}, T, no_step, F);
-    for (int a = 0; a < MOTION; a++) {
+    advance_member(&own, (Law){.white = now->white}, way);
+    advance_member(&wider, (Law){.jerk = now->jerk}, way);
+    for (int a = 0; a < n; a++) {
         now->x[a] = wider.x[a];
-        for (int b = 0; b < MOTION; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
+        for (int b = 0; b < n; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
     }
+}
+
+/* The way since the node before. */
+static Way way_of_node(const Online *filter) {
+    const Way since = way_since(filter);
+    Way way = filter->leg;
+    go_on(&way, &since);
+    return way;
+}
+
+/* (r, v) and what is known go on by one step, at the end of which there is a push, or NULL; the way is without its step. */
+static void step_on(const Online *filter, double begin, double end, const Push *push, double x[6], Now *now, Way *way) {
+    *way = (Way){.span = end - begin};
+    transition(&filter->options, begin, end, x, way->F);
+    if (push) pushed_by(filter, push, x, way->push);
+    if (now) carry_now(now, way);
 }
 
 /* The state at a later time, until which pushes have moved the chaser; the covariances follow where the noise's would no longer
    be that of a straight line. */
-static void advance(Online *filter, double end, const double moved[6]) {
+static void advance(Online *filter, double end, const Push *push) {
     int count = steps_between(&filter->options, filter->time, end);
     double begin = filter->time, T = (end - begin) / count;
+    if (is_push(push)) heed_thrust(filter);
     for (int s = 0; s < count; s++) {
-        double F[6][6], before[6][6], from = begin + s * T;
-        transition(&filter->options, from, s + 1 < count ? from + T : end, filter->x, F);
-        for (int i = 0; i < 6 && s + 1 == count; i++) filter->x[i] -= moved[i];
-        for (int i = 0; i < 6; i++)
-            for (int j = 0; j < 6; j++) before[i][j] = filter->F[i][j];
-        multiplied(F, before, filter->F);
-        filter->elapsed += T;
-        if (filter->looked != 0.0) carry_now(&filter->now, T, F);
-        if (s + 1 < count || steps_between(&filter->options, end - filter->elapsed, end) > 1) settle(filter);
+        const int last = s + 1 == count;
+        double from = begin + s * T;
+        Way way;
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->looked != 0.0 ? &filter->now : NULL, &way);
+        go_on(&filter->way, &way);
+        if (!last || steps_between(&filter->options, end - filter->way.span, end) > 1) settle(filter);
     }
     filter->time = end;
 }

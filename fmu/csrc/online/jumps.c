@@ -9,21 +9,24 @@ once, or nodes later, then by what the mixture says. */
 
 /* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
 static int jumped(Online *filter, const Level *level, double span, double *jump) {
-    double e[3], L[9], B[3][MOTION];
+    double e[3], L[9], B[3][ERRORS];
     int best = likeliest(filter->bank), found = -1;
-    const Member *from = &filter->bank[best];
-    if (!(span > 0.0) || !innovation(from, level, e, L, B)) return -1;
+    Member from;
+    take_member(&filter->bank[best], &from);
+    if (!(span > 0.0) || !innovation(&from, level, e, L, B)) return -1;
     double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
     whitened(L, e);
     if (!(dot(e, e) > GATE)) return -1;
     for (int m = STEADY; m < MEMBERS; m++)
         if (m != best && (found < 0 || filter->bank[m].weight < filter->bank[found].weight)) found = m;
-    Member *to = &filter->bank[found];
-    *to = *from;
+    Jump *to = &filter->jump[found - STEADY];
+    if (best >= STEADY) *to = filter->jump[best - STEADY];
+    else *to = (Jump){0};
     for (int m = 0; m < STEADY && best < STEADY; m++) to->before[m] = filter->bank[m].weight;
     *jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
-    add_noise(*jump, span, &to->P[0][0], MOTION);
-    to->weight += JUMP;
+    add_noise(*jump, span, &from.P[0][0], ERRORS);
+    from.weight += JUMP;
+    keep_member(&from, &filter->bank[found]);
     to->parent = best;
     return found;
 }
@@ -32,23 +35,24 @@ static int jumped(Online *filter, const Level *level, double span, double *jump)
    that, with the weights that they had then. */
 static void adopt(Online *filter) {
     const int best = likeliest(filter->bank);
-    const Member from = filter->bank[best];
-    if (best < STEADY || from.pending != 0.0) return;
+    const Kept from = filter->bank[best];
+    if (best < STEADY || filter->jump[best - STEADY].pending != 0.0) return;
+    const double *before = filter->jump[best - STEADY].before;
     for (int m = 0; m < count_of(filter); m++) {
         if (filter->bank[m].weight > from.weight + JUMP) continue;
         filter->bank[m] = going_on(&from, m);
-        filter->bank[m].weight = from.weight + fmax(from.before[m] - from.before[(int)from.steady], UNLIKELY);
+        filter->bank[m].weight = from.weight + fmax(before[m] - before[(int)from.steady], UNLIKELY);
         if (m == (int)from.steady) filter->bank[best].weight = -INFINITY;
     }
 }
 
 /* Of the members from `begin` to `end`, without a jump: one far less likely than the best of them goes on from that, so that no
    evidence is older than it has to be; nor are all of them against the rest of the bank. */
-static void refresh(Member bank[MEMBERS], int begin, int end, double highest) {
+static void refresh(Kept bank[MEMBERS], int begin, int end, double highest) {
     int best = begin;
     for (int m = begin; m < end; m++)
         if (bank[m].weight > bank[best].weight) best = m;
-    const Member first = bank[best];
+    const Kept first = bank[best];
     double lift = fmax(highest + UNLIKELY - first.weight, 0.0);
     for (int m = begin; m < end; m++) {
         double weight = fmax(bank[m].weight, first.weight + UNLIKELY);
@@ -64,39 +68,47 @@ static void weigh_members(Online *filter) {
     refresh(filter->bank, 0, DENSITIES, highest);
     refresh(filter->bank, DENSITIES, count_of(filter), highest);
     for (int m = 0; m < MEMBERS; m++) {
-        Member *member = &filter->bank[m];
+        Kept *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
         if (!is_alive(member)) continue;
         member->weight -= highest;
         double w = exp(member->weight);
-        if (member->errors == LEVEL) sum += w, mean += w * member->steady;
+        if (!is_bending(member)) sum += w, mean += w * member->steady;
     }
     filter->density = exp(LOG_LEAST + LOG_RATIO * mean / sum);
 }
 
-/* A node updates all members but the shadow; returns the one that jumps there, or -1. 0 in *sound where rounding has
-   left a covariance indefinite. */
-static int update_members(Online *filter, const Level *level, double span, double *jump, int *sound) {
+/* A node updates all members but the shadow, and of them M, what it only seems to show, is taken back; returns the one that jumps there,
+   or -1. 0 in *sound where rounding has left a covariance indefinite. */
+static int update_members(Online *filter, const Level *level, double M[3][3], double span, double *jump, int *sound) {
     for (int m = 0; m < MEMBERS; m++)
         if (is_alive(&filter->bank[m])) add_change(&filter->bank[m], level);
     int fresh = jumped(filter, level, span, jump);
     *sound = 1;
-    for (int m = 0; m < MEMBERS; m++)
-        if (is_alive(&filter->bank[m])) *sound = update_member(&filter->bank[m], level) && *sound;
+    Member member;
+    for (int m = 0; m < MEMBERS; m++) {
+        if (!is_alive(&filter->bank[m])) continue;
+        take_member(&filter->bank[m], &member);
+        *sound = update_member(&member, level) && *sound;
+        take_back_of_member(&member, M, filter->widest);
+        keep_member(&member, &filter->bank[m]);
+    }
     return fresh;
 }
 
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
    What they had before it was known that the path bends is forgotten then. */
 static void note_trend(Online *filter, const Level *level) {
-    double e[3], L[9], B[3][MOTION];
-    Member member = filter->bank[likeliest(filter->bank)];
-    add_change(&member, level);
+    double e[3], L[9], B[3][ERRORS];
+    Kept best = filter->bank[likeliest(filter->bank)];
+    Member member;
+    add_change(&best, level);
+    take_member(&best, &member);
     if (!innovation(&member, level, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
-    if (member.errors > filter->likely) filter->trend = filter->terms = 0.0;
-    filter->likely = member.errors;
+    if (is_bending(&best) > filter->likely) filter->trend = filter->terms = 0.0;
+    filter->likely = is_bending(&best);
     if (dot(filter->last, filter->last) > 0.0) filter->terms += 3.0;
     filter->trend += dot(e, filter->last);
     for (int k = 0; k < 3; k++) filter->last[k] = e[k];
@@ -104,22 +116,27 @@ static void note_trend(Online *filter, const Level *level) {
 
 /* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
    taken. */
-static double update_bank(Online *filter, const Level *level, int *late) {
+static double update_bank(Online *filter, const Level *level, double M[3][3], int *late) {
     double jump = 0.0;
     note_trend(filter, level);
-    int sound, parent = likeliest(filter->bank), fresh = update_members(filter, level, filter->span, &jump, &sound);
+    int sound, parent = likeliest(filter->bank), fresh = update_members(filter, level, M, filter->span, &jump, &sound);
     int best = likeliest(filter->bank);
-    const Member *first = &filter->bank[best];
+    const Kept *first = &filter->bank[best];
+    const Jump *jumped = best < STEADY ? NULL : &filter->jump[best - STEADY];
     int clear = fresh >= 0 && filter->bank[parent].weight < first->weight - CLEAR;
-    if (fresh >= 0) filter->bank[fresh].pending = clear ? 0.0 : 1.0;
+    if (fresh >= 0) filter->jump[fresh - STEADY].pending = clear ? 0.0 : 1.0;
     if (!clear) jump = 0.0;
-    *late = first->pending != 0.0 && filter->bank[(int)first->parent].weight < first->weight - CLEAR;
+    *late = jumped && jumped->pending != 0.0 && filter->bank[(int)jumped->parent].weight < first->weight - CLEAR;
     if (!*late) adopt(filter);
-    Member *shadow = &filter->bank[SHADOW];
-    add_change(shadow, level);
-    add_noise(jump, filter->span, &shadow->P[0][0], MOTION);
-    sound = update_member(shadow, level) && sound;
-    shadow->weight = 0.0;
+    Member shadow;
+    Level of_shadow = *level;
+    add_change(&filter->bank[SHADOW], level);
+    take_member(&filter->bank[SHADOW], &shadow);
+    add_noise(jump, filter->span, &shadow.P[0][0], ERRORS);
+    add_thrust_of_node(filter, level, of_shadow.noise);
+    sound = update_member(&shadow, &of_shadow) && sound;
+    shadow.weight = 0.0;
+    keep_member(&shadow, &filter->bank[SHADOW]);
     if (!sound) start_bank(filter), *late = 0;
     weigh_members(filter);
     return jump;

@@ -87,9 +87,9 @@ static void put_right(Online *filter, double factor) {
     int n = size_of(filter);
     for (int i = 0; i < n; i++) scale_block(filter->P[i], n, factor);
     for (int m = 0; m <= SHADOW; m++) {
-        Member *member = &filter->bank[m];
+        Kept *member = &filter->bank[m];
         if (!is_alive(member)) continue;
-        scale_block(member->P[0], MOTION * MOTION, factor);
+        scale_block(member->P, PAIRS, factor);
         member->weight /= factor;
     }
     for (int k = 0; k < (int)filter->stages; k++) {

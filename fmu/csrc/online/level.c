@@ -206,6 +206,15 @@ static void add_congruent(double (*A)[3], const double S[3][3], double found[3][
         for (int b = 0; b < 3; b++) found[a][b] += dot(T[a], A[b]);
 }
 
+/* While the chaser is pushed, r at the mean time of the node's frames is not r - lag v: what errors of the thrusters add. */
+static void push_of_node(const Online *filter, const Sweep *sweep, double lag, Level *level) {
+    if (filter->pushed == 0.0) return;
+    const Way way = way_of_node(filter);
+    for (int a = 0; a < 3; a++)
+        for (int k = 0; k < OF_THRUST; k++)
+            level->push[a][k] = sweep->push[a][k] - (way.push[a][k] - lag * way.push[3 + a][k]);
+}
+
 /* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */
 static void level_of(const Online *filter, const Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
                      double share[MOST_FEATURES][OF_MAP][3], Level *level) {
@@ -255,6 +264,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
     turned(pose->R, T);
     add_congruent(swept[0], sweep->covariance, level->noise);
     add_congruent(swept[1], sweep->covariance, level->turn);
+    push_of_node(filter, sweep, lag, level);
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < 3; b++) {
             level->turn[a][b] += T[a][b];
@@ -262,10 +272,9 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
         }
         level->turn[a][a] += square_of_camera(filter);
         level->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(level->lag[a], &filter->x[3]);
+        for (int k = 0; k < OF_THRUST; k++) level->c[a] += level->push[a][k] * filter->thrust[k];
     }
 }
-
-#define NODES_OF_A_TURN 25.0 /* about: of USUAL */
 
 /* What a feature's error, against the map's centroid, and that of the attitude make of each other. It stays the same, until the map is
    better known: a filter that takes it for noise, new in each node, or leaves it out, soon knows of the map what it does not know,

@@ -1,26 +1,43 @@
 /* What the bank says together, and how the large filter follows it. */
 
-/* The mixture of the bank, against the shadow: its mean, and its covariance; of members with so many errors only, if that is
-   not 0. Returns the sum of their weights. */
-static double mixed(const Member bank[MEMBERS + 1], int errors, double x[MOTION], double P[MOTION][MOTION]) {
-    const Member *shadow = &bank[SHADOW];
+typedef enum { ANY, STRAIGHT, BENT } Shape; /* of the path of a member */
+
+/* The mixture of the bank, of members of a shape, against the shadow: its mean, and its covariance. Returns the sum of their
+   weights. */
+static double mixed(const Kept bank[MEMBERS + 1], Shape shape, double x[ERRORS], double P[ERRORS][ERRORS]) {
+    const Kept *shadow = &bank[SHADOW];
     double weights[MEMBERS], sum = 0.0;
-    for (int m = 0; m < MEMBERS; m++)
-        sum += weights[m] = is_alive(&bank[m]) && (errors == 0 || bank[m].errors == errors) ? exp(bank[m].weight) : 0.0;
-    for (int a = 0; a < MOTION; a++) {
+    for (int m = 0; m < MEMBERS; m++) {
+        const int meant = is_alive(&bank[m]) && (shape == ANY || is_bending(&bank[m]) == (shape == BENT));
+        sum += weights[m] = meant ? exp(bank[m].weight) : 0.0;
+    }
+    for (int a = 0; a < ERRORS; a++) {
         x[a] = 0.0;
         for (int m = 0; m < MEMBERS; m++)
             if (weights[m] > 0.0) x[a] += weights[m] / sum * (bank[m].x[a] - shadow->x[a]);
-        for (int b = 0; b < MOTION; b++) P[a][b] = 0.0;
+        for (int b = 0; b < ERRORS; b++) P[a][b] = 0.0;
     }
     for (int m = 0; m < MEMBERS; m++) {
-        double off[MOTION], part = weights[m] / sum;
+        double off[ERRORS], part = weights[m] / sum;
         if (!(weights[m] > 0.0)) continue;
-        for (int a = 0; a < MOTION; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
-        for (int a = 0; a < MOTION; a++)
-            for (int b = 0; b < MOTION; b++) P[a][b] += part * (bank[m].P[a][b] + off[a] * off[b]);
+        for (int a = 0; a < ERRORS; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
+        for (int a = 0; a < ERRORS; a++)
+            for (int b = 0; b <= a; b++) P[a][b] += part * (bank[m].P[pair(a, b)] + off[a] * off[b]);
     }
+    for (int a = 0; a < ERRORS; a++)
+        for (int b = 0; b < a; b++) P[b][a] = P[a][b];
     return sum;
+}
+
+/* After a node: what the bank says of the thrusters. */
+static void learn_thrust(Online *filter) {
+    double x[ERRORS], P[ERRORS][ERRORS];
+    if (filter->pushed == 0.0) return;
+    mixed(filter->bank, ANY, x, P);
+    for (int a = 0; a < OF_THRUST; a++) {
+        filter->thrust[a] = filter->bank[SHADOW].x[THRUST + a] += x[THRUST + a];
+        for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = P[THRUST + a][THRUST + b];
+    }
 }
 
 #define DEFINITE 1e-12 /* least eigenvalue of a covariance, in units of the shadow's */
@@ -121,8 +138,8 @@ static void wrapped(const double N[LEVEL * LEVEL], double T[LEVEL][LEVEL], doubl
 /* The scale comes first, as nothing but the large filter knows it: what members know of the others they know for a scale. */
 static int ordered(int a) { return (a + SCALE) % LEVEL; }
 
-/* By what members with so many errors, or all if 0, correct the large filter: x is to be added to its (r, v, offset, scale), P is
-   the covariance of these then. Returns the sum of the weights.
+/* By what members of a shape correct the large filter: x is to be added to its (r, v, offset, scale), P is the covariance of these
+   then; with what these tell of the thrusters. Returns the sum of the weights.
 
    The large filter knows what its shadow does, and more, as that sees of each node but the centre of mass. This rest is true of
    the mixture, too: the shadow's information is taken from the large filter's, and the mixture's is put in its place. All is in
@@ -130,18 +147,19 @@ static int ordered(int a) { return (a + SCALE) % LEVEL; }
    the answer's is (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, v > 1, there is no rest, and deviations
    are as many times wider, T. Where the mixture knows less than the shadow, d > 1, as after a jump, the large filter's covariance
    grows by as much, G, `more`, and it follows by as much as that is of the mixture's. */
-static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *large, double x[MOTION],
-                      double P[MOTION][MOTION], double more[LEVEL][LEVEL]) {
+static double mixture(const Kept bank[MEMBERS + 1], Shape shape, const Member *large, double x[ERRORS],
+                      double P[ERRORS][ERRORS], double more[LEVEL][LEVEL]) {
     double S[LEVEL * LEVEL], back[LEVEL * LEVEL], N[LEVEL * LEVEL], off[LEVEL], lead[LEVEL], pull[LEVEL], step[LEVEL];
     double D[LEVEL][LEVEL], U[LEVEL][LEVEL], V[LEVEL][LEVEL], W[LEVEL][LEVEL], G[LEVEL][LEVEL], T[LEVEL][LEVEL];
-    double known[LEVEL], rest[LEVEL], wider[LEVEL], growth[LEVEL], inverse[LEVEL], sum = mixed(bank, errors, x, P);
-    const Member *shadow = &bank[SHADOW];
+    double known[LEVEL], rest[LEVEL], wider[LEVEL], growth[LEVEL], inverse[LEVEL], sum = mixed(bank, shape, x, P);
+    double before[LEVEL], of_members[LEVEL][LEVEL];
+    const Kept *shadow = &bank[SHADOW];
     for (int a = 0; a < LEVEL; a++) {
         int i = ordered(a);
         pull[a] = x[i], step[a] = shadow->x[i] - large->x[i];
         for (int b = 0; b < LEVEL; b++) {
             int j = ordered(b);
-            S[LEVEL * a + b] = shadow->P[i][j], D[a][b] = P[i][j], V[a][b] = large->P[i][j];
+            S[LEVEL * a + b] = kept(shadow, i, j), D[a][b] = P[i][j], V[a][b] = large->P[i][j];
             more[a][b] = 0.0;
         }
     }
@@ -171,12 +189,17 @@ static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *
     wrapped(N, T, D);
     congruent(S, D), congruent(S, G);
     for (int a = 0; a < LEVEL; a++) {
+        before[a] = shadow->x[a] - large->x[a] + x[a];
+        for (int b = 0; b < LEVEL; b++) of_members[a][b] = P[a][b];
+    }
+    for (int a = 0; a < LEVEL; a++) {
         x[ordered(a)] = off[a];
         for (int b = 0; b < LEVEL; b++) {
             more[ordered(a)][ordered(b)] = G[a][b];
             P[ordered(a)][ordered(b)] = D[a][b] + G[a][b];
         }
     }
+    if (large->errors == ERRORS) follow_level(before, of_members, x, P);
     return sum;
 }
 
@@ -185,9 +208,9 @@ static double mixture(const Member bank[MEMBERS + 1], int errors, const Member *
 
 /* Whether the mixture is where the shadow does not expect it. */
 static int is_elsewhere(const Online *filter) {
-    double x[MOTION], y[LEVEL], P[MOTION][MOTION], S[LEVEL * LEVEL], square = 0.0;
-    mixed(filter->bank, 0, x, P);
-    for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = filter->bank[SHADOW].P[k / LEVEL][k % LEVEL];
+    double x[ERRORS], y[LEVEL], P[ERRORS][ERRORS], S[LEVEL * LEVEL], square = 0.0;
+    mixed(filter->bank, ANY, x, P);
+    for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = kept(&filter->bank[SHADOW], k / LEVEL, k % LEVEL);
     if (!factored(LEVEL, S)) return 0;
     for (int k = 0; k < LEVEL; k++) y[k] = x[k];
     solved(LEVEL, S, y);
@@ -199,16 +222,16 @@ static int is_elsewhere(const Online *filter) {
    this is added. Of the scale the mixture knows nothing more. */
 static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
-    double x[MOTION], D[MOTION][MOTION], more[LEVEL][LEVEL];
-    Member *shadow = &filter->bank[SHADOW];
-    Member large = large_at(filter, filter->x);
+    double x[ERRORS], D[ERRORS][ERRORS], more[LEVEL][LEVEL];
+    Member large = large_at(filter, filter->x), shadow;
+    take_member(&filter->bank[SHADOW], &shadow);
     for (int a = 0; a < OFFSET; a++) large.x[a] += dx[PLACE + a];
     for (int f = 0; f < (int)filter->used; f++)
         for (int a = 0; a < OF_MAP; a++) large.x[OFFSET + a] += dot(filter->share[f][a], &dx[BODY + 3 * f]);
-    mixture(filter->bank, 0, &large, x, D, more);
-    shadow->x[SCALE] = large.x[SCALE];
+    mixture(filter->bank, ANY, &large, x, D, more);
+    shadow.x[SCALE] = large.x[SCALE];
     for (int a = 0; a < SCALE; a++) {
-        shadow->x[a] = large.x[a] + x[a];
+        shadow.x[a] = large.x[a] + x[a];
         for (int b = 0; b < SCALE; b++) more[a][b] += UNTRUE * UNTRUE * x[a] * x[b];
     }
     for (int i = PLACE; i < n; i++) {
@@ -216,7 +239,8 @@ static void take_mixture(Online *filter, double dx[]) {
         dx[i] += x[a];
         for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : OFFSET + (j - BODY) % 3];
     }
-    of_level(filter, shadow->P);
-    for (int m = STEADY; m < MEMBERS; m++) filter->bank[m].pending = 0.0;
+    of_level(filter, shadow.P);
+    keep_member(&shadow, &filter->bank[SHADOW]);
+    for (int j = 0; j < JUMPS; j++) filter->jump[j].pending = 0.0;
     adopt(filter);
 }

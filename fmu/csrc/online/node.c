@@ -51,6 +51,11 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
         solved(6, pose->factor, column);
         node->variance += column[3 + k] / 3.0;
     }
+    if (filter->pushed != 0.0) {
+        const Way way = way_of_node(filter);
+        for (int k = 0; k < 3; k++)
+            for (int j = 0; j < OF_THRUST; j++) node->push[k][j] += way.push[k][j];
+    }
     for (int i = 0; i < frame->count; i++) {
         int s = 0;
         if (frame->slot[i] >= 0 && !frame->fits[i]) continue;
@@ -153,6 +158,8 @@ static void find_sweep(const Online *filter, const OnlineTumble *tumble, double 
     const Node *node = &filter->node;
     double spread = node->squares - mean * node->times, since = node->begin + mean - filter->turned, turn[3];
     *sweep = (Sweep){.spread = fmax(spread, 0.0) / node->count};
+    for (int a = 0; a < 3; a++)
+        for (int k = 0; k < OF_THRUST; k++) sweep->push[a][k] = node->push[a][k] / node->count;
     if (!(spread > 0.0)) return;
     double angle = angle_between(R, filter->R, turn);
     if (tumble->known != 0.0) {

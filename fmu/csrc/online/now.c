@@ -2,13 +2,14 @@
 
 /* What the open node says, and M, what it only seems to show; 0 where it is not to be taken. A node with a jump, against the
    likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
-static int open_node(const Online *filter, const Member *best, Level *level, double M[3][3]) {
+static int open_node(const Online *filter, const Kept *likely, Level *level, double M[3][3]) {
     Frame frame;
     Pose pose;
     Sweep sweep;
     OnlineTumble tumble;
     Foreseen foreseen = {.variance = INFINITY};
-    double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[3][MOTION], beyond;
+    Member best;
+    double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[3][ERRORS], beyond;
     if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
     double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);
@@ -20,44 +21,49 @@ static int open_node(const Online *filter, const Member *best, Level *level, dou
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) level->noise[a][b] += common[a][b];
     seeming(pose.R, level->turn, level->noise, M);
-    if (!innovation(best, level, e, L, B)) return 0;
+    take_member(likely, &best);
+    if (!innovation(&best, level, e, L, B)) return 0;
     whitened(L, e);
     return !(dot(e, e) > GATE);
 }
 
 /* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
-static int take_level(Member bank[MEMBERS], const Level *level, double M[3][3], double widest) {
+static int take_level(Kept bank[MEMBERS], const Level *level, double M[3][3], double widest) {
+    Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
         add_change(&bank[m], level);
-        if (!update_member(&bank[m], level)) return 0;
-        take_back_of_member(&bank[m], M, widest);
+        take_member(&bank[m], &member);
+        if (!update_member(&member, level)) return 0;
+        take_back_of_member(&member, M, widest);
+        keep_member(&member, &bank[m]);
     }
     return 1;
 }
 
-/* The bank at the filter's time: the members that there are; others only are none. step: see `step_since`. */
-static void bank_now(const Online *filter, const double step[6], Member bank[MEMBERS + 1]) {
+/* The bank at the filter's time: the members that there are; others only are none. */
+static void bank_now(const Online *filter, const Way *way, Kept bank[MEMBERS + 1]) {
     for (int m = 0; m <= SHADOW; m++)
         if (is_alive(&filter->bank[m])) bank[m] = filter->bank[m];
         else bank[m].weight = -INFINITY;
-    if (filter->elapsed > 0.0) advance_bank(bank, filter->density, filter->elapsed, step, filter->F);
+    if (way->span > 0.0) advance_bank(filter, way, bank);
 }
 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
    those whose path does stand for themselves. */
-static void together(const Member *large, const Member bank[MEMBERS + 1], Now *now) {
-    double x[2][MOTION], P[2][MOTION][MOTION], more[LEVEL][LEVEL], share[2], white = 0.0;
-    *now = (Now){0};
+static void together(const Member *large, const Kept bank[MEMBERS + 1], Now *now) {
+    double x[2][ERRORS], P[2][ERRORS][ERRORS], more[LEVEL][LEVEL], share[2], white = 0.0;
+    *now = (Now){.errors = fmax(large->errors, MOTION)};
+    const int n = (int)now->errors;
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b < LEVEL; b++) now->own[a][b] = large->P[a][b];
-    share[0] = mixture(bank, LEVEL, large, x[0], P[0], more);
-    share[1] = mixed(bank, MOTION, x[1], P[1]);
+    share[0] = mixture(bank, STRAIGHT, large, x[0], P[0], more);
+    share[1] = mixed(bank, BENT, x[1], P[1]);
     for (int a = 0; a < LEVEL; a++) x[1][a] += bank[SHADOW].x[a] - large->x[a];
     double sum = share[0] + share[1];
-    for (int a = 0; a < MOTION; a++) now->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
-    for (int a = 0; a < MOTION; a++)
-        for (int b = 0; b < MOTION; b++) {
+    for (int a = 0; a < n; a++) now->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
+    for (int a = 0; a < n; a++)
+        for (int b = 0; b < n; b++) {
             now->wider[a][b] = -now->own[a][b];
             for (int k = 0; k < 2; k++)
                 now->wider[a][b] += share[k] / sum * (P[k][a][b] + (x[k][a] - now->x[a]) * (x[k][b] - now->x[b]));
@@ -87,19 +93,19 @@ static double seeming_part(const Online *filter, const Now *now) {
 
 /* At the filter's time. */
 static void look(const Online *filter, Now *now) {
-    Member bank[MEMBERS + 1];
+    Kept bank[MEMBERS + 1];
     Level level;
-    double step[6], M[3][3];
+    double M[3][3];
     if (filter->looked != 0.0) {
         *now = filter->now;
         return;
     }
-    step_since(filter, step);
+    const Way way = way_since(filter);
     Member large = large_at(filter, filter->from);
-    bank_now(filter, step, bank);
-    if (filter->elapsed > 0.0) advance_member(&large, (Law){.white = filter->density}, filter->elapsed, step, filter->F);
+    bank_now(filter, &way, bank);
+    if (way.span > 0.0) advance_large(filter, &large, &way);
     int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &level, M);
-    if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, step, bank);
+    if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, &way, bank);
     together(&large, bank, now);
     now->seems = seeming_part(filter, now);
 }

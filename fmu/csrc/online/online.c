@@ -113,11 +113,11 @@ static int is_expected(Online *filter, Frame *frame, const Foreseen *foreseen, P
 
 /* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
 static double place_deviation(const Online *filter, const OnlineTumble *tumble, double time) {
-    static const double none[3];
+    static const OnlineThrust none;
     Ahead ahead;
     double P[6][6], square = 0.0;
     start_ahead(filter, &ahead);
-    push_ahead(filter, &ahead, time, none);
+    push_ahead(filter, &ahead, time, &none);
     claim(filter, &ahead.now, P);
     for (int k = 0; k < 3; k++)
         square += (P[k][k] + tumble->turn[k][k] * mean_square(filter->b, (int)filter->used)) / 3.0;
@@ -126,7 +126,7 @@ static double place_deviation(const Online *filter, const OnlineTumble *tumble, 
 
 /* Take a frame, until which pushes have moved the chaser since the last one. */
 static int take_frame(Online *filter, double time, int count, const long long *names, const double *points,
-                      const double *covariances, const double moved[6]) {
+                      const double *covariances, const Push *push) {
     Frame frame;
     Pose pose;
     Path path;
@@ -146,7 +146,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     }
     int fits = is_expected(filter, &frame, &foreseen, &pose);
     if (!fits) look_and_keep(filter);
-    advance(filter, time, moved);
+    advance(filter, time, push);
     if (is_better_first(filter, &frame)) {
         begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
         return ACCEPTED;
@@ -187,9 +187,10 @@ static int take_frame(Online *filter, double time, int count, const long long *n
 }
 
 int online_update(Online *filter, double time, int count, const long long *names, const double *points,
-                  const double *covariances, const double *acceleration) {
-    double moved[6] = {0.0};
-    if (!are_within(FARTHEST, acceleration, 3)) return BAD_ACCELERATION;
-    if (are_within(LATEST, &time, 1) && filter->frames > 0.0) push_on(&filter->options, filter->time, time, acceleration, moved);
-    return take_frame(filter, time, count, names, points, covariances, moved);
+                  const double *covariances, const OnlineThrust *thrust) {
+    Push push = {0};
+    if (!is_thrust(thrust)) return BAD_ACCELERATION;
+    copy(thrust->axes, push.axes);
+    if (are_within(LATEST, &time, 1) && filter->frames > 0.0) push_on(&filter->options, filter->time, time, thrust->acceleration, push.moved);
+    return take_frame(filter, time, count, names, points, covariances, &push);
 }

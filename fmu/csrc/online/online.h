@@ -8,7 +8,7 @@ say where a feature will be.
 Frames between which the target turns less than their noise are taken together first, as a node: attitudes that differ
 by noise alone would seem to show the offset of the centre of mass.
 r moves on the orbit that is given, else in a straight line, and besides with white acceleration, or one that wanders: a bank
-of small filters weighs what it may be by the likelihood of its innovations. Everything is in one struct without pointers: copying it saves the
+of small filters weighs what it may be by the likelihood of its innovations, and finds what the chaser's thrusters are wrong by. Everything is in one struct without pointers: copying it saves the
 filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is needed. */
 #ifndef ONLINE_H
 #define ONLINE_H
@@ -53,6 +53,10 @@ enum {
     LEVEL = SCALE + 1,
     OF_MAP = LEVEL - OFFSET, /* of these, what is of the map: offset and scale */
     MOTION = LEVEL + 3, /* of one whose path bends: its acceleration, too */
+    THRUST = MOTION,    /* once the chaser was pushed: what its thrusters are wrong by, a scale and a rotation vector in their axes */
+    OF_THRUST = 4,
+    ERRORS = THRUST + OF_THRUST,
+    PAIRS = ERRORS * (ERRORS + 1) / 2,
     N_ELEMENTS = 7,
     SPIN = 11,     /* errors of a tumble: a rotation vector in C, rate in B, coefficients of the inertia */
     TORQUES = 10,  /* densities of white torque */
@@ -71,6 +75,7 @@ typedef struct {
     double offset;         /* of the centre of mass from the features before the first frame, in radii of these */
     double speed;          /* of its velocity, per axis, m/s */
     double attitude_noise; /* of the camera, rad, per axis and frame */
+    double thrust;         /* of the scale of an acceleration, and of its direction, rad per axis; 0: it is exact */
     double longest_gap;    /* from one frame to the next, s: a later one has a wrong time */
     double on_orbit;       /* 1: on the orbit of the elements; 0: in a straight line */
     double elements[N_ELEMENTS];
@@ -111,27 +116,48 @@ typedef struct {
     double count, begin, times, squares, used;
     double R[3][3], turn[3], turn_times[3]; /* first attitude, sums of rotation vectors in C from it */
     double drift[3], drift_times[3];        /* of the map from the foreseen centre of mass */
+    double push[3][OF_THRUST];              /* of what thrusters are wrong by in r, since the node before */
     double variance;                        /* of an attitude, rad2 per axis */
     double residuals, freedom;
     Sum seen[MOST_FEATURES];
 } Node;
 
 typedef struct {
-    double errors; /* LEVEL or MOTION; others are 0 */
-    double x[MOTION];
-    double P[MOTION][MOTION];
+    double errors; /* LEVEL, MOTION or ERRORS; others are 0 */
     double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
     double steady; /* the member without a jump that has its law */
-    /* Of one that has jumped: */
-    double parent;            /* the member that it was */
-    double before[STEADY];    /* the weights of those without a jump then */
-    double pending;           /* 1: the large filter has not jumped */
+    double x[ERRORS];
+    double P[ERRORS][ERRORS];
 } Member;
 
-/* A node as the bank was given it, and the way to it: x is step + F x after span s. */
+/* A member as it is kept: of the covariance the lower triangle, row by row. */
 typedef struct {
-    double F[6][6], step[6], span;
-    double c[3], lag[3][3], offset[3][3], scale[3], change[OF_MAP][OF_MAP], bend; /* see Level */
+    double errors, weight, steady;
+    double x[ERRORS];
+    double P[PAIRS];
+} Kept;
+
+/* Of a member that has jumped. */
+typedef struct {
+    double parent;         /* the member that it was */
+    double before[STEADY]; /* the weights of those without a jump then */
+    double pending;        /* 1: the large filter has not jumped */
+} Jump;
+
+/* What moves the path in span s: x is step + F x + push e, e being what the thrusters are wrong by. */
+typedef struct {
+    double span, step[6], F[6][6], push[6][OF_THRUST];
+} Way;
+
+/* By what an acceleration has moved the chaser, (r, v) in C, and the axes in which its thrusters are fixed, R_C_D. */
+typedef struct {
+    double moved[6], axes[3][3];
+} Push;
+
+/* A node as the bank was given it, and the way to it. */
+typedef struct {
+    Way way;
+    double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], change[OF_MAP][OF_MAP], bend; /* see Level */
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
     double moved[OF_MAP];                       /* by which offset, in B, and scale were corrected after it */
 } Stage;
@@ -139,7 +165,8 @@ typedef struct {
 /* What is known from all frames: what the large filter's (r, v, offset) is wrong by, as the bank says, its covariance, and
    by how much the true one is wider; with the acceleration of a path that bends, and how that wanders. */
 typedef struct {
-    double x[MOTION], own[MOTION][MOTION], wider[MOTION][MOTION];
+    double errors; /* MOTION or ERRORS; others are 0 */
+    double x[ERRORS], own[ERRORS][ERRORS], wider[ERRORS][ERRORS];
     double white, jerk; /* densities of white acceleration and jerk, m2/s3, m2/s5 */
     double seems;       /* what was taken back as noise, over what is known of the offset */
 } Now;
@@ -191,7 +218,10 @@ typedef struct {
     double reference[3][3], referred, unsure; /* attitude from which the next one is foreseen, its time, its variance, rad2 */
     double surprises; /* frames in a row with an attitude far from the foreseen one */
     double x[6];                       /* r, v at `time` */
-    double from[6], F[6][6], elapsed;  /* r, v at the time of the covariances, the transition since, s */
+    double from[6]; /* r, v at the time of the covariances */
+    Way way;        /* since then, but for its step */
+    double pushed;  /* 1: the chaser was, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
+    double thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
     double widest;        /* variance of the offset before the first frame, m2 */
     double first_attitude; /* variance of the attitude that the first frame shows by itself, rad2 */
     double seeming[3][3]; /* information on the offset that was taken back so far, in B, 1/m2 */
@@ -208,11 +238,12 @@ typedef struct {
     Series series[MOST_FEATURES];
     double b[MOST_FEATURES][3];
     double share[MOST_FEATURES][OF_MAP][3]; /* of a feature's error, in B, in the offset that the last node saw, and in the scale */
-    Member bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
+    Kept bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
+    Jump jump[JUMPS];
     double stages;     /* how many nodes since the first frame are kept, -1 if there were more */
     double again;      /* variance of the offset below which they are taken again, m2 */
-    Stage leg;         /* the way since the last node */
-    Member first;      /* of the bank at the first frame */
+    Way leg;           /* since the last node */
+    Kept first;        /* of the bank at the first frame */
     double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
     double likely; /* errors of the member that it is of */
     Stage stage[STAGES];
@@ -225,7 +256,13 @@ typedef struct {
     double time, status, features, density, noise_ratio, lasting;
     double r[3], v[3], R[3][3];
     double covariance[6][6]; /* of r and v */
+    double thrust[4], of_thrust[4][4]; /* what the thrusters are wrong by: a scale, a rotation vector in their axes, rad; covariance */
 } OnlineState;
+
+/* The chaser's acceleration in C, m/s2, and the axes in which its thrusters are fixed, R_C_D. */
+typedef struct {
+    double acceleration[3], axes[3][3];
+} OnlineThrust;
 
 typedef struct {
     double known; /* 1, or 0: nothing else holds */
@@ -237,15 +274,15 @@ typedef struct {
 ONLINE_EXPORT unsigned long long online_size(void);
 ONLINE_EXPORT void online_start(Online *filter, const OnlineOptions *options);
 /* All numbers are within the ranges above. points: count times x, y, z in C, m; covariances: count times xx, xy, xz, yy, yz, zz, m2, or NULL for sigma's;
-   acceleration: of the chaser in C since the last frame, m/s2. What is refused changes nothing. */
+   thrust: since the last frame. What is refused changes nothing. */
 ONLINE_EXPORT int online_update(Online *filter, double time, int count, const long long *names, const double *points,
-                                const double *covariances, const double *acceleration);
+                                const double *covariances, const OnlineThrust *thrust);
 /* The state at a time that is not before the last frame. */
-ONLINE_EXPORT int online_predict(const Online *filter, double time, const double *acceleration, OnlineState *state);
+ONLINE_EXPORT int online_predict(const Online *filter, double time, const OnlineThrust *thrust, OnlineState *state);
 /* The tumble at a time that is not before the last frame. */
 ONLINE_EXPORT int online_tumble(const Online *filter, double time, OnlineTumble *found);
 /* Where a feature will be, in C from the chaser, m, and its covariance (3, 3); NO_SUCH where that is not known. */
-ONLINE_EXPORT int online_point(const Online *filter, double time, const double *acceleration, long long name,
+ONLINE_EXPORT int online_point(const Online *filter, double time, const OnlineThrust *thrust, long long name,
                                double *position, double *covariance);
 /* Names, positions in B from the centre of mass and their covariances (3, 3); returns how many. */
 ONLINE_EXPORT int online_features(const Online *filter, long long *names, double *positions, double *covariances);

@@ -43,7 +43,7 @@ static void take_back(Online *filter, double M[3][3]) {
 
 static void take_back_of_member(Member *member, double M[3][3], double widest) {
     const int n = (int)member->errors;
-    double P[3][3], less[3][3], G[3][MOTION], MG[3][MOTION];
+    double P[3][3], less[3][3], G[3][ERRORS], MG[3][ERRORS];
     for (int a = 0; a < 3; a++) {
         for (int j = 0; j < n; j++) G[a][j] = member->P[OFFSET + a][j];
         for (int b = 0; b < 3; b++) P[a][b] = member->P[OFFSET + a][OFFSET + b];

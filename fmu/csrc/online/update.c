@@ -40,7 +40,9 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     copy(sweep->covariance, rate);
     for (int j = 0; j < 3; j++)
         for (int k = 0; k < 3; k++) level->noise[j][k] += common[j][k];
-    add_noise(update_bank(filter, level, &late), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    add_thrust_of_node(filter, level, common);
+    seeming(pose->R, level->turn, level->noise, M);
+    add_noise(update_bank(filter, level, M, &late), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
     filter->span = 0.0;
     for (int i = 0; i < frame->count; i++)
         if (frame->passage[i].swept != 0.0) first = SWEEP;
@@ -55,12 +57,13 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     if (late) take_mixture(filter, dx);
     correct(filter, frame, lag, dx, moved);
     turn_left(&dx[TURN], filter->R);
-    seeming(pose->R, level->turn, level->noise, M);
     take_back(filter, M);
+    Member shadow;
+    take_member(&filter->bank[SHADOW], &shadow);
+    take_back_of_member(&shadow, M, filter->widest);
+    keep_member(&shadow, &filter->bank[SHADOW]);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];
-    for (int m = 0; m <= SHADOW; m++)
-        if (is_alive(&filter->bank[m])) take_back_of_member(&filter->bank[m], M, filter->widest);
     keep(filter, &bare, moved);
     if (take_again(filter) && is_elsewhere(filter)) {
         take_mixture(filter, dy);
@@ -68,5 +71,6 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
         for (int k = 0; k < OF_MAP; k++) filter->stage[(int)filter->stages - 1].moved[k] += moved[k];
     }
     know_scale_of_map(filter);
+    learn_thrust(filter);
     return 1;
 }

@@ -42,13 +42,14 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 }
 
 #include "registration.c"
+#include "thrust.c"
 #include "bank.c"
-#include "jumps.c"
 #include "filter.c"
-#include "mixture.c"
 #include "level.c"
-#include "stereo.c"
 #include "seeming.c"
+#include "jumps.c"
+#include "mixture.c"
+#include "stereo.c"
 #include "again.c"
 #include "update.c"
 #include "features.c"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.study.approach.flying import ARRIVED, LOOPS
+from baryscope.study.population.judging import WRONG
 from baryscope.study.population.running import Line
 from baryscope.table import Table
 
@@ -19,11 +20,20 @@ MARKS = (150.0, 300.0, 450.0, 600.0, 750.0, 900.0)  # s, of the first table
 BAND = (0.1, 0.5, 0.9)  # quantiles
 WORDS = {
     "online": "online estimator",
+    "online-scale": "online, thrust 3 % too strong",
+    "online-pointing": "online, thrust 2° off",
     "pivot": "pivot, every 10 s",
     "screw-gpa-lvlh": "published method, LVLH axes",
     "screw-gpa": "published method",
 }
-COLOURS = {"online": "#264ee4", "pivot": "#2a9d8f", "screw-gpa-lvlh": "#e09f3e", "screw-gpa": "#d1495b"}
+COLOURS = {
+    "online": "#264ee4",
+    "online-scale": "#6a4c93",
+    "online-pointing": "#8d99ae",
+    "pivot": "#2a9d8f",
+    "screw-gpa-lvlh": "#e09f3e",
+    "screw-gpa": "#d1495b",
+}
 LEAST = 1e-5  # m, the lower end of the picture
 
 
@@ -60,13 +70,22 @@ def ends(lines: Sequence[Line]) -> Table:
                 _figures(1e3 * float(np.median(body))) if body else "-",
                 f"{np.median([line['velocity_change'] for line in group]):.1f}",
                 str(sum(line["refused"] for line in group)),
+                *_claims(group),
             )
         )
     headings = (
         f"loop, draws, within {ARRIVED:g} m for good, after s (median), miss at the end m, worst, "
-        "error at the end mm, worst, mean in body axes mm, commands m/s, runs refused"
+        "error at the end mm, worst, mean in body axes mm, commands m/s, runs refused, NEES (median), wrong %"
     )
     return Table(tuple(headings.split(", ")), tuple(rows))
+
+
+def _claims(group: Sequence[Line]) -> tuple[str, str]:
+    """The median NEES over draws and times, and the part of these, in %, whose claims are wrong."""
+    nees = [value for line in group for value in line.get("nees") or () if value is not None]
+    if not nees:
+        return "-", "-"
+    return _figures(float(np.median(nees))), _figures(100 * float(np.mean(np.array(nees) > WRONG)))
 
 
 def picture(lines: Sequence[Line]) -> "Figure":

@@ -9,7 +9,7 @@ import pytest
 
 from baryscope.estimator.limits import FARTHEST, LATEST
 from baryscope.estimator.online import OnlineStatus
-from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, sources
+from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Thrust, Tumble, sources
 from baryscope.estimator.online.estimator import REFUSED
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.sensor.navigation import STATUSES
@@ -66,7 +66,10 @@ def test_refusals_have_the_headers_numbers():
     assert set(REFUSED) == {Result.BAD_TIME, Result.BAD_COVARIANCE, Result.BAD_NAME, Result.TOO_LATE}
 
 
-@pytest.mark.parametrize("kind, struct", [(Options, "OnlineOptions"), (State, "OnlineState"), (Tumble, "OnlineTumble")])
+@pytest.mark.parametrize(
+    "kind, struct",
+    [(Options, "OnlineOptions"), (State, "OnlineState"), (Tumble, "OnlineTumble"), (Thrust, "OnlineThrust")],
+)
 def test_structs_are_those_of_the_header(kind, struct):
     number = ctypes.sizeof(ctypes.c_double)
     assert [(name, ctypes.sizeof(of) // number) for name, of in kind._fields_] == fields_of(struct)
@@ -101,13 +104,13 @@ EXCEPTIONS = """#include "library.c"
 int raised(Online *filter, double time, double size, double deviation, double acceleration, int *refused)
 {
     const long long names[] = {0, 1, 2, 3, 4};
-    const double push[] = {acceleration, 0.0, -acceleration};
+    const OnlineThrust push = {{acceleration, 0.0, -acceleration}, {{1.0, 0, 0}, {0, 1.0, 0}, {0, 0, 1.0}}};
     const double shape[5][3] = {{1}, {-1, 0.5}, {0.2, -1, 0.3}, {0, 0.1, 1}, {0.4, 0.3, -1}};
     double points[15], covariances[30];
     for (int i = 0; i < 15; i++) points[i] = size * shape[i / 3][i % 3];
     for (int i = 0; i < 30; i++) covariances[i] = i % 6 == 0 || i % 6 == 3 || i % 6 == 5 ? deviation * deviation : 0.0;
     feclearexcept(FE_ALL_EXCEPT);
-    *refused = online_update(filter, time, 5, names, points, covariances, push);
+    *refused = online_update(filter, time, 5, names, points, covariances, &push);
     return fetestexcept(FE_OVERFLOW);
 }"""
 
