@@ -28,6 +28,8 @@ STRONGEST = 1e9  # m/s², absolute value of an acceleration's coordinate
 LONGEST_GAP = 86400.0  # s, a day
 THRUST_STD = 0.02  # 2 % of the acceleration and 1.1° of its direction, as of thrusters that nobody has calibrated
 ORTHONORMAL = 1e-6  # what the product of an attitude's matrix with its transpose may differ from the unit matrix by
+CAMERA = (ctypes.c_double * 9)(1, 0, 0, 0, 1, 0, 0, 0, 1)  # the axes of thrusters that are fixed in C
+NO_THRUST = core.Thrust((ctypes.c_double * 3)(), CAMERA)
 MAGIC = b"baryscope online\n"
 HEAD = struct.Struct("<17s32sI")  # what stands before the memory of a saved filter: MAGIC, its build, its checksum
 REFUSED = {
@@ -43,11 +45,11 @@ class Thrust:
     """What the chaser's thrusters are told to do.
 
     acceleration: (3,) of the chaser in C, m/s²; attitude: (3, 3), R_C_D, of the axes D in which the thrusters are
-    fixed and turn with the chaser, so that their misalignment is constant there.
+    fixed and turn with the chaser, so that their misalignment is constant there; None: those of C.
     """
 
     acceleration: ArrayLike
-    attitude: ArrayLike
+    attitude: ArrayLike | None = None
 
 
 class OnlineStatus(StrEnum):
@@ -351,13 +353,20 @@ def _covariances(covariance: ArrayLike, there: BoolArray) -> FloatArray:
 
 
 def _thrust(given: ArrayLike | Thrust | None) -> core.Thrust:
-    told = given if isinstance(given, Thrust) else Thrust(np.zeros(3) if given is None else given, np.eye(3))
-    push, axes = array_of("acceleration", told.acceleration), array_of("attitude", told.attitude)
+    if given is None:
+        return NO_THRUST
+    told = given if isinstance(given, Thrust) else Thrust(given, None)
+    push = array_of("acceleration", told.acceleration)
     if push.shape != (3,) or not (np.abs(push) <= STRONGEST).all():
         raise InputError(f"acceleration: found {told.acceleration!r}, expected three numbers within {STRONGEST:g} m/s²")
+    return core.Thrust((ctypes.c_double * 3)(*push), CAMERA if told.attitude is None else _axes(told.attitude))
+
+
+def _axes(attitude: ArrayLike) -> Any:
+    axes = array_of("attitude", attitude)
     if axes.shape != (3, 3) or not (np.abs(axes @ axes.T - np.eye(3)) <= ORTHONORMAL).all():
-        raise InputError(f"attitude of the thrust: found {told.attitude!r}, expected a rotation matrix (3, 3)")
-    return core.Thrust((ctypes.c_double * 3)(*push), (ctypes.c_double * 9)(*axes.ravel()))
+        raise InputError(f"attitude of the thrust: found {attitude!r}, expected a rotation matrix (3, 3)")
+    return (ctypes.c_double * 9)(*axes.ravel())
 
 
 def _numbers(values: FloatArray) -> Any:
