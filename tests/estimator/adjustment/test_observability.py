@@ -100,11 +100,13 @@ def test_after_too_little_rotation_the_covariance_covers_the_error(method, name)
 @pytest.mark.parametrize("noise", [0.0, NOISE])
 @BOTH
 def test_insufficient_tracks_are_refused_in_one_sentence(method, noise):
-    line = np.outer(np.arange(5.0), [1.0, 2, 3])  # through the centre of mass: without noise it tells the place
+    time, upright = np.arange(200.0), np.outer(np.arange(5.0), [0.0, 0, 1])  # along the axis about which it spins
+    spin = Rotation.from_rotvec(np.outer(0.1 * time, [0, 0, 1])).as_matrix()
+    line = make_case(time, spin, PATHS["fixed"][0](time), upright, noise=NOISE)
     four = fixed_case(noise=noise, features=FEATURES[:4])
     empty = with_positions(four, np.full_like(four.tracks.position, np.nan))
     for tracks, expected in (
-        (fixed_case(noise=NOISE, features=line).tracks, "lie in a line"),
+        (line.tracks, "lie in a line"),
         (fixed_case(noise=noise, features=FEATURES[:1]).tracks, "at most 1 feature is seen together"),
         (empty, "at most 0 features are seen together"),
     ):
