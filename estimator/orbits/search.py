@@ -44,12 +44,15 @@ LEAST_GROWN, MOST_GROWN = 0.5, 2.0  # of −2 ln p there over its square, if Lap
 class OrbitFit:
     """An orbit by its elements at the middle of the time span, the unknowns x (6,) of `RelativeOrbit` from there, and
     the coefficients (p,) of that path. gain: 2 ln of its marginal likelihood over that of the law of the coefficients.
+    measure: what −2 ln of it is greater by where x has the prior that the law has of mean and first coefficients, in
+    place of none.
     """
 
     elements: LocalElements
     x: FloatArray
     coefficients: FloatArray
     gain: float
+    measure: float
 
 
 def likeliest_orbit(linear: Linear, smooth: Smooth, theta: FloatArray) -> OrbitFit | None:
@@ -68,8 +71,9 @@ def likeliest_orbit(linear: Linear, smooth: Smooth, theta: FloatArray) -> OrbitF
             best.elements.orbit(search.middle, EARTH_MU)
         except InputError:  # below the Earth's surface
             continue
-        gain = cost(linear, smooth.prior, theta) - search.evidence(best, by_elements, float(np.exp(theta[0])))
-        return OrbitFit(best.elements, best.x, best.coefficients, gain)
+        measure = best.measure(float(np.exp(theta[0])))
+        gain = cost(linear, smooth.prior, theta) - search.evidence(best, by_elements) - measure
+        return OrbitFit(best.elements, best.x, best.coefficients, gain, measure)
     return None
 
 
@@ -86,6 +90,14 @@ class _Motion:
     def coefficients(self) -> FloatArray:
         """Those (p,) of the path."""
         return np.asarray(self.columns @ self.x)
+
+    def measure(self, variance: float) -> float:
+        """−2 ln of the density of x where the first coefficients are normal, of this variance in m², and the mean of
+        the path is as likely anywhere.
+        """
+        first = self.coefficients[3:6]
+        volume = -2 * float(np.linalg.slogdet(self.columns[:6])[1])
+        return volume + float(first @ first) / variance + 3 * float(np.log(variance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,18 +168,15 @@ class _Search:
             found.append(self.root @ ((ahead.columns - behind.columns) @ at.x) / (2 * STEP))
         return np.stack(found, axis=1)
 
-    def evidence(self, best: _Motion, by_elements: FloatArray, variance: float) -> float:
-        """−2 ln of the marginal likelihood, in the measure of `evidence.cost`.
+    def evidence(self, best: _Motion, by_elements: FloatArray) -> float:
+        """−2 ln of the marginal likelihood, in the measure of `evidence.cost`, x having no prior.
 
-        The elements are normal with a deviation of 1, of rad, of ln n and of the eccentricity. The mean of the path has
-        no prior, and the first coefficients that of the law, of this variance, m².
+        The elements are normal with a deviation of 1, of rad, of ln n and of the eccentricity.
         """
         design = np.hstack([self.root @ best.columns, by_elements])
         hessian = design.T @ design
         hessian[6:, 6:] += np.eye(6)
-        own = best.coefficients[3:6]
-        volume = np.linalg.slogdet(hessian)[1] - 2 * np.linalg.slogdet(best.columns[:6])[1]
-        return best.squares - self.rest + float(volume + own @ own / variance + 3 * np.log(variance))
+        return best.squares - self.rest + float(np.linalg.slogdet(hessian)[1])
 
     def is_told(self, best: _Motion, by_elements: FloatArray) -> bool:
         """Whether the likelihood of the elements is a Gaussian one, as far as some deviations from its maximum."""

@@ -27,6 +27,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 LOOKED_AT = 1e-4  # share of spurious information, as weights and residuals have it, from which the rotation shows it
+DECISIVE = 2 * float(np.log(10.0))  # of −2 ln p, for one model: strong evidence (Jeffreys 1961, app. B)
 SIGNIFICANT = 15.0  # 2 ln of a likelihood over that without an effect: by chance once in 20,000 cases
 
 

@@ -13,9 +13,11 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.elements import NAMES
 from baryscope.estimator.orbits.estimated import on_estimated_orbit
 from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
-from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
+from baryscope.estimator.pivot.found import DECISIVE, Pivot
+from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.reduced import of_first, scaled
 from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError, InputError
 
 FloatArray = NDArray[np.float64]
@@ -35,11 +37,17 @@ def with_estimated_orbit(found: Pivot, start: Start, options: PathOptions) -> tu
         other, again = _refined_on(fit, found, start, options)
     except (ComputationError, InputError):  # the latter of an orbit that is none
         return found, start
-    return (other, again) if other.converged else (found, start)
+    variance = min(found.variance, other.variance)
+    gain = cost_of(found, start, variance) - cost_of(other, start, variance) - fit.measure
+    return (other, again) if other.converged and gain >= DECISIVE else (found, start)
 
 
 def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
-    """The orbit that a smooth path lies on, if that is likely; what is asked for as a polynomial stays one."""
+    """The orbit that a smooth path may lie on; what is asked for as a polynomial stays one.
+
+    Near the smooth path it is known how likely the orbit is, but where most of what the tracks tell there is spurious:
+    then the path follows noise of the attitudes, as none on an orbit could.
+    """
     smooth = smooth_in(found.path)
     if smooth is None or options.trajectory is not None or options.acceleration is not None:
         return None
@@ -48,7 +56,9 @@ def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
     theta = found.posterior.theta
     linear = of_first(scaled(found.problem, found.variance), found.path.prior, theta, smooth.size)
     fit = likeliest_orbit(linear, smooth, theta[: len(smooth.prior.hyperparameters)])
-    return fit if fit is not None and fit.gain >= SIGNIFICANT else None
+    if fit is None or (fit.gain < DECISIVE and found.shown_spurious_share < SPURIOUS):
+        return None
+    return fit
 
 
 def _refined_on(fit: OrbitFit, found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:

@@ -17,7 +17,7 @@ from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.findings import UntoldOblateness
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
-from baryscope.estimator.pivot.found import Pivot
+from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.reduced import fixed_at, scaled
 from baryscope.estimator.pivot.refinement import Start, refined
@@ -26,8 +26,6 @@ from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
-
-DECISIVE = 2 * float(np.log(10.0))  # of −2 ln p: strong evidence (Jeffreys 1961, Theory of Probability, app. B)
 
 
 def with_oblateness(
