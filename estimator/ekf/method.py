@@ -8,7 +8,7 @@ Three extensions make the comparison fair, and the filter no longer causal. It s
 It is iterated: each pass is linearised about the smoothed motion of the one before (Bell 1994), over all frames at
 once. The process noises are those of the greatest likelihood of the innovations, and the result is the mean over the
 probable ones. Where passes do not come to rest, others start from the tumble that `ml` finds. Without an orbit the path
-is `pivot`'s, a smooth one with a prior, and white acceleration.
+is `pivot`'s, a smooth one with a prior or the motion on the orbit that it estimates, and white acceleration.
 """
 
 import time as clock
