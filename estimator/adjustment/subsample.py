@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.registration.body import Body
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 SUBSAMPLE_FRAMES = 3000  # frames, approximately, for the initial solution, burns and ridges
@@ -22,6 +23,16 @@ class Subsample:
     observations: Observations
     rows: IntArray
     steps: tuple[int, ...]
+
+    def standing_for_all(self) -> tuple[Observations, FloatArray]:
+        """The observations, each with the weight of those that it stands for, and for how many frames each one does,
+        (k,).
+        """
+        weight, count = self.observations.weight.copy(), np.ones(len(self.rows))
+        for body, step in zip(self.bodies, self.steps, strict=True):
+            weight[np.ix_(body.frames, body.features)] *= step
+            count[body.frames] = np.maximum(count[body.frames], step)
+        return self.observations.weighted(weight), count
 
 
 def subsampled(bodies: tuple[Body, ...], observations: Observations, most: int) -> Subsample:

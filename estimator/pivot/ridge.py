@@ -123,13 +123,10 @@ class _Few:
     def of(cls, found: Pivot, wide: _Directions) -> "_Few":
         """Those of a solution."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
-        weight, steps = few.observations.weight.copy(), np.ones(len(few.rows))
-        for body, step in zip(few.bodies, few.steps, strict=True):
-            weight[np.ix_(body.frames, body.features)] *= step
-            steps[body.frames] = np.maximum(steps[body.frames], step)
-        shift = None if found.shift is None else found.shift[few.rows] / steps[:, None, None]
+        observations, count = few.standing_for_all()
+        shift = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
         path = found.sampled.frames_at(few.rows)
-        return cls(found, wide, _Place(few.bodies, found.solution.x), few.observations.weighted(weight), path, shift)
+        return cls(found, wide, _Place(few.bodies, found.solution.x), observations, path, shift)
 
     def departures(self, index: int) -> list[FloatArray]:
         """The departures (3 k + p,) from a tangent at the nodes on either side, where the ridge can be followed."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, cost, maximise
+from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
@@ -72,14 +73,18 @@ def _is_likelier(found: Pivot, sampled: SampledPath, x: FloatArray) -> bool:
     """Whether the tracks decide for another path, sampled at the unknowns x (p,), near that of a solution.
 
     To first order, with the solution's weights: the shift from the one to the other, all of it or none, is an unknown.
+    Of many frames some are looked at, each with the weight of those it stands for.
     """
     shift = sampled.position(x) - found.sampled.position(found.solution.x)
     told = float((found.observations.weight * found.observations.squares(shift[:, None])).sum()) / found.variance
     if told < DECISIVE:  # more than this they do not know of the difference
         return False
-    between = found.sampled.extended(shift[:, :, None])
+    few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
+    observations, count = few.standing_for_all()
+    between = found.sampled.frames_at(few.rows).extended(shift[few.rows, :, None])
+    of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
     at = np.append(found.solution.x, 0.0)
-    problem = linearised(found.bodies, found.observations, between, at, found.shift, found.offsets)
+    problem = linearised(few.bodies, observations, between, at, of_frames, found.offsets)
     linear, prior = scaled(problem, found.variance), found.path.prior
     return _cost(linear, prior, 1.0) < _cost(linear, prior, 0.0) - DECISIVE
 
