@@ -9,11 +9,32 @@ from importlib.resources import files
 from baryscope.fmu.generate.codegen import c_source
 from baryscope.fmu.generate.compiler import Job, compile_all, find_compiler
 from baryscope.fmu.layout.platforms import host_platform
-from baryscope.fmu.units.filter import MOST_FEATURES, filter_functions, filter_headers, work_of
+from baryscope.fmu.units.filter import (
+    MOST_FEATURES,
+    OFFSET,
+    SPEED,
+    THRUST,
+    filter_functions,
+    filter_headers,
+    work_of,
+)
 from baryscope.models.files import temporary_folder
 from baryscope.models.keplerian import ELEMENT_COUNT
 
-__all__ = ["MOST_FEATURES", "Options", "Result", "State", "Thrust", "Tumble", "build", "library", "sources"]
+__all__ = [
+    "MOST_FEATURES",
+    "OFFSET",
+    "SPEED",
+    "THRUST",
+    "Options",
+    "Result",
+    "State",
+    "Thrust",
+    "Tumble",
+    "build",
+    "library",
+    "sources",
+]
 
 MAIN = "library.c"
 

@@ -26,7 +26,6 @@ BoolArray = NDArray[np.bool_]
 SYMMETRIC = 1e-9  # of the greatest element: what a matrix may differ from its transpose by, by rounding
 STRONGEST = 1e9  # m/s², absolute value of an acceleration's coordinate
 LONGEST_GAP = 86400.0  # s, a day
-THRUST_STD = 0.02  # 2 % of the acceleration and 1.1° of its direction, as of thrusters that nobody has calibrated
 ORTHONORMAL = 1e-6  # what the product of an attitude's matrix with its transpose may differ from the unit matrix by
 CAMERA = (ctypes.c_double * 9)(1, 0, 0, 0, 1, 0, 0, 0, 1)  # the axes of thrusters that are fixed in C
 NO_THRUST = core.Thrust((ctypes.c_double * 3)(), CAMERA)
@@ -154,10 +153,10 @@ class OnlineEstimator:
         sigma: float,
         orbit: Orbit | None = None,
         *,
-        offset_radii: float = 5.0,
-        speed_std: float = 10.0,
+        offset_radii: float = core.OFFSET,
+        speed_std: float = core.SPEED,
         attitude_noise: float = 0.0,
-        thrust_std: float = THRUST_STD,
+        thrust_std: float = core.THRUST,
         longest_gap: float = LONGEST_GAP,
     ) -> None:
         if orbit is not None and (orbit.j2 is not None or orbit.ephemeris is not None):

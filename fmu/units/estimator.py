@@ -15,7 +15,15 @@ from baryscope.fmu.units.blueprint import (
     setting_of,
     starts_of,
 )
-from baryscope.fmu.units.filter import MOST_FEATURES, filter_functions, filter_headers, work_of
+from baryscope.fmu.units.filter import (
+    MOST_FEATURES,
+    OFFSET,
+    SPEED,
+    THRUST,
+    filter_functions,
+    filter_headers,
+    work_of,
+)
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import PARAMETERS
 from baryscope.models.scenario import Scenario
@@ -23,8 +31,6 @@ from baryscope.models.sensor.navigation import NavigationSystem, navigation_syst
 from baryscope.models.variables import Variable
 
 NAME = "CentreOfMassEstimator"
-OFFSET, SPEED = 5.0, 10.0  # radii and m/s: before the first sample hardly anything is known
-THRUST = 0.02  # 2 % of the command and 1.1° of its direction, as of thrusters that nobody has calibrated
 STEREO_SIGMA = 0.05  # m, of points that come without covariances
 
 _FRAMES = (

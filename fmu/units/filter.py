@@ -1,4 +1,4 @@
-"""What the C of the online filter (fmu/csrc/online) needs, and how many features it takes.
+"""What the C of the online filter (fmu/csrc/online) needs, how many features it takes, and what it knows unless told.
 
 It needs CasADi's functions, their memory, and the basis of inertias.
 """
@@ -13,6 +13,8 @@ from baryscope.models.lvlh import gravity_gradient_function
 from baryscope.models.relative_orbit import step_in_chaser_axes
 
 MOST_FEATURES = 32  # in the map, and in a frame
+OFFSET, SPEED = 5.0, 10.0  # radii and m/s: before the first frame hardly anything is known
+THRUST = 0.02  # 2 % of the command and 1.1° of its direction, as of thrusters that nobody has calibrated
 
 
 @cache

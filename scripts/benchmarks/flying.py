@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
 from baryscope.estimator.online import OnlineEstimator
-from baryscope.estimator.online.core import Options, Thrust, library
-from baryscope.estimator.online.estimator import LONGEST_GAP, THRUST_STD
+from baryscope.estimator.online.core import OFFSET, SPEED, THRUST, Options, Thrust, library
+from baryscope.estimator.online.estimator import LONGEST_GAP
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.orbit import Orbit
@@ -24,7 +24,6 @@ FloatArray = NDArray[np.float64]
 
 FAST = 100.0  # Hz
 DENSITY = 1e-12  # m²/s³, of the numpy filter
-RADII, SPEED = 5.0, 10.0  # what is known before the first frame: as `OnlineEstimator` has it
 
 
 def flying(setting: Setting, frames: int = SHORT) -> Part:
@@ -58,7 +57,7 @@ def in_c(seen: Seen, sigma: float, orbit: Orbit) -> FloatArray:
     numbers = ctypes.POINTER(ctypes.c_double)
     memory = ctypes.create_string_buffer(core.online_size())
     elements = (ctypes.c_double * ELEMENT_COUNT)(*orbit.elements)
-    core.online_start(memory, ctypes.byref(Options(sigma, RADII, SPEED, 0.0, THRUST_STD, LONGEST_GAP, 1.0, elements)))
+    core.online_start(memory, ctypes.byref(Options(sigma, OFFSET, SPEED, 0.0, THRUST, LONGEST_GAP, 1.0, elements)))
     count = tracks.position.shape[1]
     names, push = (ctypes.c_longlong * count)(*range(count)), ctypes.byref(Thrust())
     points = [np.ascontiguousarray(frame) for frame in tracks.position]
