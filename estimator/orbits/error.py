@@ -5,7 +5,7 @@ mass from the chaser. δ follows the same linear equation as p. So the six compo
 factors of known accelerations, once p is known to a fraction.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,18 +38,25 @@ def orbit_error(orbit: Orbit, position: Callable[[FloatArray], FloatArray], begi
     displaced = PerturbedOrbit(orbit, (begin + end) / 2)
 
     def acceleration(time: FloatArray) -> FloatArray:
-        states, moves, p = target_states(orbit, time), displaced.at(time).jacobian, position(time)
-        columns = []
-        for move in np.moveaxis(moves, 2, 0):
+        states, pairs = target_states(orbit, time), []
+        for move in np.moveaxis(displaced.at(time).jacobian, 2, 0):
             ahead, behind = states.copy(), states.copy()
             ahead[:, :3] -= STEP * move  # the path of the centre of mass is against that of the chaser
             behind[:, :3] += STEP * move
-            change = (gravity_gradient(orbit, ahead) - gravity_gradient(orbit, behind)) / (2 * STEP)
-            columns.append(np.einsum("kij,kj->ki", change, p))
-        return np.stack(columns, axis=2)
+            pairs.append((gravity_gradient(orbit, ahead), gravity_gradient(orbit, behind)))
+        return changed_pull(pairs, STEP, position(time))
 
     scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(GREATEST)))
     return Force(acceleration, NAMES, "m", SHARES, longest_on(orbit, begin, end), np.zeros(0), scale)
+
+
+def changed_pull(gradients: Iterable[tuple[FloatArray, FloatArray]], step: float, position: FloatArray) -> FloatArray:
+    """What changes of the orbit change the acceleration of the centre of mass by, (∂G/∂s) p, (k, 3, c) in C.
+
+    gradients: G (k, 3, 3) a step ahead and one behind of each of c changes s; position (k, 3), p in C, m.
+    """
+    changes = ((ahead - behind) / (2 * step) for ahead, behind in gradients)
+    return np.stack([np.einsum("kij,kj->ki", change, position) for change in changes], axis=2)
 
 
 def with_orbit_error(

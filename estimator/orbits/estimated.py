@@ -12,6 +12,7 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import EstimatedOrbit
 from baryscope.estimator.orbits.elements import NAMES, LocalElements
+from baryscope.estimator.orbits.error import changed_pull
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
 from baryscope.models.orbit import EARTH_MU, Orbit
 
@@ -72,12 +73,12 @@ def on_estimated_orbit(
         [elements.moved(way * STEP * axis).orbit(middle, EARTH_MU) for way in (1, -1)] for axis in np.eye(len(NAMES))
     ]
 
+    def gradient(orbit: Orbit, time: FloatArray) -> FloatArray:
+        return gravity_gradient(orbit, target_states(orbit, time))
+
     def acceleration(time: FloatArray) -> FloatArray:
-        p, columns = position(time), []
-        for pair in neighbours:
-            ahead, behind = (gravity_gradient(one, target_states(one, time)) for one in pair)
-            columns.append(np.einsum("kij,kj->ki", (ahead - behind) / (2 * STEP), p))
-        return np.stack(columns, axis=2)
+        pairs = ((gradient(ahead, time), gradient(behind, time)) for ahead, behind in neighbours)
+        return changed_pull(pairs, STEP, position(time))
 
     deviations = np.ones(len(NAMES))  # of rad, of the logarithm of the mean motion, and of the eccentricity
     force = Force(acceleration, NAMES, "1", deviations, longest_on(orbit, begin, end), np.zeros(0))

@@ -97,6 +97,10 @@ class Pivot:
         at = self.bodies, self.observations, self.sampled, self.solution.x
         return linearised(*at, self.shift, self.offsets)
 
+    def position(self, time: FloatArray) -> FloatArray:
+        """The path (k, 3) in C at times (k,) in s, m."""
+        return self.path.at(time).position(self.solution.x)
+
     @property
     def bodies(self) -> tuple[Body, ...]:
         """The bodies, with points in m from the centre of mass."""

@@ -1,7 +1,7 @@
 """Iteration of the Gauss–Newton steps and the robust weights from an initial solution to convergence."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,14 @@ class Start:
     errors: SharedErrors | None = None
     first_prior: Prior | None = None
     slips: bool = False
+
+    def on(self, path: Path, sampled: SampledPath, x: FloatArray) -> "Start":
+        """The start on another path, sampled at the times, with unknowns x (p,) that are good enough for its prior."""
+        return replace(self, path=path, sampled=sampled, x=x, first_prior=None)
+
+    def near(self, found: Pivot) -> "Start":
+        """The start with the bodies of a solution, and the weights that it has found."""
+        return replace(self, bodies=found.bodies, observations=found.observations, inliers=found.inliers, weight=None)
 
 
 def refined(start: Start, options: PathOptions) -> Pivot:

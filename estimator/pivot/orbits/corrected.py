@@ -23,21 +23,11 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
         return found
     if not found.has(DENSITY):
         return found
-    x, span = found.solution.x, (path.begin, path.end)
-    wider = replace(path, base=with_orbit_error(path.base, orbit, lambda time: path.at(time).position(x), *span))
-    more = wider.base.size - path.base.size
-    again = replace(
-        start,
-        path=wider,
-        sampled=interpolated(wider.at, wider.frequency, start.time),
-        bodies=found.bodies,
-        x=np.insert(x, path.base.size, np.zeros(more)),
-        observations=found.observations,
-        inliers=found.inliers,
-        first_prior=None,
-    )
+    wider = replace(path, base=with_orbit_error(path.base, orbit, found.position, path.begin, path.end))
+    x = np.insert(found.solution.x, path.base.size, np.zeros(wider.base.size - path.base.size))
+    sampled = interpolated(wider.at, wider.frequency, start.time)
     try:
-        corrected = refined(again, options)
+        corrected = refined(start.on(wider, sampled, x).near(found), options)
     except ComputationError:
         return found
     return corrected if corrected.converged and corrected.has(ORBIT_ERROR) else found

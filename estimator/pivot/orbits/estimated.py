@@ -1,10 +1,8 @@
 """An orbit that is not given, where the path tells it."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
@@ -20,9 +18,6 @@ from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError, InputError
 
-FloatArray = NDArray[np.float64]
-Position = Callable[[FloatArray], FloatArray]  # times (k,) in s → the path (k, 3) in C, m
-
 CUBIC = 12.0  # unknowns of a path, of which an orbit has as many
 MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
@@ -34,12 +29,12 @@ def with_estimated_orbit(found: Pivot, start: Start, options: PathOptions) -> tu
     if fit is None:
         return found, start
     try:
-        other, again = _refined_on(fit, found, start, options)
+        other, fresh = _refined_on(fit, found, start, options)
     except (ComputationError, InputError):  # the latter of an orbit that is none
         return found, start
     variance = min(found.variance, other.variance)
     gain = cost_of(found, start, variance) - cost_of(other, start, variance) - fit.measure
-    return (other, again) if other.converged and gain >= DECISIVE else (found, start)
+    return (other, fresh) if other.converged and gain >= DECISIVE else (found, start)
 
 
 def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
@@ -72,24 +67,16 @@ def _refined_on(fit: OrbitFit, found: Pivot, start: Start, options: PathOptions)
     smooth = smooth_in(found.path)
     assert smooth is not None  # noqa: S101  on which the orbit was found
     others = found.solution.x[smooth.size :]
-    moved = found.solution.moved_to(np.concatenate([fit.coefficients, others]))
-    again = replace(start, observations=found.observations, inliers=found.inliers, first_prior=None, slips=False)
-    elements, of_motion, bodies = fit.elements, fit.x, moved.bodies
-    position: Position = lambda time: smooth.at(time).position(fit.coefficients)  # noqa: E731
+    at = replace(found, solution=found.solution.moved_to(np.concatenate([fit.coefficients, others])))
+    elements, of_motion = fit.elements, fit.x
     for _ in range(MOST_LINEARISED):
-        base = on_estimated_orbit(elements, position, smooth.begin, smooth.end)
+        base = on_estimated_orbit(elements, at.position, smooth.begin, smooth.end)
         path, x = based_on(found.path, base), np.concatenate([of_motion, np.zeros(len(NAMES)), others])
-        sampled = interpolated(path.at, path.frequency, start.time)
-        again = replace(again, path=path, sampled=sampled, bodies=bodies, x=x)
-        other = refined(again, options)
-        departures = base.factors(other.solution.x, other.variance * other.solution.covariance)
+        fresh = replace(start.on(path, interpolated(path.at, path.frequency, start.time), x), slips=False)
+        at = refined(fresh.near(at), options)
+        departures = base.factors(at.solution.x, at.variance * at.solution.covariance)
         if all(abs(one.value) <= NEAR * one.deviation for one in departures):
             break
-        elements, bodies, position = base.moved(other.solution.x), other.bodies, _position_of(other)
-        of_motion, _, others = np.split(other.solution.x[: path.size], [len(fit.x), base.size])
-        again = replace(again, observations=other.observations)
-    return other, again
-
-
-def _position_of(found: Pivot) -> Position:
-    return lambda time: found.path.at(time).position(found.solution.x)
+        elements = base.moved(at.solution.x)
+        of_motion, _, others = np.split(at.solution.x[: path.size], [len(fit.x), base.size])
+    return at, fresh

@@ -1,7 +1,5 @@
 """The Earth's J2 on an orbit that is given without, where the tracks show it."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,10 +46,9 @@ def with_oblateness(
     seen = as_seen(wider, sampled, start.errors, x)
     if not _is_likelier(found, seen, x):
         return found, start, orbit
-    fresh = replace(start, path=wider, sampled=sampled, x=x, first_prior=None)
-    near = replace(fresh, bodies=found.bodies, observations=found.observations, inliers=found.inliers, weight=None)
+    fresh = start.on(wider, sampled, x)
     try:
-        other = refined(near, options)
+        other = refined(fresh.near(found), options)
     except ComputationError:
         return found, start, orbit
     variance = min(found.variance, other.variance)
