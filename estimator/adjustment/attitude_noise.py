@@ -17,6 +17,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.geometry.alignment import align
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.registration.body import Body
+from baryscope.estimator.registration.intervals import sampling_interval
 from baryscope.estimator.registration.noise import MEDIAN
 
 FloatArray = NDArray[np.float64]
@@ -24,7 +25,10 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 
 REACH = 6  # attitudes before and after to which a rotation is fitted
-FARTHEST, FARTHEST_TURN = 12, 0.5  # frames to them, at most, or in slow rotations as many as turn by this, rad
+FARTHEST, FARTHEST_TURN = (
+    12,
+    0.5,
+)  # sampling intervals to them, at most, or in slow rotations as many as turn by this, rad
 MORE_NEIGHBOURS = 4  # than the degree, at least
 DEGREES = 2, 4  # in time, of the rotation fitted: the next where the last does not describe it
 LIMIT = 22.0  # χ² of three degrees of freedom, beyond which an attitude strays: 1 in 15,000
@@ -38,40 +42,44 @@ ALIKE = 0.2  # rms distance between points of two bodies over their distance fro
 
 @dataclass(frozen=True, eq=False)
 class _Turning:
-    """Attitudes (n, 3, 3) of one set of axes in frames (n,), and their covariances (n, 3, 3), rad²."""
+    """Attitudes (n, 3, 3) of one set of axes, their covariances (n, 3, 3), rad², and times (n,) in sampling intervals.
 
-    frames: IntArray
+    In time, not in frames, the rotation is smooth: cameras that look in bursts, or lose sight, have none between.
+    """
+
+    time: FloatArray
     attitude: FloatArray
     covariance: FloatArray
 
     @classmethod
-    def of(cls, body: Body, observations: Observations, variance: float) -> "_Turning":
-        """That of a body."""
+    def of(cls, body: Body, observations: Observations, time: FloatArray, variance: float) -> "_Turning":
+        """That of a body; time (n,) of all frames, s."""
         own = observations.features(body.features).frames(body.frames)
         information = attitude_information(own, body.attitude, body.points)
-        return cls(body.frames, body.attitude, attitude_covariances(information, variance))
+        passed = (time[body.frames] - time[0]) / sampling_interval(time)
+        return cls(passed, body.attitude, attitude_covariances(information, variance))
 
     def part(self, kept: IntArray) -> "_Turning":
         """Some of the attitudes, by their indices (k,)."""
-        return _Turning(self.frames[kept], self.attitude[kept], self.covariance[kept])
+        return _Turning(self.time[kept], self.attitude[kept], self.covariance[kept])
 
     def turned(self, into: FloatArray, variance: float) -> "_Turning":
         """The same attitudes of other axes, into which a rotation (3, 3) of this variance, rad², leads from these."""
         covariance = into @ self.covariance @ into.T + variance * np.eye(3)
-        return _Turning(self.frames, self.attitude @ into.T, covariance)
+        return _Turning(self.time, self.attitude @ into.T, covariance)
 
 
-def strays(bodies: Sequence[Body], observations: Observations, variance: float) -> list[BoolArray]:
+def strays(bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float) -> list[BoolArray]:
     """Which attitudes of each body are far from a rotation fitted to those near, (n,).
 
     Bodies that share enough features have their attitudes compared with each other's: of few frames, as those in which
     some features are others, there are no neighbours.
-    observations (n, m), with robust weights; variance: of an observation of weight 1.
+    observations (n, m), with robust weights, at times (n,) in s; variance: of an observation of weight 1.
     """
     found = [np.zeros(len(body.frames), dtype=bool) for body in bodies]
-    for group, turning in _together(bodies, observations, variance):
-        order = np.argsort(turning.frames, kind="stable")
-        flipped = _flipped(turning.frames[order], turning.attitude[order])
+    for group, turning in _together(bodies, observations, time, variance):
+        order = np.argsort(turning.time, kind="stable")
+        flipped = _flipped(turning.time[order], turning.attitude[order])
         stray = np.zeros(len(order), dtype=bool)
         stray[order[flipped]] = True
         order = order[~flipped]
@@ -88,21 +96,21 @@ def strays(bodies: Sequence[Body], observations: Observations, variance: float) 
 
 
 def _together(
-    bodies: Sequence[Body], observations: Observations, variance: float
+    bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float
 ) -> Iterator[tuple[list[int], _Turning]]:
     """Groups of bodies by their indices, and the attitudes of the axes of the first, one body's after the other's."""
     left = sorted(range(len(bodies)), key=lambda index: -len(bodies[index].frames))
     while left:
         first, rest = left[0], []
-        group, parts = [first], [_Turning.of(bodies[first], observations, variance)]
+        group, parts = [first], [_Turning.of(bodies[first], observations, time, variance)]
         for index in left[1:]:
             into = _into_axes(bodies[first], bodies[index], observations)
             if into is None:
                 rest.append(index)
             else:
                 group.append(index)
-                parts.append(_Turning.of(bodies[index], observations, variance).turned(*into))
-        columns = zip(*((part.frames, part.attitude, part.covariance) for part in parts), strict=True)
+                parts.append(_Turning.of(bodies[index], observations, time, variance).turned(*into))
+        columns = zip(*((part.time, part.attitude, part.covariance) for part in parts), strict=True)
         yield group, _Turning(*map(np.concatenate, columns))
         left = rest
 
@@ -124,41 +132,47 @@ def _into_axes(first: Body, second: Body, observations: Observations) -> tuple[F
     return (fit.rotation[0], variance) if variance < ALIKE**2 else None
 
 
-def excess_noise(body: Body, observations: Observations, variance: float) -> float:
+def excess_noise(body: Body, observations: Observations, time: FloatArray, variance: float) -> float:
     """The mean square of the attitudes' errors over that expected, at least 1; the others as in `strays`.
 
     It is 1 where the rotation from frame to frame is too fast to be fitted.
     """
-    squared, tested = _departures(_Turning.of(body, observations, variance))
+    squared, tested = _departures(_Turning.of(body, observations, time, variance))
     if not tested.any() or np.median(squared[tested]) > ROUGH * MEDIAN:
         return 1.0
     return max(float(squared[tested].mean()) / 3, 1.0)
 
 
-def _rates(frames: IntArray, attitude: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The rates (n, 3) from each attitude (n, 3, 3) to the next, rad per frame, the last once more, and their medians
-    around.
+def _gaps(time: FloatArray) -> FloatArray:
+    """The time (n - 1,) from each attitude to the next; 1 where two bodies are seen at once."""
+    gap = np.diff(time)
+    return np.where(gap > 0, gap, 1.0)
+
+
+def _rates(time: FloatArray, attitude: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The rates (n, 3) from each attitude (n, 3, 3) to the next, rad per sampling interval, the last once more, and
+    their medians around.
     """
-    rate = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]) / np.maximum(np.diff(frames), 1)[:, None]
+    rate = log_rotation(np.swapaxes(attitude[:-1], 1, 2) @ attitude[1:]) / _gaps(time)[:, None]
     rate = np.concatenate([rate, rate[-1:]])
     return rate, median_filter(rate, (2 * REACH - 1, 1), mode="nearest")
 
 
-def _flipped(frames: IntArray, attitude: FloatArray) -> BoolArray:
-    """Which attitudes (n, 3, 3), in ascending frames, are far from where the rate around leads from those next to them.
+def _flipped(time: FloatArray, attitude: FloatArray) -> BoolArray:
+    """Which attitudes (n, 3, 3), at ascending times, are far from where the rate around leads from those next to them.
 
     Exchanged labels may turn a body by as much as half a turn, and fit well nevertheless. None where attitudes are too
     noisy, or the rotation too fast, to tell.
     """
-    if len(frames) < 2 * REACH + 1:
-        return np.zeros(len(frames), dtype=bool)
-    rate, median = _rates(frames, attitude)
-    gap = np.maximum(np.diff(frames), 1)
+    if len(time) < 2 * REACH + 1:
+        return np.zeros(len(time), dtype=bool)
+    rate, median = _rates(time, attitude)
+    gap = _gaps(time)
     near = np.linalg.norm(median[:-1], axis=1) * gap < FLIP  # the body has not turned far since
     departure = np.linalg.norm((rate - median)[:-1], axis=1) * gap
     jump = near & (departure > FLIP)
     if not jump.any() or np.median(departure[near]) > FLIP / 4:
-        return np.zeros(len(frames), dtype=bool)
+        return np.zeros(len(time), dtype=bool)
     stays = near & ~jump
     jumps = np.append(jump, False) | np.append(False, jump)
     return np.asarray(jumps & ~np.append(stays, False) & ~np.append(False, stays))
@@ -169,7 +183,7 @@ def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:
 
     The fit is of the lowest degree that describes most attitudes, as it has the least noise.
     """
-    found = np.zeros(len(turning.frames)), np.zeros(len(turning.frames), dtype=bool)
+    found = np.zeros(len(turning.time)), np.zeros(len(turning.time), dtype=bool)
     for degree in DEGREES:
         squared, tested = found = _departures_from(turning, degree)
         if not tested.any() or np.median(squared[tested]) <= ROUGH * MEDIAN:
@@ -178,13 +192,13 @@ def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:
 
 
 def _departures_from(turning: _Turning, degree: int) -> tuple[FloatArray, BoolArray]:
-    """Those from fits of one degree, in ascending frames.
+    """Those from fits of one degree, at ascending times.
 
     The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least
     squares, whose residuals say how well.
     """
-    frames, attitude, covariance = turning.frames, turning.attitude, turning.covariance
-    n, size = len(frames), 2 * REACH + 1
+    time, attitude, covariance = turning.time, turning.attitude, turning.covariance
+    n, size = len(time), 2 * REACH + 1
     if n < size:
         return np.zeros(n), np.zeros(n, dtype=bool)
     deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
@@ -192,8 +206,8 @@ def _departures_from(turning: _Turning, degree: int) -> tuple[FloatArray, BoolAr
     index = np.pad(np.arange(n), REACH, constant_values=-1)
     near = sliding_window_view(index, size)
     near = np.where(near < 0, np.arange(n)[:, None], near)
-    apart = frames[near] - frames[:, None]
-    rate = _rates(frames, attitude)[1]
+    apart = time[near] - time[:, None]
+    rate = _rates(time, attitude)[1]
     farthest = max(FARTHEST, FARTHEST_TURN / max(float(np.median(np.linalg.norm(rate, axis=1))), 1e-9))
     used = (apart != 0) & (np.abs(apart) <= farthest)
     there = np.swapaxes(attitude, 1, 2)[:, None] @ attitude[near]

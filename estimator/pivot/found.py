@@ -46,12 +46,12 @@ class LastStep:
 class Pivot:
     """The solution of `pivot`, from which `ml` starts.
 
-    path, and sampled at the tracks' times, as the camera sees it; inliers (n, m): which observations passed the
-    screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with their
-    final weights; frame_variance of an observation of weight 1, as given or from the residuals: in m², or as a factor
-    on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same errors
-    of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of unknowns of x
-    that the observations determine.
+    path, and sampled at the tracks' times, (n,) in s, as the camera sees it; inliers (n, m): which observations passed
+    the screening; solution: bodies with points from the centre of mass, and the path's x; observations (n, m) with
+    their final weights; frame_variance of an observation of weight 1, as given or from the residuals: in m², or as a
+    factor on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same
+    errors of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of
+    unknowns of x that the observations determine.
     holding: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step, in the
     weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
@@ -61,6 +61,7 @@ class Pivot:
 
     path: Path
     sampled: SampledPath
+    time: FloatArray
     inliers: BoolArray
     solution: Solution
     observations: Observations
@@ -132,7 +133,7 @@ class Pivot:
         """
         own = self.spurious
         if self.spurious_share >= LOOKED_AT:
-            noise = (excess_noise(body, self.observations, self.frame_variance) for body in self.bodies)
+            noise = (excess_noise(body, self.observations, self.time, self.frame_variance) for body in self.bodies)
             own = tuple(excess * one for excess, one in zip(noise, own, strict=True))
         return np.asarray(block_diag(*(one * (not lost) for one, lost in zip(own, self.lost, strict=True))))
 

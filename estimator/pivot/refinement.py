@@ -337,6 +337,7 @@ class _Refinement:
         return Pivot(
             path=self.path,
             sampled=self.sampled,
+            time=self.start.time,
             inliers=self.inliers,
             solution=solution,
             observations=self.observations,

@@ -12,11 +12,14 @@ NOISE = 0.01
 POINTS = np.array([[0.5, 0.1, 0.0], [-0.4, 0.6, 0.2], [0.1, -0.5, 0.6], [-0.2, -0.2, -0.7]])
 
 
-def seen(step, displaced, by, seed=0, count=400):
-    """A body of four points turning by `step` rad a frame, of which one is displaced in some frames, and its tracks."""
-    rng = np.random.default_rng(seed)
-    turn = Rotation.from_rotvec(np.outer(0.1 * step * np.arange(count), [0, 1.0, 0]))
-    turn = turn * Rotation.from_rotvec(np.outer(step * np.arange(count), [0.6, 0, 0.8]))
+EVERY_SECOND = np.arange(400.0)  # s
+
+
+def seen(step, displaced, by, seed=0, time=EVERY_SECOND):
+    """A body of four points turning by `step` rad/s, of which one is displaced in some frames, and its tracks."""
+    rng, count = np.random.default_rng(seed), len(time)
+    turn = Rotation.from_rotvec(np.outer(0.1 * step * time, [0, 1.0, 0]))
+    turn = turn * Rotation.from_rotvec(np.outer(step * time, [0.6, 0, 0.8]))
     position = POINTS @ np.swapaxes(turn.as_matrix(), 1, 2) + NOISE * rng.normal(size=(count, 4, 3))
     position[displaced, 0] += by * rng.normal(size=(len(displaced), 3))
     attitude = np.array([Rotation.align_vectors(one, POINTS)[0].as_matrix() for one in position])
@@ -26,7 +29,7 @@ def seen(step, displaced, by, seed=0, count=400):
 
 def of_one(body, observations):
     """The strays of one body."""
-    return strays([body], observations, NOISE**2)[0]
+    return strays([body], observations, EVERY_SECOND, NOISE**2)[0]
 
 
 @pytest.mark.parametrize("step", [0.002, 0.02, 0.1, 0.3])
@@ -84,17 +87,27 @@ def test_attitudes_of_a_body_of_few_frames_are_compared_with_those_of_another():
     few = Body(np.arange(3), frames, POINTS[:3] @ axes.T + NOISE, attitude)
     rest = np.delete(np.arange(400), frames)
     many = Body(body.features, rest, POINTS, body.attitude[rest])
-    of_few, of_many = strays([few, many], observations, NOISE**2)
+    of_few, of_many = strays([few, many], observations, EVERY_SECOND, NOISE**2)
     assert list(np.nonzero(of_few)[0]) == off
     assert not of_many.any()
     other = Body(few.features, frames, POINTS[[1, 0, 3]] @ axes.T, attitude)  # not the same points
-    assert not any(found.any() for found in strays([other, many], observations, NOISE**2))
+    assert not any(found.any() for found in strays([other, many], observations, EVERY_SECOND, NOISE**2))
 
 
 def test_excess_noise_is_the_mean_square_of_the_errors_over_that_expected():
     body, observations = seen(0.02, np.zeros(0, dtype=int), 0.0)
     # A mean of 400 values of χ²₃ over 3 has the deviation √(2/1200); neighbours share some of it.
-    assert excess_noise(body, observations, NOISE**2) == pytest.approx(1.0, abs=0.2)
-    assert excess_noise(body, observations, NOISE**2 / 2) == pytest.approx(2.0, abs=0.4)
+    assert excess_noise(body, observations, EVERY_SECOND, NOISE**2) == pytest.approx(1.0, abs=0.2)
+    assert excess_noise(body, observations, EVERY_SECOND, NOISE**2 / 2) == pytest.approx(2.0, abs=0.4)
     body, observations = seen(1.5, np.zeros(0, dtype=int), 0.0)
-    assert excess_noise(body, observations, NOISE**2 / 2) in (1.0, pytest.approx(2.0, abs=0.4))
+    assert excess_noise(body, observations, EVERY_SECOND, NOISE**2 / 2) in (1.0, pytest.approx(2.0, abs=0.4))
+
+
+@pytest.mark.parametrize("step", [0.02, 0.1])
+def test_attitudes_are_compared_in_time_where_frames_come_in_bursts(step):
+    """Bursts of 20 frames, a second apart, with half a minute and more between them, in which the body turns on."""
+    pauses = np.repeat(np.random.default_rng(2).uniform(30.0, 90.0, 20), 20)
+    time = np.arange(400.0) + np.cumsum(np.where(np.arange(400) % 20 == 0, pauses, 0.0))
+    body, observations = seen(step, np.zeros(0, dtype=int), 0.0, time=time)
+    assert not strays([body], observations, time, NOISE**2)[0].any()
+    assert excess_noise(body, observations, time, NOISE**2) == pytest.approx(1.0, abs=0.2)  # as without bursts
