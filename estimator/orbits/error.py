@@ -24,7 +24,8 @@ NAMES = tuple(
     f"orbit {axis}{rate}" for rate in ("", " rate over mean motion") for axis in ("radial", "along", "across")
 )
 STEP = 1e3  # m, of the difference quotient of the gradient
-LEAST, GREATEST = 1.0, 1e6  # m, standard deviation of a component
+LEAST = 1.0  # m, standard deviation of a component
+GREATEST = float(np.radians(1.0))  # the same seen from the Earth's centre, rad: a file that is further off is another's
 # A wrong period shows along the track, a hundred times more than radially after a day; a wrong plane shows across.
 SHARES = np.array([0.01, 1.0, 1.0, 0.01, 0.01, 1.0])
 
@@ -46,7 +47,8 @@ def orbit_error(orbit: Orbit, position: Callable[[FloatArray], FloatArray], begi
             pairs.append((gravity_gradient(orbit, ahead), gravity_gradient(orbit, behind)))
         return changed_pull(pairs, STEP, position(time))
 
-    scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(GREATEST)))
+    greatest = GREATEST * orbit.semi_major_axis
+    scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(greatest)))
     return Force(acceleration, NAMES, "m", SHARES, longest_on(orbit, begin, end), np.zeros(0), scale)
 
 

@@ -64,6 +64,15 @@ def test_an_orbit_that_is_wrong_by_a_kilometre_and_a_degree(error, axis):
     assert right.findings == ()
 
 
+def test_the_orbit_of_another_object_is_no_error_of_the_orbit():
+    """It is 20° ahead, where an error is of a degree or two: process noise says so, no shift of thousands of km."""
+    com = RelativeOrbit(ORBIT, 300.0).at(TIME).position(X)
+    other = replace(ORBIT, true_anomaly=ORBIT.true_anomaly + np.deg2rad(20.0))
+    found = estimate(tracks_of(com), orbit=other)
+    assert [type(one) for one in found.findings] == [Departure]
+    assert nees(found, com) < 12
+
+
 def test_a_force_that_is_not_told():
     """2e-6 m/s² of drag, as at 400 km."""
     force = constant_of("lvlh", ORBIT, TIME[0], TIME[-1])
