@@ -1,9 +1,11 @@
 """Spurious information: apparent information from the noise of estimated attitudes, removed from a covariance."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, pieces
 from baryscope.estimator.adjustment.observations import Observations
@@ -21,12 +23,15 @@ FARTHEST_RADII = 3.0  # standard deviation of an unobserved centre of mass from 
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 IMPLAUSIBLE_RADII = 30.0  # of the features from their centroid: a centre of mass beyond is where errors have led it
 UNKNOWN = 0.3  # rad, standard deviation of an attitude about an axis, from which it is not known
+MARGIN = 3.0  # standard deviations of the spurious information above its mean: likely there is no more
+NODES, CHANCES = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)  # of a Gaussian variable, to fifth order
+SPINNING = 0.2  # of objects, as targets that are stabilised by their spin: of these tracks tell nothing along an axis
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
 def three_sigma_factor(values: float) -> float:
     """The 3σ bound of a mean of squares of Gaussian values over its expectation, for the number of values."""
-    return float(1 + 3 * np.sqrt(2 / values))
+    return float(1 + MARGIN * np.sqrt(2 / values))
 
 
 def effective_count(terms: FloatArray) -> float:
@@ -63,10 +68,15 @@ def implausible_columns(
 
 @dataclass(frozen=True, eq=False)
 class OffsetPrior:
-    """A prior on k offsets: its information (3 k, 3 k), and held (3 k, 3 k), what the estimate was held by for it."""
+    """A prior on k offsets: its information (3 k, 3 k), and held (3 k, 3 k), what the estimate was held by for it.
+
+    deviation (3 k, 3 k): the standard deviation along any direction of the spurious information, of which the likely is
+    MARGIN times as much above the mean.
+    """
 
     information: FloatArray
     held: FloatArray
+    deviation: FloatArray
 
 
 def spurious_information_columns(
@@ -76,12 +86,12 @@ def spurious_information_columns(
 
     The noise of the attitudes does not make the cost steeper, on average, so that the information I of Gauss and Newton
     is too large by the spurious S; and it adds S to the variance of the cost's gradient. The variance is that of an
-    estimating equation, (I − S)⁻¹ I (I − S)⁻¹, with that of a prior: it is in no direction greater than that of the
-    least information.
+    estimating equation, (I − S)⁻¹ I (I − S)⁻¹. With a prior P, and held by P', it is the mean over S as it may be of
+    (P'²/P + I)/(I − S + P')², I of the tracks alone. It is in no direction greater than that of the least information.
 
     offset (3 k, 3 k): covariance of k offsets; crossed (3 k, p): their covariance with the other unknowns; spurious
-    (3 k, 3 k): the information on the offsets to subtract; least: the least information on an offset in a direction;
-    prior: that of the offsets, with which they have this covariance.
+    (3 k, 3 k): the information on the offsets to subtract, with a margin; least: the least information on an offset in
+    a direction; prior: that of the offsets, with which they have this covariance.
     Returns columns A of the offsets (3 k, d) and B of the other unknowns (p, d): the covariances grow by A Aᵀ and B Bᵀ,
     the cross-covariance by A Bᵀ.
     """
@@ -126,12 +136,30 @@ class _Directions:
         bounded = np.minimum(length * np.sqrt(least), 1.0)
         if prior is None:
             return cls(columns, np.maximum(1 - share, bounded), 1 - share < bounded)
-        known, held = (
-            np.einsum("ad,ab,bd->d", columns, own, columns, optimize=True) for own in (prior.information, prior.held)
+        known, held, deviation = (
+            np.einsum("ad,ab,bd->d", columns, own, columns, optimize=True)
+            for own in (prior.information, prior.held, prior.deviation)
         )
-        told = np.maximum(1 - share - held, 0.0)  # of I = 1, by the tracks
-        both = np.sqrt(told**2 / np.maximum(1 - held, RANK) + known)
-        return cls(columns, np.clip(both, bounded, 1.0), told < np.sqrt(known))
+        least_told = np.maximum(1 - share - held, 0.0)  # of I = 1, by the tracks
+        told = 1 - held - share + MARGIN * deviation
+        variance = np.zeros_like(known)
+        for value, chance in _values(told, deviation):
+            own = (held**2 / known + 1 - held) / np.maximum(value + held, RANK) ** 2
+            variance += chance * np.minimum(own, bounded**-2.0)
+        return cls(columns, np.clip(variance**-0.5, bounded, 1.0), least_told < np.sqrt(known))
+
+
+def _values(told: FloatArray, deviation: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """What tracks may tell (d,), and how probable that is, where their information less the spurious is `told`.
+
+    That is nothing of an object that spins, else anything up to all of the information, 1, each as likely beforehand.
+    """
+    deviation = np.maximum(deviation, RANK)
+    spins = SPINNING * norm.pdf(told, 0.0, deviation)
+    spins = spins / (spins + (1 - SPINNING) * norm.cdf(told / deviation))
+    yield np.zeros_like(told), spins
+    for node, chance in zip(NODES, CHANCES, strict=True):
+        yield np.maximum(told + node * deviation, 0.0), (1 - spins) * chance
 
 
 def _with_others(columns: FloatArray, offset: FloatArray, crossed: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -189,7 +217,11 @@ class NoisyAttitudes:
         return self.every * turned_information(self.known, self._turned)
 
     def likely_spurious_information(self) -> FloatArray:
-        """The same with a margin of three standard deviations, of as many frames as give most of it.
+        """The same with a margin of three standard deviations."""
+        return self.spurious_information() + MARGIN * self.spurious_deviation()
+
+    def spurious_deviation(self) -> FloatArray:
+        """Its standard deviation along any direction (3, 3), that of as many frames as give most of it.
 
         These may be few: those of which little is seen.
         """
@@ -197,7 +229,7 @@ class NoisyAttitudes:
         traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
         each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
         frames = self.every * effective_count(each)
-        return three_sigma_factor(max(frames, 1.0)) * self.spurious_information()
+        return np.sqrt(2 / max(frames, 1.0)) * self.spurious_information()
 
     def of_known(self) -> "NoisyAttitudes":
         """Those of the frames whose attitude is known: of others, as where features are outliers, C says nothing."""

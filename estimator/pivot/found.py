@@ -1,5 +1,6 @@
 """What `pivot` has found: a solution with what its covariance, its findings and the other methods need of it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +21,7 @@ from baryscope.estimator.findings import Finding
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.lost_bodies import LOST
 from baryscope.estimator.pivot.offset_prior import Holding
+from baryscope.estimator.pivot.reduced import stepped
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.registration.body import Body
 
@@ -98,6 +100,15 @@ class Pivot:
         at = self.bodies, self.observations, self.sampled, self.solution.x
         return linearised(*at, self.shift, self.offsets)
 
+    @cached_property
+    def at_likeliest(self) -> Solution:
+        """The solution with covariances for the likeliest hyperparameters: those that are unknown tell nothing
+        spurious. With tie points, which tell more, it is the solution itself.
+        """
+        if self.tie_points:
+            return self.solution
+        return stepped(self.problem, self.path.prior, self.posterior.theta, self.variance)
+
     def position(self, time: FloatArray) -> FloatArray:
         """The path (k, 3) in C at times (k,) in s, m."""
         return self.path.at(time).position(self.solution.x)
@@ -131,11 +142,25 @@ class Pivot:
         Jointly for all bodies: spurious information of one body on the path would propagate to the others. A body that
         is lost has none.
         """
-        own = self.spurious
-        if self.spurious_share >= LOOKED_AT:
-            noise = (excess_noise(body, self.observations, self.time, self.frame_variance) for body in self.bodies)
-            own = tuple(excess * one for excess, one in zip(noise, own, strict=True))
-        return np.asarray(block_diag(*(one * (not lost) for one, lost in zip(own, self.lost, strict=True))))
+        return self._shown(self.spurious)
+
+    @cached_property
+    def shown_spurious_deviation(self) -> FloatArray:
+        """The standard deviation of that along any direction of the offsets, (3 k, 3 k)."""
+        return self._shown([noisy.spurious_deviation() for noisy in self.noisy_attitudes])
+
+    def _shown(self, spurious: Sequence[FloatArray]) -> FloatArray:
+        """Matrices (3, 3) of the bodies as one (3 k, 3 k), each in proportion to the noise of its attitudes."""
+        return np.asarray(block_diag(*(factor * one for factor, one in zip(self._excess, spurious, strict=True))))
+
+    @cached_property
+    def _excess(self) -> tuple[float, ...]:
+        """The mean square of each body's errors of attitude over that expected, where it matters; 0 of a lost body."""
+        if self.spurious_share < LOOKED_AT:
+            return tuple(float(not lost) for lost in self.lost)
+        at = self.observations, self.time, self.frame_variance
+        pairs = zip(self.bodies, self.lost, strict=True)
+        return tuple(0.0 if lost else excess_noise(body, *at) for body, lost in pairs)
 
     @cached_property
     def shown_spurious_share(self) -> float:

@@ -61,17 +61,18 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     """The joint covariance of a solution without spurious information.
 
     The position along the axis of a pure spin is not observable, but the noise of the attitudes adds apparent
-    information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, with a margin of three standard
-    deviations; what remains is that of `farthest`. Where it matters, products of errors are counted, too. Directions
-    without any information get a standard deviation of the path's greatest distance.
+    information Σ (tr C − C), C a frame's covariance of attitude. It is subtracted, as far as it is known; what remains
+    is that of the offsets' prior, and at least that of `farthest`. Where it matters, products of errors are counted,
+    too. Directions without any information get a standard deviation of the path's greatest distance.
     """
     variance, solution = found.variance, found.solution
     distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
     crossed = solution.offset_path
     joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
+    likeliest = found.at_likeliest
     columns = np.concatenate(
         spurious_information_columns(
-            solution.offset_covariance, crossed, found.shown_spurious, _least(found), _prior(found)
+            likeliest.offset_covariance, likeliest.offset_path, found.shown_spurious, _least(found), _prior(found)
         ),
         axis=0,
     )
@@ -153,4 +154,4 @@ def _prior(found: Pivot) -> OffsetPrior:
     offsets = np.concatenate([body.points.mean(axis=0) for body in found.bodies])
     held = float(np.sum(known * found.solution.offset_covariance))  # how many coordinates the prior tells
     wider = float(offsets @ known @ offsets) / found.variance / max(held, 1.0)
-    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets))
+    return OffsetPrior(known / max(wider, 1.0), block_diag(*found.offsets), found.shown_spurious_deviation)
