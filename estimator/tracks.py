@@ -98,8 +98,9 @@ class FeatureTracks:
     def read_csv(cls, path: AnyPath) -> "FeatureTracks":
         """Read a file of one row per observation, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
 
-        Times are seconds, or UTC in ISO 8601; time 0 is then the earliest. A row with an empty position means that the
-        feature is not seen. If the feature is empty, too, the row only gives the time of a frame without observations.
+        Times are seconds, or UTC in ISO 8601; time 0 is then the earliest. A row whose position is empty, or NaN, NA or
+        another word that pandas takes for a missing value, means that the feature is not seen. If the feature is empty,
+        too, the row only gives the time of a frame without observations.
 
         Raises:
             InputError: one line that names file, line and column, what was found and what was expected.

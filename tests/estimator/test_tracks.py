@@ -1,4 +1,5 @@
 import numpy as np
+import pandas
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,6 +32,21 @@ def test_rows_in_any_order_columns_in_any_order_and_unseen_features(tmp_path):
     np.testing.assert_array_equal(tracks.seen, [[False, True], [True, False], [False, False]])
     np.testing.assert_array_equal(tracks.position[0, 1], [1, 2, 3])
     np.testing.assert_array_equal(tracks.position[1, 0], [4, 5, 6])
+
+
+@pytest.mark.parametrize("na_rep", ["", "NaN", "NA"])
+@pytest.mark.parametrize("frames", [3, 30_000])  # of 30,000 the file is long enough for the fast reader
+def test_markers_that_pandas_writes_as_lost_are_those_of_arrays(tmp_path, na_rep, frames):
+    """NaN in a file was an error, where NaN in an array is a feature that is not seen."""
+    position = np.random.default_rng(4).normal(size=(frames, 2, 3))
+    position[1, 0] = np.nan
+    tracks = FeatureTracks(np.arange(float(frames)), position, ["a", "b"])
+    rows = {"time": np.repeat(tracks.time, 2), "feature": ["a", "b"] * frames}
+    rows |= {axis: position[..., index].ravel() for index, axis in enumerate("xyz")}
+    pandas.DataFrame(rows).to_csv(tmp_path / "tracks.csv", index=False, na_rep=na_rep)
+    found = FeatureTracks.read_csv(tmp_path / "tracks.csv")
+    np.testing.assert_array_equal(found.position, position)
+    assert found.labels == tracks.labels
 
 
 def test_masked_positions_are_not_seen():
