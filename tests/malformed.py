@@ -283,7 +283,7 @@ TRACKS = {
         HEADER + '"0,5",a,"1,25","2,5","3"\n',
         ["column time", "'0,5'", "with a decimal point"],
     ),
-    "local times": (HEADER + "2026-05-01T12:00:00+02:00,a,1,2,3\n", ["line 2", "column time", "seconds, not a date"]),
+    "local times": (HEADER + "2026-05-01T12:00:00 CET,a,1,2,3\n", ["line 2", "column time", "seconds, not a date"]),
     "UTC after seconds": (
         HEADER + "0,a,1,2,3\n2026-05-01T12:00:00Z,a,1,2,3\n",
         ["line 3", "column time", "a number of seconds", "or, from the first row on, a UTC time as"],

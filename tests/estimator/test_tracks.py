@@ -200,3 +200,13 @@ def test_an_epoch_is_a_utc_time():
     with pytest.raises(InputError, match="epoch: found 'now', expected a UTC time"):
         FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"], epoch="now")
     assert FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"]).epoch is None
+
+
+def test_times_with_offsets_are_those_in_utc(tmp_path):
+    """Of an hour that summer time repeats: 02:30 is twice, and the offsets tell which."""
+    times = ["2026-10-25T02:30:00+02:00", "2026-10-25T02:30:00+01:00", "2026-10-25T01:31:00Z"]
+    rows = "".join(f"{time},a,1,2,3\n" for time in times)
+    (tmp_path / "tracks.csv").write_text("time,feature,x,y,z\n" + rows, encoding="utf-8")
+    tracks = FeatureTracks.read_csv(tmp_path / "tracks.csv")
+    assert tracks.epoch == "2026-10-25T00:30:00Z"
+    np.testing.assert_array_equal(tracks.time, [0.0, 3600.0, 3660.0])
