@@ -83,6 +83,7 @@ def test_firings_end_with_a_zero():
         (([0.0], np.ones((1, 3))), {"scale": -0.1}, "scale is -0.1, expected 0 to 1"),
         (([0.0], np.ones((1, 3))), {"firing": 2.0}, "firing is 2.0, expected 0 to 1"),
         (([0.0], np.ones((1, 3))), {"noise": np.nan}, "noise is nan, expected 0 to 1000"),
+        (([0.0], np.ones((1, 3))), {"noise": "1e-9"}, "noise is '1e-9', expected 0 to 1000"),
         ((np.arange(2e5), np.arange(6e5).reshape(-1, 3) % 7), {}, "changes 200000 times, expected at most 100000"),
     ],
 )
