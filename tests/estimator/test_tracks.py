@@ -49,6 +49,17 @@ def test_markers_that_pandas_writes_as_lost_are_those_of_arrays(tmp_path, na_rep
     assert found.labels == tracks.labels
 
 
+def test_what_becomes_of_the_arrays_that_made_them_changes_no_tracks():
+    """A program that fills one buffer anew for each recording changed the tracks that it had made before."""
+    time, position, covariance = np.arange(2.0), np.ones((2, 3, 3)), np.tile(np.eye(3), (2, 3, 1, 1))
+    tracks = FeatureTracks(time, position, ["a", "b", "c"], covariance)
+    for buffer in (time, position, covariance):
+        buffer[...] = -1.0
+    np.testing.assert_array_equal(tracks.time, [0, 1])
+    np.testing.assert_array_equal(tracks.position, np.ones((2, 3, 3)))
+    np.testing.assert_array_equal(tracks.covariance[1, 2], np.eye(3))
+
+
 def test_masked_positions_are_not_seen():
     """As netCDF4 and numpy.ma bring them; their numbers, such as -9999 for what is missing, were taken for seen."""
     position = np.full((2, 3, 3), 7.0)
