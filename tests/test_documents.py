@@ -167,6 +167,12 @@ def _kind(finding):
     return re.sub("(?<=[a-z])(?=[A-Z])", "-", finding.__name__).lower()
 
 
+def test_the_gallery_has_every_picture_once():
+    shown = re.findall(r"\[!\[[^\]]+\]\(([\w./-]+)\)\]\([\w./#-]+\)", text_of("docs/gallery.md"))
+    docs = ROOT / "docs"
+    assert sorted(shown) == sorted(path.relative_to(docs).as_posix() for path in docs.rglob("*.png"))
+
+
 def test_the_site_has_all_pages():
     listed = re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
     assert sorted(f"docs/{name}" for name in listed) == PAGES
