@@ -1,10 +1,12 @@
 """The options of each family of methods; the data choose those that are None."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 from baryscope.estimator.limits import COARSEST, FINEST, LATEST, SHORTEST_STEP
 from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.arguments import number_within
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
 
@@ -37,12 +39,16 @@ class ScrewOptions:
     reference: Reference = "mean"
 
     def __post_init__(self) -> None:
-        if self.lag is not None and not (SHORTEST_STEP <= self.lag <= LATEST):
-            raise InputError(f"lag is {self.lag}, expected {SHORTEST_STEP:g} to {LATEST:g} s")
-        if self.cutoff is not None and not self.cutoff >= LOWEST_CUTOFF:
-            raise InputError(f"cutoff is {self.cutoff}, expected a frequency of at least {LOWEST_CUTOFF:g} Hz")
-        if self.degree is not None and not 0 <= self.degree <= HIGHEST_DEGREE:
-            raise InputError(f"degree is {self.degree}, expected 0 to {HIGHEST_DEGREE}")
+        for name, low, high, expected in (
+            ("lag", SHORTEST_STEP, LATEST, f"{SHORTEST_STEP:g} to {LATEST:g} s"),
+            ("cutoff", LOWEST_CUTOFF, math.inf, f"a frequency of at least {LOWEST_CUTOFF:g} Hz"),
+            ("degree", 0, HIGHEST_DEGREE, f"a whole number, 0 to {HIGHEST_DEGREE}"),
+        ):
+            _keep(self, name, low, high, expected)
+        if self.degree is not None:
+            if self.degree != int(self.degree):
+                raise InputError(f"degree is {self.degree}, expected a whole number, 0 to {HIGHEST_DEGREE}")
+            object.__setattr__(self, "degree", int(self.degree))
         _check_one_of("axes", self.axes, ("inertial", "lvlh"))
         _check_one_of("reference", self.reference, ("mean", "first"))
 
@@ -80,14 +86,21 @@ class PathOptions:
     unknown_burns: Burns = "auto"
 
     def __post_init__(self) -> None:
-        if self.sigma is not None and not (FINEST <= self.sigma <= COARSEST):
-            raise InputError(f"sigma is {self.sigma}, expected a standard deviation of {FINEST:g} to {COARSEST:g} m")
+        if not isinstance(self.trajectory, str | None):
+            raise InputError(f"trajectory is {self.trajectory!r}, expected a text as polynomial:2")
+        _keep(self, "sigma", FINEST, COARSEST, f"a standard deviation of {FINEST:g} to {COARSEST:g} m")
         _check_one_of("noise", self.noise, ("auto", "stereo", "fixed"))
         _check_one_of("torque", self.torque, (None, "none", "gravity-gradient"))
         _check_one_of("constant_acceleration", self.constant_acceleration, ("none", "lvlh", "drag", "sun"))
         _check_one_of("unknown_burns", self.unknown_burns, ("auto", "none"))
-        _check_density("process_noise", self.process_noise, "m²/s³")
-        _check_density("torque_noise", self.torque_noise, "rad²/s³")
+        if not isinstance(self.acceleration, KnownAcceleration | None):
+            raise InputError(f"acceleration: found {type(self.acceleration).__name__}, expected KnownAcceleration")
+        for name, unit in (("process_noise", "m²/s³"), ("torque_noise", "rad²/s³")):
+            if isinstance(getattr(self, name), str):
+                _check_one_of(name, getattr(self, name), ("auto", "none"))
+            else:
+                expected = f"auto, none or a density above 0 to {DENSEST:g} {unit}"
+                _keep(self, name, math.ulp(0.0), DENSEST, expected, optional=False)
 
 
 Options = ScrewOptions | PathOptions
@@ -118,13 +131,13 @@ def refuse_forces(options: PathOptions, method: str) -> None:
         raise InputError(f"constant_acceleration: found with {method}, expected pivot or ml")
 
 
-def _check_density(name: str, value: Density, unit: str) -> None:
-    if isinstance(value, str):
-        _check_one_of(name, value, ("auto", "none"))
-    elif not 0 < value <= DENSEST:
-        raise InputError(f"{name} is {value}, expected auto, none or a density above 0 to {DENSEST:g} {unit}")
+def _keep(options: Options, name: str, low: float, high: float, expected: str, *, optional: bool = True) -> None:
+    """Keep a number of the options as a float, if it is from `low` to `high`, or None where it is optional."""
+    value = getattr(options, name)
+    if value is not None or not optional:
+        object.__setattr__(options, name, number_within(name, value, low, high, expected))
 
 
 def _check_one_of(name: str, value: object, known: tuple[object, ...]) -> None:
-    if value not in known:
+    if not isinstance(value, str | None) or value not in known:
         raise InputError(f"{name} is {value!r}, expected one of {', '.join(str(item) for item in known if item)}")

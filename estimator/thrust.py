@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from baryscope.estimator.limits import LATEST
-from baryscope.models.arguments import array_of
+from baryscope.models.arguments import array_of, number_within
 from baryscope.models.ephemeris.trajectory import lvlh_axes, target_states
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
@@ -74,8 +74,7 @@ class KnownAcceleration:
         if axes == "camera" and attitude is None:
             raise InputError("acceleration: axes are camera, which needs the camera's attitude")
         for name, number, limit in (("scale", scale, 1.0), ("firing", firing, 1.0), ("noise", noise, STRONGEST)):
-            if not 0 <= number <= limit:
-                raise InputError(f"acceleration: {name} is {number}, expected 0 to {limit:g}")
+            number_within(f"acceleration: {name}", number, 0.0, limit, f"0 to {limit:g}")
         changed = np.concatenate([[True], (np.diff(values, axis=0) != 0).any(axis=1)])
         if np.count_nonzero(changed) > MOST_CHANGES:
             raise InputError(

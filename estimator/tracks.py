@@ -36,7 +36,8 @@ class FeatureTracks:
     UTC of time 0 in ISO 8601, or None if it is not known; camera: the turning one through which they were seen, whose
     errors they share (`Camera.inertial`), or None. Files have no camera.
 
-    Times, steps, positions and covariances lie within the ranges of `limits`.
+    Times, steps, positions and covariances lie within the ranges of `limits`. Arrays are copied: what becomes of those
+    that were given changes nothing.
 
     Raises:
         InputError: a shape, an order or a value is not as above.
@@ -59,10 +60,11 @@ class FeatureTracks:
         camera: Camera | None = None,
     ) -> None:
         object.__setattr__(self, "camera", camera)
-        object.__setattr__(self, "time", array_of("time", time))
-        object.__setattr__(self, "position", array_of("position", position))
         object.__setattr__(self, "labels", tuple(map(_label, labels)))
-        object.__setattr__(self, "covariance", None if covariance is None else array_of("covariance", covariance))
+        object.__setattr__(self, "covariance", None)
+        given = {"time": time, "position": position} | ({} if covariance is None else {"covariance": covariance})
+        for name, value in given.items():
+            object.__setattr__(self, name, array_of(name, value).copy())
         object.__setattr__(self, "epoch", None if epoch is None else utc_text(utc_of(epoch, "epoch")))
         self._check_shapes()
         self._check_values()
@@ -98,8 +100,9 @@ class FeatureTracks:
     def read_csv(cls, path: AnyPath) -> "FeatureTracks":
         """Read a file of one row per observation, `time,feature,x,y,z[,cxx,cxy,cxz,cyy,cyz,czz]`, in any order.
 
-        Times are seconds, or UTC in ISO 8601; time 0 is then the earliest. A row with an empty position means that the
-        feature is not seen. If the feature is empty, too, the row only gives the time of a frame without observations.
+        Times are seconds, or UTC in ISO 8601; time 0 is then the earliest. A row whose position is empty, or NaN, NA or
+        another word that pandas takes for a missing value, means that the feature is not seen. If the feature is empty,
+        too, the row only gives the time of a frame without observations.
 
         Raises:
             InputError: one line that names file, line and column, what was found and what was expected.

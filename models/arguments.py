@@ -37,7 +37,20 @@ def number_of(name: str, value: ArrayLike) -> float:
     return float(array_of(name, value, ()))
 
 
-def _shown(value: ArrayLike) -> str:
+def number_within(name: str, value: object, low: float, high: float, expected: str) -> float:
+    """A single real number from `low` to `high`: no text, truth value or array of one, which are slips.
+
+    Raises:
+        InputError: it is none, or beyond; the message has `name` and what is `expected`.
+    """
+    array = np.asarray(value)
+    single = array.ndim == 0 and array.dtype.kind in "iuf"
+    if not (single and low <= array <= high):
+        raise InputError(f"{name} is {array if single else _shown(value)}, expected {expected}")
+    return float(array)
+
+
+def _shown(value: object) -> str:
     """A value in a few words: that of times is cut off before their unit, which matters."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "mM":
         return str(value.dtype)

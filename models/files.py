@@ -1,9 +1,10 @@
-"""Files: written completely or not at all, and read with errors of one line."""
+"""Files: written completely or not at all, and read with errors of one line; folders for temporary ones."""
 
 import errno
 import os
 import shutil
 import stat
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -11,9 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
+if sys.platform != "win32":
+    import fcntl
+
 from baryscope.models.errors import DiskError, InputError
 
 DISK_TROUBLE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+TEMPORARY = "baryscope."  # begins the names of folders for temporary files
 AnyPath = str | os.PathLike[str]  # what functions take that users call
 
 
@@ -139,22 +144,82 @@ def write_together(writers: Mapping[Path, Writer]) -> None:
                 write(stream)
 
 
+class TemporaryFolder:
+    """A folder for temporary files, at `path`, until `remove`.
+
+    A process that is killed leaves it behind; `temporary_folder` removes it later, in whatever process. What tells that
+    nobody uses it any more is a lock, which ends with the process that made it: a number of that could be of another
+    machine or container. Windows has no such lock, and what is left there stays.
+
+    Raises:
+        InputError, DiskError: it cannot be made; names the folder for temporary files.
+    """
+
+    path: Path
+
+    def __init__(self) -> None:
+        try:
+            new = Path(tempfile.mkdtemp(prefix=f".{TEMPORARY}"))  # of a name that nobody looks at before it is locked
+            self._lock = _locked(new)
+            self.path = new.rename(new.with_name(new.name[1:]))
+        except OSError as error:
+            raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
+
+    def remove(self) -> None:
+        """Remove it with what is in it; twice is fine."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """Yield a folder that is removed, with what is in it, in the end.
+    """Yield a folder that is removed, with what is in it, in the end; those of killed processes are removed first.
 
     Raises:
         InputError, DiskError: it cannot be made or written to; names the folder for temporary files.
     """
-    folder = tempfile.gettempdir()
+    _remove_abandoned()
+    folder = TemporaryFolder()
     try:
-        with tempfile.TemporaryDirectory(prefix="baryscope-", ignore_cleanup_errors=True) as name:
-            folder = name
-            yield Path(name)
+        yield folder.path
     except OSError as error:
-        if isinstance(error, BrokenPipeError) or not str(error.filename or folder).startswith(folder):
+        if isinstance(error, BrokenPipeError) or not str(error.filename or folder.path).startswith(str(folder.path)):
             raise  # of something else that was done meanwhile
         raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
+    finally:
+        folder.remove()
+
+
+def _locked(folder: Path) -> int | None:
+    """A lock on a folder, until it is closed or the process ends; None if another one has it, or there are no locks."""
+    if sys.platform == "win32":
+        return None
+    handle = None
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        if handle is not None:
+            os.close(handle)
+        return None
+    return handle
+
+
+def _remove_abandoned() -> None:
+    """Remove the folders of this user that processes left which are no more."""
+    if sys.platform == "win32":
+        return
+    for folder in Path(tempfile.gettempdir()).glob(f"{TEMPORARY}*"):
+        try:
+            own = folder.lstat().st_uid == os.geteuid()
+        except OSError:  # another process has just removed it
+            continue
+        lock = _locked(folder) if own else None
+        if lock is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
 
 
 def unwritable(path: AnyPath, error: OSError) -> InputError | DiskError:

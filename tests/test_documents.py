@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.bound import cramer_rao_bound
-from baryscope.estimator.findings import Finding
+from baryscope.estimator.findings import MISFITS, UNCHECKED, Finding
+from baryscope.estimator.result import Status
 from baryscope.models.scenario import load_scenario
 from baryscope.scripts.cli import app
 from documents import (
@@ -152,8 +153,24 @@ def test_every_finding_has_its_row_and_its_place_in_the_reference():
     names = {finding.__name__ for finding in get_args(Finding)}
     listed = text_of("docs/reference/estimator.md").split("estimator.findings")[1].split(":::")[0]
     assert set(re.findall(r"- (\w+)", listed)) == names
-    rows = set(re.findall(r"^\| `([\w-]+)` \|", text_of("docs/estimate.md"), re.MULTILINE))
-    assert {re.sub("(?<=[a-z])(?=[A-Z])", "-", name).lower() for name in names} <= rows
+    fields, guide = text_of("docs/estimate.md").split("## What to do about a finding")
+    rows = re.findall(r"^\| `([\w-]+)` \| ([\w ]+) \|", guide, re.MULTILINE)[1:]  # without the heads of the columns
+    statuses = dict.fromkeys(map(_kind, get_args(Finding)), "stays")
+    statuses |= dict.fromkeys(map(_kind, get_args(MISFITS)), Status.MODEL_DOES_NOT_FIT.value)
+    statuses |= dict.fromkeys(map(_kind, get_args(UNCHECKED)), Status.NOT_CHECKED.value)
+    assert sorted(rows) == sorted(statuses.items())
+    assert set(statuses) <= set(re.findall(r"^\| `([\w-]+)` \|", fields, re.MULTILINE))
+
+
+def _kind(finding):
+    """As EST.json names it."""
+    return re.sub("(?<=[a-z])(?=[A-Z])", "-", finding.__name__).lower()
+
+
+def test_the_gallery_has_every_picture_once():
+    shown = re.findall(r"\[!\[[^\]]+\]\(([\w./-]+)\)\]\([\w./#-]+\)", text_of("docs/gallery.md"))
+    docs = ROOT / "docs"
+    assert sorted(shown) == sorted(path.relative_to(docs).as_posix() for path in docs.rglob("*.png"))
 
 
 def test_the_site_has_all_pages():

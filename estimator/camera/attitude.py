@@ -56,7 +56,7 @@ class AttitudeSeries:
         unit = values / np.linalg.norm(values, axis=1, keepdims=True)
         flips = np.sign(np.einsum("ki,ki->k", unit[1:], unit[:-1]))
         unit[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
-        object.__setattr__(self, "time", times)
+        object.__setattr__(self, "time", times.copy())
         object.__setattr__(self, "quaternion", unit)
         object.__setattr__(self, "epoch", None if epoch is None else utc_text(utc_of(epoch, "epoch")))
 

@@ -9,10 +9,21 @@ from baryscope.models.files import AnyPath, read_bytes
 
 WHAT = "marker tracks in C3D"
 MOST_FRAMES = 0xFFFF  # that the header can count
+OUTPUTS = (
+    "ANGLES",
+    "FORCES",
+    "MOMENTS",
+    "POWERS",
+    "SCALARS",
+    "REACTIONS",
+)  # parameters that list points which are none
 
 
 def read_c3d(path: AnyPath) -> tuple[FeatureTracks, str]:
     """The tracks, in the file's unit, and that unit, empty if it tells none; time 0 is that of the recording's begin.
+
+    Points that the file lists as angles, forces and other outputs of a model, as Vicon Nexus writes them, are left out:
+    they are no positions.
 
     Raises:
         InputError: no such file, one that is damaged, or no markers in it.
@@ -32,8 +43,14 @@ def read_c3d(path: AnyPath) -> tuple[FeatureTracks, str]:
     position[~valid] = np.nan
     about = parameters.get("POINT", {})
     time = (first + np.arange(count)) / _rate(about, header, source)
+    told = _listed(about, "LABELS", header.points)
+    outputs = {label for name in OUTPUTS for label in _listed(about, name, header.points)}
+    markers = [index for index, label in enumerate(told) if label not in outputs or not label]
+    if not markers:
+        raise InputError(f"{source}: no markers, only outputs of a model as {told[0]!r}, expected positions in frames")
+    labels = _labels(told)
     try:
-        tracks = FeatureTracks(time, position, _labels(about, header.points))
+        tracks = FeatureTracks(time, position[:, markers], [labels[index] for index in markers])
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     return tracks, str(next(iter(about.get("UNITS", [])), ""))
@@ -95,15 +112,19 @@ def _rate(about: dict[str, list[object]], header: Header, source: str) -> float:
     return told[0]
 
 
-def _labels(about: dict[str, list[object]], count: int) -> list[str]:
-    """The markers' labels; beyond 255 they are in LABELS2 and so on.
+def _listed(about: dict[str, list[object]], name: str, count: int) -> list[str]:
+    """The texts in a parameter of `count` points, beyond 255 in NAME2 and so on; empty where there are none."""
+    lists = [name, *(f"{name}{k}" for k in range(2, 2 + count // 255))]
+    told = [str(label).strip() for one in lists for label in about.get(one, [])][:count]
+    return told + [""] * (count - len(told))
 
-    Markers without one get a number; so do those that share one, as of unnamed trajectories, so that none is meant by
+
+def _labels(told: list[str]) -> list[str]:
+    """The points' labels.
+
+    Points without one get a number; so do those that share one, as of unnamed trajectories, so that none is meant by
     it alone.
     """
-    groups = ["LABELS", *(f"LABELS{k}" for k in range(2, 2 + count // 255))]
-    told = [str(label).strip() for group in groups for label in about.get(group, [])][:count]
-    told += [""] * (count - len(told))
     shared = {label for label in told if told.count(label) > 1}
     return [
         f"{label or 'marker'} {number}" if not label or label in shared else label

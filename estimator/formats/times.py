@@ -37,7 +37,7 @@ def seconds_of(times: Any, place: Callable[[int], str]) -> tuple[FloatArray, Mom
         return None
     missing = np.isnat(column)
     if missing.any():
-        raise InputError(f"{place(int(np.argmax(missing)))}: empty, expected a datetime")
+        raise InputError(f"{place(int(np.argmax(missing)))}: missing, expected a datetime")
     moments = column.astype("datetime64[ns]")
     epoch = moments.min()
     return (moments - epoch) / SECOND, epoch

@@ -14,7 +14,7 @@ from baryscope.estimator.geometry.symmetric import elements_of
 from baryscope.estimator.limits import COARSEST, FARTHEST, FINEST, LATEST
 from baryscope.estimator.online import core
 from baryscope.estimator.online.core import MOST_FEATURES, Options, Result, State, Tumble, build, library
-from baryscope.models.arguments import array_of
+from baryscope.models.arguments import array_of, number_within
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT
 from baryscope.models.orbit import Orbit
@@ -323,9 +323,7 @@ class OnlineEstimator:
 
 
 def _within(name: str, value: float, low: float, high: float, unit: str) -> float:
-    if not low <= value <= high:
-        raise InputError(f"{name}: found {value!r}, expected {low:g} to {high:g} {unit}")
-    return float(value)
+    return number_within(name, value, low, high, f"{low:g} to {high:g} {unit}")
 
 
 def _is_too_late(time: float) -> bool:

@@ -27,7 +27,7 @@ def read_acceleration(path: AnyPath, epoch: str | None = None) -> tuple[FloatArr
     for name in COLUMNS:
         limit, unit = (LATEST, "s") if name == "time" else (STRONGEST, "m/s²")
         expected = f"a number within ±{limit:g} {unit}"
-        table.refuse(np.isnan(columns.numbers[name]), name, f"empty, expected {expected}")
+        table.refuse(np.isnan(columns.numbers[name]), name, f"missing, expected {expected}")
         table.refuse_beyond(name, limit, expected)
     time = columns.numbers["time"]
     if columns.epoch is not None:

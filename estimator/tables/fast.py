@@ -20,9 +20,9 @@ def read_fast(content: bytes, header: Sequence[str], label: str) -> Columns | No
     """The rows below the first line of `content`, or None if the strict reader is needed.
 
     content: UTF-8 without a byte order mark, lines ended by "\\n". Column `label` is text, the others are finite
-    numbers or empty. None means that a row is short or long, a line is empty, a quote is not around a whole cell, a
-    number is not plain or not finite, the text is not UTF-8, or polars does not support the processor; the file may be
-    valid.
+    numbers, NaN or empty. None means that a row is short or long, a line is empty, a quote is not around a whole cell,
+    a number is infinite or not plain, as NA is, the text is not UTF-8, or polars does not support the processor; the
+    file may be valid.
     """
     if content.endswith(b"\n\n") or not content.endswith(b"\n"):
         content = content.rstrip(b"\n") + b"\n"
@@ -41,8 +41,10 @@ def read_fast(content: bytes, header: Sequence[str], label: str) -> Columns | No
     except pl.exceptions.PolarsError:
         return None
     numbers = [name for name in header if name != label]
-    if frame.height != lines - 1 or not all(frame[name].is_finite().all() for name in numbers):
+    if frame.height != lines - 1 or any(frame[name].is_infinite().any() for name in numbers):
         return None
+    if any(frame[name].is_nan().any() for name in numbers):
+        frame = frame.with_columns(pl.col(numbers).fill_nan(None))  # which all have the bits of np.nan
     texts = frame[label].fill_null("")
     known = texts.unique(maintain_order=True)
     codes = texts.cast(pl.Enum(known)).to_physical().to_numpy()

@@ -1,4 +1,4 @@
-"""The expected form of a CSV table, and its columns."""
+"""The expected form of a CSV table, the words of its cells without a number, and its columns."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+
+MISSING = frozenset(
+    ["", "nan", "-nan", "+nan", "na", "<na>", "n/a", "#na", "#n/a", "#n/a n/a", "null", "none"]
+    + [sign + word for sign in ("", "-") for word in ("1.#ind", "1.#qnan")]
+)  # in lower case: what pandas.read_csv takes for a missing value
 
 
 @dataclass(frozen=True)
@@ -23,7 +28,7 @@ class Form:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of a table: numbers (rows,) with NaN for empty cells, and one text column as codes.
+    """Columns of a table: numbers (rows,) with NaN for cells that have none, and one text column as codes.
 
     epoch: the moment from which the column of times counts, the earliest in the file, if it holds UTC times.
     """

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.tables.causes import has_decimal_commas, looks_like_numbers, separator_of, wanted_of
 from baryscope.estimator.tables.clock import Clock
-from baryscope.estimator.tables.form import Columns, FloatArray, Form, IntArray
+from baryscope.estimator.tables.form import MISSING, Columns, FloatArray, Form, IntArray
 from baryscope.models.errors import InputError
 from baryscope.models.words import counted
 
@@ -115,15 +115,18 @@ def _numbers(cells: Sequence[str], name: str, lines: Sequence[int], source: str)
         values = np.array([float(cell) if cell else np.nan for cell in cells], dtype=np.float64)
     except ValueError:
         values = None
-    # Python's float also accepts nan, inf and 1_000, which are no numbers in this file format.
-    empty = np.array([not cell for cell in cells])
+    # Python's float also accepts inf and 1_000, which are no numbers in this file format.
     odd = "_" in "".join(cells) or not cells
-    if values is not None and not odd and np.array_equal(np.isfinite(values), ~empty):
-        return values
+    if values is not None and not odd and not np.isinf(values).any():
+        return np.where(np.isnan(values), np.nan, values)  # without the sign of -nan
     for cell, line in zip(cells, lines, strict=True):
-        if cell.strip() and not _is_number(cell):
+        if not _is_missing(cell) and not _is_number(cell):
             raise InputError(f"{source}, line {line}, column {name}: {_shortened(cell)}, expected {wanted_of(cell)}")
-    return np.array([float(cell) if cell.strip() else np.nan for cell in cells], dtype=np.float64)
+    return np.array([np.nan if _is_missing(cell) else float(cell) for cell in cells], dtype=np.float64)
+
+
+def _is_missing(cell: str) -> bool:
+    return cell.strip().lower() in MISSING
 
 
 def _is_number(cell: str) -> bool:

@@ -44,7 +44,7 @@ class Table:
             raise InputError(f"{self.place(int(np.argmax(wrong)))}, column {column}: {message}")
 
     def refuse_beyond(self, column: str, limit: float, expected: str) -> None:
-        """Check that the numbers of a column are within ±limit; empty cells are.
+        """Check that the numbers of a column are within ±limit; missing ones are.
 
         Raises:
             InputError: one is not.
@@ -58,7 +58,8 @@ class Table:
 def read_table(content: bytes, source: str, form: Form) -> Table:
     """Parse the content of a CSV file; `source` names it in errors.
 
-    Cells of the text column are stripped; the others are finite numbers or empty. Columns may be in any order.
+    Cells of the text column are stripped; the others are finite numbers, or missing as `form.MISSING` has it. Columns
+    may be in any order.
 
     Raises:
         InputError: one line that names file, line and column, what was found and what was expected.

@@ -19,7 +19,7 @@ def read_times(path: AnyPath) -> tuple[FloatArray, str | None]:
     """
     table = read_table(read_bytes(path, FORM.what), str(path), FORM)
     time, epoch = table.columns.numbers["time"], table.columns.epoch
-    table.refuse(np.isnan(time), "time", "empty, expected a time")
+    table.refuse(np.isnan(time), "time", "missing, expected a time")
     table.refuse_beyond("time", LATEST, f"a number within ±{LATEST:g} s")
     table.refuse(np.diff(time, prepend=-np.inf) <= 0, "time", "not after the row before, expected ascending times")
     return time, None if epoch is None else utc_text(epoch)

@@ -22,18 +22,18 @@ FORM = Form("feature tracks in CSV", COLUMNS, COVARIANCE_COLUMNS, "feature", "ti
 def arrays_of(table: Table) -> tuple[FloatArray, FloatArray, tuple[str, ...], FloatArray | None]:
     """Time (n,), position (n, m, 3), labels (m) and covariance (n, m, 3, 3), or None, from the rows of a file.
 
-    NaN means not seen. Whether the covariances are positive semidefinite is checked elsewhere.
+    NaN means not seen, as missing cells do. Whether the covariances are positive semidefinite is checked elsewhere.
 
     Raises:
         InputError: an incomplete position, a position without a label or time, one given twice, a number out of range.
     """
     numbers, labels, codes = table.columns.numbers, table.columns.labels, table.columns.codes
     empty = np.stack([np.isnan(numbers[axis]) for axis in "xyz"])
-    table.refuse(np.isnan(numbers["time"]), "time", "empty, expected a number of seconds")
+    table.refuse(np.isnan(numbers["time"]), "time", "missing, expected a number of seconds")
     table.refuse_beyond("time", LATEST, f"a number of seconds within ±{LATEST:g}")
     seen = np.asarray(~empty.all(axis=0))
     for index, axis in enumerate("xyz"):
-        table.refuse(seen & empty[index], axis, "empty, expected a number (x, y and z, or none of them)")
+        table.refuse(seen & empty[index], axis, "missing, expected a number (x, y and z, or none of them)")
         table.refuse_beyond(axis, FARTHEST, f"a number of metres within ±{FARTHEST:g}")
     table.refuse(seen & (codes < 0), "feature", "empty, expected the label of the feature at this position")
     time, frame = _frames(numbers["time"])
@@ -105,6 +105,6 @@ def _check_covariance_cells(table: Table, seen: BoolArray) -> None:
     for name in COVARIANCE_COLUMNS:
         if name in table.columns.numbers:
             empty = np.isnan(table.columns.numbers[name])
-            table.refuse(seen & empty, name, "empty, expected a number (all six, wherever x, y, z stand)")
+            table.refuse(seen & empty, name, "missing, expected a number (all six, wherever x, y, z stand)")
             table.refuse(~seen & ~empty, name, "a number without a position, expected an empty cell")
             table.refuse_beyond(name, COARSEST**2, f"a number of m² within ±{COARSEST**2:g}")

@@ -1,7 +1,5 @@
 """Packs FMU files; opens them: checks the paths, unpacks, and recognises a unit of ours by its name and variables."""
 
-import shutil
-import tempfile
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +10,7 @@ import fmpy
 from baryscope.fmu.layout.platforms import FmiVersion
 from baryscope.fmu.layout.references import Reference, reference_table
 from baryscope.models.errors import InputError
-from baryscope.models.files import DISK_TROUBLE, unwritable
+from baryscope.models.files import DISK_TROUBLE, TemporaryFolder, unwritable
 from baryscope.models.variables import Kind, Variable
 
 MODEL_NAME = "TumblingTarget"
@@ -25,7 +23,7 @@ class UnitFile:
 
     Attributes:
         path: the FMU.
-        folder: where it is unpacked; the caller of `open_unit` removes it.
+        unpacked: where it is unpacked; the caller of `open_unit` removes it.
         fmi: the version of FMI.
         guid: the token shared by description and library.
         model_identifier: stem of the library's name.
@@ -34,12 +32,17 @@ class UnitFile:
     """
 
     path: Path
-    folder: Path
+    unpacked: TemporaryFolder
     fmi: FmiVersion
     guid: str
     model_identifier: str
     variables: tuple[Variable, ...]
     table: Sequence[Reference]
+
+    @property
+    def folder(self) -> Path:
+        """That where it is unpacked."""
+        return self.unpacked.path
 
     def of_kind(self, kind: Kind) -> list[Variable]:
         """The variables of one kind, in order."""
@@ -79,15 +82,12 @@ def open_unit(path: Path, tables: Tables) -> UnitFile:
         InputError: it cannot be read, is damaged or unsafe, or is none of these units with this version's table.
         DiskError: there is no room to unpack it.
     """
+    unpacked = TemporaryFolder()
     try:
-        folder = Path(tempfile.mkdtemp(prefix="baryscope-"))
-    except OSError as error:
-        raise unwritable(f"{tempfile.gettempdir()}, for temporary files", error) from error
-    try:
-        unpack(path, folder, "an FMU made by `baryscope build`")
-        return _describe(path, folder, tables)
+        unpack(path, unpacked.path, "an FMU made by `baryscope build`")
+        return _describe(path, unpacked, tables)
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        unpacked.remove()
         raise
 
 
@@ -132,9 +132,9 @@ def unpack(path: Path, folder: Path, expected: str, name: str = "") -> None:
         raise InputError(f"{source}: cannot be unpacked ({error}), expected {expected}") from error
 
 
-def _describe(path: Path, folder: Path, tables: Tables) -> UnitFile:
+def _describe(path: Path, unpacked: TemporaryFolder, tables: Tables) -> UnitFile:
     try:
-        description = fmpy.read_model_description(str(folder), validate=False)
+        description = fmpy.read_model_description(str(unpacked.path), validate=False)
     except Exception as error:  # fmpy raises bare Exceptions
         raise InputError(f"{path}: modelDescription.xml cannot be read ({error})") from error
     kind = f"{description.modelName} of FMI {description.fmiVersion}"
@@ -145,7 +145,7 @@ def _describe(path: Path, folder: Path, tables: Tables) -> UnitFile:
     variables = tables[description.modelName](dict(described))
     table = _references(path, fmi, variables, described)
     identifier = description.coSimulation.modelIdentifier
-    return UnitFile(path, folder, fmi, description.guid, identifier, variables, table)
+    return UnitFile(path, unpacked, fmi, description.guid, identifier, variables, table)
 
 
 _VERSIONS: dict[str, FmiVersion] = {"2.0": 2, "3.0": 3}

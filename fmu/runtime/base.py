@@ -1,6 +1,5 @@
 """What all sessions share: one instance of a unit, its parameters, times and saved states."""
 
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -198,7 +197,7 @@ class BaseSession:
         instance, self._instance = self._instance, None
         if instance is not None:
             instance.close()
-        shutil.rmtree(self._unit.folder, ignore_errors=True)
+        self._unit.unpacked.remove()
 
     def __enter__(self) -> Self:
         return self

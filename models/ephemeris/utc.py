@@ -10,9 +10,10 @@ import numpy as np
 from baryscope.models.errors import InputError
 
 FORM = re.compile(
-    r"\s*(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))(?:[T ](\d{2}):(\d{2})(?::(\d{2})(\.\d+)?)?)?\s*(?:Z|z|UTC|[+]00:?00)?\s*"
+    r"\s*(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))(?:[T ](\d{2}):(\d{2})(?::(\d{2})(\.\d+)?)?)?"
+    r"\s*(?:Z|z|UTC|([+-])(\d{2})(?::?(\d{2}))?)?\s*"
 )
-EXPECTED = "a UTC time as 2026-03-01T12:00:00.5Z"
+EXPECTED = "a UTC time as 2026-03-01T12:00:00.5Z, or with its offset, as +01:00"
 LEAP = ("23", "59", "60")  # hour, minute and second of a leap second
 FIRST, LAST = 1950, 2200  # years; np.datetime64 counts nanoseconds in 64 bits
 
@@ -22,27 +23,33 @@ Moment = np.datetime64  # in ns
 def utc_of(text: object, place: str) -> Moment:
     """The moment that a text in ISO 8601 names, with month and day or the day of the year; `place` names it in errors.
 
+    A time has its offset from UTC behind it, or is in UTC.
+
     Raises:
         InputError: no such text, or a year out of range.
     """
     found = FORM.fullmatch(text) if isinstance(text, str) else None
     if found is None:
         raise InputError(f"{place}: found {str(text)[:40]!r}, expected {EXPECTED}")
-    year, month, day, day_of_year, hour, minute, second, fraction = found.groups()
+    year, month, day, day_of_year, hour, minute, second, fraction, sign, *offset = found.groups()
     if (hour, minute, second) == LEAP:
         raise InputError(f"{place}: found {str(text)[:40]!r}, leap seconds are not supported, expected {EXPECTED}")
     try:
         date = np.datetime64(f"{year}-{month or '01'}-{day or '01'}", "ns")
         date += np.timedelta64(int(day_of_year or 1) - 1, "D")
-        clock = [int(part or 0) for part in (hour, minute, second)]
-        if not FIRST <= int(year) < LAST or str(date)[:4] != year or day_of_year == "000":
+        clock, ahead = ([int(part or 0) for part in parts] for parts in ((hour, minute, second), offset))
+        if str(date)[:4] != year or day_of_year == "000" or (sign and hour is None):
             raise ValueError
-        if clock[0] > 23 or max(clock) > 59:
+        if max(clock[0], ahead[0]) > 23 or max(*clock, *ahead) > 59:
+            raise ValueError
+        shift = (-1 if sign == "+" else 1) * (60 * ahead[0] + ahead[1])
+        moment = date + np.timedelta64(clock[0] * 3600 + (clock[1] + shift) * 60 + clock[2], "s")
+        if not all(FIRST <= int(text[:4]) < LAST for text in (year, str(moment))):
             raise ValueError
     except ValueError as error:
         raise InputError(f"{place}: found {str(text)[:40]!r}, expected {EXPECTED}, from {FIRST} on") from error
     nanoseconds = int((fraction or ".0")[1:].ljust(9, "0")[:9])
-    return date + np.timedelta64(clock[0] * 3600 + clock[1] * 60 + clock[2], "s") + np.timedelta64(nanoseconds, "ns")
+    return moment + np.timedelta64(nanoseconds, "ns")
 
 
 def utc_text(moment: Moment) -> str:

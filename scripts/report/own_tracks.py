@@ -59,6 +59,7 @@ def scene_of_estimate(result: Estimate, tracks: FeatureTracks, orbit: Orbit | No
         features=_filled(result, tracks),
         seen=tracks.seen,
         rejected=rejected,
+        solids=_solids(result, tracks),
     )
     shown = (Shown(result.method, COLOUR, result.position, result.covariance),)
     about = "Features where they were measured, and hollow where the estimate has those that are not seen."
@@ -71,6 +72,22 @@ def in_tracks(flags: BoolArray, labels: tuple[str, ...], tracks: FeatureTracks) 
     columns = [place.get(label, -1) for label in tracks.labels]
     padded = np.concatenate([flags, np.zeros((len(flags), 1), dtype=bool)], axis=1)
     return np.asarray(padded[:, columns])
+
+
+def _solids(result: Estimate, tracks: FeatureTracks) -> tuple[FloatArray, ...] | None:
+    """The features of each cluster as a solid of its own, (m, 3), where the clusters have no axes in common.
+
+    The hull of all of them would have few faces whose corners are all known at a time.
+    """
+    if not result.clusters or isinstance(result.details, TumbleDetails):
+        return None
+    place = {label: index for index, label in enumerate(tracks.labels)}
+    solids = np.full((len(result.clusters), len(tracks.labels), 3), np.nan)
+    for solid, cluster in zip(solids, result.clusters, strict=True):
+        for label, point in zip(cluster.labels, cluster.points, strict=True):
+            if label in place:
+                solid[place[label]] = point
+    return tuple(solids)
 
 
 def _filled(result: Estimate, tracks: FeatureTracks) -> FloatArray:

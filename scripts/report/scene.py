@@ -27,7 +27,8 @@ MOST_FEATURES = 200
 class Body:
     """What turns in the scene, at n times: path (n, 3), attitude (n, 3, 3) or None, features (n, m, 3) in C, m.
 
-    Attitudes are NaN where unknown, and so are features. seen, rejected: (n, m).
+    Attitudes are NaN where unknown, and so are features. seen, rejected: (n, m). solids: whose convex hulls are its
+    shape, points (m, 3) each in axes of its own, NaN for features of others; all features make one unless given.
     """
 
     time: FloatArray
@@ -38,6 +39,7 @@ class Body:
     features: FloatArray
     seen: BoolArray
     rejected: BoolArray
+    solids: tuple[FloatArray, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,7 @@ def scene_of(body: Body, estimates: tuple[Shown, ...], orbit: Orbit | None, abou
     keep = evenly(len(body.time), min(MOST_FRAMES, max(50, MOST_POINTS // len(chosen))))
     path, features = body.path[keep], body.features[np.ix_(keep, chosen)]
     state = np.where(body.seen, np.where(body.rejected, 2, 1), 0)[np.ix_(keep, chosen)]
+    solids = (body_points(body),) if body.solids is None else body.solids
     upper_rows, upper_columns = zip(*UPPER, strict=True)
     ghosts = tuple(
         Ghost(
@@ -73,7 +76,7 @@ def scene_of(body: Body, estimates: tuple[Shown, ...], orbit: Orbit | None, abou
         labels=tuple(body.labels[index] for index in chosen.tolist()),
         features=features - path[:, None],
         state=tuple("".join(map(str, row)) for row in state.tolist()),
-        faces=hull_of(body_points(body)[chosen]),
+        faces=np.concatenate([hull_of(points[chosen]) for points in solids]),
         ghosts=ghosts,
         attitude=None if body.attitude is None else quaternions(body.attitude[keep]),
         orbit=None if orbit is None else quaternions(lvlh_attitude(orbit, body.time[keep])),

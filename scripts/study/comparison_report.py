@@ -141,7 +141,7 @@ def _nees(comparison: Comparison) -> Chart | None:
         return None
     about = (
         "The squared error in units of the method's covariance; 95 % of single values should be between the dotted "
-        "lines. Values of one flight depend on each other, so that one flight tells little: see `baryscope campaign`."
+        "lines. Values of one flight depend on each other, so that one flight tells little: see the command campaign."
     )
     return nees_chart(tuple(series), about)
 

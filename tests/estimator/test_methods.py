@@ -245,9 +245,19 @@ def test_invalid_combinations_of_options_are_refused(method):
         ({"sigma": float("inf")}, "sigma is inf"),
         ({"noise": "white"}, "noise is 'white', expected one of auto, stereo, fixed"),
         ({"torque": "drag"}, "torque is 'drag', expected one of none, gravity-gradient"),
+        ({"sigma": "0.1"}, "sigma is '0.1', expected a standard deviation of 1e-09 to 1e+09 m"),
+        ({"sigma": True}, "sigma is True"),
+        ({"sigma": np.array([0.1, 0.2])}, "sigma is array([0.1, 0.2])"),
+        ({"process_noise": None}, "process_noise is None, expected auto, none or a density above 0 to 1e+06 m²/s³"),
+        ({"process_noise": 0.0}, "process_noise is 0.0, expected auto, none or a density above 0"),
+        ({"torque_noise": [1e-9]}, "torque_noise is [1e-09], expected auto, none or a density above 0"),
+        ({"trajectory": 2}, "trajectory is 2, expected a text as polynomial:2"),
+        ({"noise": np.array([1, 2])}, "noise is array([1, 2]), expected one of auto, stereo, fixed"),
+        ({"acceleration": "thrust.csv"}, "acceleration: found str, expected KnownAcceleration"),
     ],
 )
 def test_wrong_options_are_refused(options, expected):
+    """A number in quotes, as read from a file of settings, was a TypeError of ours."""
     with pytest.raises(InputError, match="expected") as caught:
         PathOptions(**options)
     assert expected in str(caught.value)

@@ -83,6 +83,7 @@ def test_firings_end_with_a_zero():
         (([0.0], np.ones((1, 3))), {"scale": -0.1}, "scale is -0.1, expected 0 to 1"),
         (([0.0], np.ones((1, 3))), {"firing": 2.0}, "firing is 2.0, expected 0 to 1"),
         (([0.0], np.ones((1, 3))), {"noise": np.nan}, "noise is nan, expected 0 to 1000"),
+        (([0.0], np.ones((1, 3))), {"noise": "1e-9"}, "noise is '1e-9', expected 0 to 1000"),
         ((np.arange(2e5), np.arange(6e5).reshape(-1, 3) % 7), {}, "changes 200000 times, expected at most 100000"),
     ],
 )
@@ -107,7 +108,7 @@ BAD = {
     "unit": ("time,ax_mm,ay,az\n", "unknown column 'ax_mm' in the header, expected time,ax,ay,az$"),
     "rows": ("time,ax,ay,az\n", "no rows below the header"),
     "cell": ("time,ax,ay,az\n0,1,2,fast\n", "line 2, column az: 'fast', expected a finite number"),
-    "empty": ("time,ax,ay,az\n0,1,2,3\n1,1,,3\n", "line 3, column ay: empty, expected a number within ±1000 m/s²"),
+    "empty": ("time,ax,ay,az\n0,1,2,3\n1,1,,3\n", "line 3, column ay: missing, expected a number within ±1000 m/s²"),
     "order": ("time,ax,ay,az\n1,1,2,3\n0,1,2,3\n", "line 3, column time: not after the row before"),
     "large": ("time,ax,ay,az\n1,1,2,3000\n", "line 2, column az: 3000.0, expected a number within"),
     "utc": ("time,ax,ay,az\n2026-03-01T12:00:00Z,1,2,3\n", "UTC times, expected seconds, as in the tracks"),

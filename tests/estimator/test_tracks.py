@@ -1,4 +1,5 @@
 import numpy as np
+import pandas
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,6 +32,32 @@ def test_rows_in_any_order_columns_in_any_order_and_unseen_features(tmp_path):
     np.testing.assert_array_equal(tracks.seen, [[False, True], [True, False], [False, False]])
     np.testing.assert_array_equal(tracks.position[0, 1], [1, 2, 3])
     np.testing.assert_array_equal(tracks.position[1, 0], [4, 5, 6])
+
+
+@pytest.mark.parametrize("na_rep", ["", "NaN", "NA"])
+@pytest.mark.parametrize("frames", [3, 30_000])  # of 30,000 the file is long enough for the fast reader
+def test_markers_that_pandas_writes_as_lost_are_those_of_arrays(tmp_path, na_rep, frames):
+    """NaN in a file was an error, where NaN in an array is a feature that is not seen."""
+    position = np.random.default_rng(4).normal(size=(frames, 2, 3))
+    position[1, 0] = np.nan
+    tracks = FeatureTracks(np.arange(float(frames)), position, ["a", "b"])
+    rows = {"time": np.repeat(tracks.time, 2), "feature": ["a", "b"] * frames}
+    rows |= {axis: position[..., index].ravel() for index, axis in enumerate("xyz")}
+    pandas.DataFrame(rows).to_csv(tmp_path / "tracks.csv", index=False, na_rep=na_rep)
+    found = FeatureTracks.read_csv(tmp_path / "tracks.csv")
+    np.testing.assert_array_equal(found.position, position)
+    assert found.labels == tracks.labels
+
+
+def test_what_becomes_of_the_arrays_that_made_them_changes_no_tracks():
+    """A program that fills one buffer anew for each recording changed the tracks that it had made before."""
+    time, position, covariance = np.arange(2.0), np.ones((2, 3, 3)), np.tile(np.eye(3), (2, 3, 1, 1))
+    tracks = FeatureTracks(time, position, ["a", "b", "c"], covariance)
+    for buffer in (time, position, covariance):
+        buffer[...] = -1.0
+    np.testing.assert_array_equal(tracks.time, [0, 1])
+    np.testing.assert_array_equal(tracks.position, np.ones((2, 3, 3)))
+    np.testing.assert_array_equal(tracks.covariance[1, 2], np.eye(3))
 
 
 def test_masked_positions_are_not_seen():
@@ -184,3 +211,13 @@ def test_an_epoch_is_a_utc_time():
     with pytest.raises(InputError, match="epoch: found 'now', expected a UTC time"):
         FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"], epoch="now")
     assert FeatureTracks([0.0], np.zeros((1, 1, 3)), ["a"]).epoch is None
+
+
+def test_times_with_offsets_are_those_in_utc(tmp_path):
+    """Of an hour that summer time repeats: 02:30 is twice, and the offsets tell which."""
+    times = ["2026-10-25T02:30:00+02:00", "2026-10-25T02:30:00+01:00", "2026-10-25T01:31:00Z"]
+    rows = "".join(f"{time},a,1,2,3\n" for time in times)
+    (tmp_path / "tracks.csv").write_text("time,feature,x,y,z\n" + rows, encoding="utf-8")
+    tracks = FeatureTracks.read_csv(tmp_path / "tracks.csv")
+    assert tracks.epoch == "2026-10-25T00:30:00Z"
+    np.testing.assert_array_equal(tracks.time, [0.0, 3600.0, 3660.0])

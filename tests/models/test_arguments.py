@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baryscope.models.arguments import array_of, number_of
+from baryscope.models.arguments import array_of, number_of, number_within
 from baryscope.models.errors import InputError
 
 
@@ -19,3 +19,20 @@ def test_what_is_no_real_number_is_refused_in_one_line(value):
         array_of("x", value)
     with pytest.raises(InputError, match=r"^x: found shape \(2,\), expected \(3,\)$"):
         array_of("x", [1.0, 2.0], (3,))
+
+
+@pytest.mark.parametrize("value", [1, 1.0, np.float32(1), np.int8(1), np.array(1.0)])
+def test_single_numbers_of_any_kind_are_floats(value):
+    found = number_within("sigma", value, 1.0, 2.0, "1 to 2 m")
+    assert type(found) is float
+    assert found == 1.0
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["1.5", "x", True, np.True_, None, [1.5], np.array([1.5]), np.ones((40, 40)), 1.5j, 10**400, np.nan, 0.99, 2.01,
+     np.timedelta64(1, "s")],
+)  # fmt: skip
+def test_what_is_no_single_number_in_the_range_is_refused_in_one_line(value):
+    with pytest.raises(InputError, match=r"^sigma is [^\n]*, expected 1 to 2 m$"):
+        number_within("sigma", value, 1.0, 2.0, "1 to 2 m")

@@ -2,13 +2,19 @@
 
 import errno
 import os
+import signal
 import stat
+import subprocess
+import sys
 import tempfile
+from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
 from baryscope.models.errors import DiskError, InputError
 from baryscope.models.files import (
+    TemporaryFolder,
     read_text,
     refuse_overwriting,
     replacing,
@@ -194,6 +200,42 @@ def test_a_temporary_folder_is_gone_afterwards_and_names_its_place_when_full():
         str(caught.value)
         == f"{tempfile.gettempdir()}, for temporary files: cannot be written (No space left on device)"
     )
+
+
+KILLED = """
+import os, signal
+from baryscope.models.files import TemporaryFolder
+folder = TemporaryFolder()
+(folder.path / "file").touch()
+print(folder.path, flush=True)
+input()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no lock that ends with its process")
+def test_what_a_killed_process_left_is_removed_and_what_a_living_one_has_is_not(tmp_path, monkeypatch):
+    """A campaign that kill -9 ended left a unit of megabytes for each of its processes."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)  # so that it is looked for anew
+    (tmp_path / "baryscope.txt").touch()
+    (tmp_path / "baryscope.link").symlink_to(tmp_path)
+    others = {path.name for path in tmp_path.iterdir()}
+    own = TemporaryFolder()
+    with subprocess.Popen([sys.executable, "-c", KILLED], stdin=PIPE, stdout=PIPE, text=True) as process:
+        left = Path(process.stdout.readline().strip())
+        assert left.parent == tmp_path
+        with temporary_folder() as folder:
+            assert (left / "file").exists()
+            assert own.path.is_dir()
+        process.stdin.write("\n")
+    assert process.returncode == -signal.SIGKILL
+    assert (left / "file").exists()
+    with temporary_folder() as folder:
+        assert {path.name for path in tmp_path.iterdir()} == others | {own.path.name, folder.name}
+    own.remove()
+    own.remove()
+    assert {path.name for path in tmp_path.iterdir()} == others
 
 
 def link_to(tmp_path):

@@ -10,13 +10,15 @@ function Sheet(part) {
   const rows = part.rows.map((row) => el("tr", {}, ...row.map((text, k) => el("td", { class: side(k), text }))));
   const table = el("table", { "aria-label": part.title }, head, el("tbody", {}, ...rows));
   const box = el("div", { class: part.rows.length > 16 ? "scroll tall" : "scroll" }, table);
+  const hint = el("p", { class: "about hint", text: "wider than the screen: scroll sideways for more columns →", hidden: true });
   new ResizeObserver(() => {
     const hides = box.scrollWidth > box.clientWidth || box.scrollHeight > box.clientHeight; // then keys can scroll it
     for (const [name, value] of Object.entries({ tabindex: "0", role: "group", "aria-label": part.title })) {
       if (hides) box.setAttribute(name, value); else box.removeAttribute(name);
     }
+    hint.hidden = box.scrollWidth <= box.clientWidth;
   }).observe(box);
-  return [box];
+  return [hint, box];
 }
 
 function Facts(part) {

@@ -104,3 +104,11 @@ def test_too_wide_a_turn_is_not_interpolated():
 def test_shapes_are_checked():
     with pytest.raises(InputError, match=r"time has the shape \(31,\) and quaternion \(31, 3\)"):
         AttitudeSeries(TIME, QUATERNION[:, :3])
+
+
+def test_what_becomes_of_the_arrays_that_made_it_changes_no_series():
+    time, quaternion = np.arange(2.0), np.array([[1.0, 0, 0, 0]] * 2)
+    series = AttitudeSeries(time, quaternion)
+    time[:] = quaternion[:] = -9.0
+    np.testing.assert_array_equal(series.time, [0, 1])
+    np.testing.assert_array_equal(series.quaternion, [[1, 0, 0, 0]] * 2)

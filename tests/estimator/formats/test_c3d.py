@@ -102,6 +102,24 @@ def test_markers_that_share_a_label_are_told_apart_by_their_numbers(tmp_path):
     assert read_tracks(tmp_path / "t.c3d").labels == ("* 1", "LASI", "* 3", "RASI")
 
 
+@pytest.mark.parametrize("group", ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS"])
+def test_outputs_of_a_model_are_no_markers(tracks, tmp_path, group):
+    """Vicon Nexus keeps joint angles and the like among the points, as does `group` tell: degrees passed for mm."""
+    labels, outputs = list(tracks.labels), ["RKneeAngles", "*"]
+    degrees = 30 * np.random.default_rng(3).normal(size=(len(tracks.time), 2, 3)) * METRES["mm"]
+    mixed = np.concatenate([degrees[:, :1], tracks.position, degrees[:, 1:]], axis=1)
+    c3d(FeatureTracks(tracks.time, mixed, [outputs[0], *labels, outputs[1]]), tmp_path / "t.c3d")
+    same(read_tracks(tmp_path / "t.c3d").of_features(labels), tracks, rtol=1e-6)
+    file = ezc3d.c3d(str(tmp_path / "t.c3d"))
+    file.add_parameter("POINT", group, outputs)
+    file.write(str(tmp_path / "t.c3d"))
+    same(read_tracks(tmp_path / "t.c3d"), tracks, rtol=1e-6)
+    file.add_parameter("POINT", group, [outputs[0], *labels, outputs[1]])
+    file.write(str(tmp_path / "t.c3d"))
+    with pytest.raises(InputError, match=r"t\.c3d: no markers, only outputs of a model as 'RKneeAngles', expected"):
+        read_tracks(tmp_path / "t.c3d")
+
+
 INTEL, DEC, MIPS = 84, 85, 86
 
 

@@ -286,7 +286,7 @@ def test_what_is_no_trc_is_refused_in_a_line(tracks, tmp_path, change, expected)
             lambda rows: rows.update(time=[*texts(rows["time"])[:-1], None]),
             "frame, row 152, column time: found 'None', expected a UTC time as",
         ),
-        (lambda rows: rows["x"].__setitem__(3, np.nan), "frame, row 3, column x: empty, expected a number"),
+        (lambda rows: rows["x"].__setitem__(3, np.nan), "frame, row 3, column x: missing, expected a number"),
         (lambda rows: rows["time"].__setitem__(1, 0.5), "frame, row .*, column feature: 'right' stands twice at 0.5 s"),
         (lambda rows: rows.update(feature=[None] * len(rows["x"])), "column feature: no label in"),
         (lambda rows: rows.update(z=rows["z"][:-1]), "columns of .* rows, expected as many in all"),

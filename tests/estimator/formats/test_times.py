@@ -57,7 +57,7 @@ def test_durations_are_seconds(kind):
 def test_a_datetime_that_is_missing_is_named():
     for missing in (None, pandas.NaT, pandas.NA):
         rows = pandas.DataFrame({"time": [BEGIN, missing, BEGIN]} | ROWS)
-        with pytest.raises(InputError, match="frame, row 1, column time: empty, expected a datetime"):
+        with pytest.raises(InputError, match="frame, row 1, column time: missing, expected a datetime"):
             tracks_of(rows)
 
 
@@ -65,7 +65,7 @@ def test_a_datetime_that_is_missing_is_named():
     "change, expected",
     [
         ({"time": [BEGIN, "x", BEGIN]}, "row 1, column time: found 'x', expected a datetime"),
-        ({"time": [BEGIN, pandas.NA, BEGIN]}, "row 1, column time: empty, expected a datetime"),
+        ({"time": [BEGIN, pandas.NA, BEGIN]}, "row 1, column time: missing, expected a datetime"),
         ({"time": [*MILLISECONDS[:2], 0.5]}, "row 2, column time: found '0.5', expected a duration"),
         (
             {"time": [0.0, 1.0, 2.0], "x": np.array(MILLISECONDS, dtype="m8[ms]")},
@@ -86,7 +86,7 @@ def test_masked_cells_are_missing():
     assert found.seen[:, 0].tolist() == [True, True, False]
     assert tracks_of(ROWS | {"time": [0.0, 1.0, 2.0], "feature": np.ma.masked_array(["a"] * 3, False)}).labels == ("a",)
     for moments in (np.array(MILLISECONDS, dtype="m8[ms]"), np.arange(3).astype("M8[s]")):
-        with pytest.raises(InputError, match=r"frame, row 2, column time: empty, expected a (datetime|number)"):
+        with pytest.raises(InputError, match=r"frame, row 2, column time: missing, expected a (datetime|number)"):
             tracks_of(ROWS | {"time": np.ma.masked_array(moments, hidden)})
 
 

@@ -121,5 +121,5 @@ def test_thrust_that_is_none_is_refused():
     points = tracks(np.random.default_rng(8), np.zeros(1), straight(np.zeros(1)))[0]
     with pytest.raises(InputError, match="attitude of the thrust"):
         filter.update(0.0, points, acceleration=Thrust(ACCELERATION, 2 * np.eye(3)))
-    with pytest.raises(InputError, match="thrust_std: found"):
+    with pytest.raises(InputError, match=r"thrust_std is -0\.1, expected 0 to 1"):
         OnlineEstimator(SIGMA, thrust_std=-0.1)

@@ -161,6 +161,8 @@ WRONG_OPTIONS = [
     ({"cutoff": -1.0}, "cutoff is -1.0"),
     ({"degree": -1}, "degree is -1"),
     ({"degree": 99}, "degree is 99"),
+    ({"degree": 2.5}, "degree is 2.5"),
+    ({"lag": "10"}, "lag is '10'"),
     ({"axes": "body"}, "axes is 'body'"),
     ({"reference": "last"}, "reference is 'last'"),
 ]

@@ -128,3 +128,13 @@ def test_a_processor_too_old_for_polars(monkeypatch):
 
     monkeypatch.setattr("builtins.__import__", complain)
     assert read_fast(b"time,name,x\n0,a,1\n", HEADER, "name") is None
+
+
+def test_lost_markers_as_pandas_writes_them_go_the_fast_way():
+    """Its `na_rep` makes NaN of them; the bits of a NaN are those of the strict reader, whatever its sign."""
+    for word in ("NaN", "nan", "-nan", "-NaN", "+nan", "NAN"):
+        text = f"time,name,x\n0,a,1\n0,b,{word}\n1,{word},{word}\n"
+        found = read_fast(text.encode(), HEADER, "name")
+        assert found is not None
+        assert_same(found, read_strict(text, "it", FORM))
+        assert found.labels == ("a", "b", word)

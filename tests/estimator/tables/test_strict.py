@@ -1,6 +1,9 @@
-"""The strict reader takes its rows in chunks, which its caller does not see."""
+"""The strict reader takes its rows in chunks, which its caller does not see, and for missing what pandas takes."""
+
+import io
 
 import numpy as np
+import pandas
 import pytest
 
 from baryscope.estimator.tables import FORM, read_strict, strict
@@ -23,6 +26,21 @@ def test_times_go_on_across_chunks():
     later = [row.replace("12:00", "12:01") for row in UTC]
     np.testing.assert_array_equal(read(UTC + later).numbers["time"], [0, 1, 2, 60, 61, 62])
     np.testing.assert_array_equal(read([*SECONDS, "9,a,1,2,3"]).numbers["time"], [0, 1, 2, 9])
+
+
+@pytest.mark.parametrize(
+    "word",
+    [" ", "#N/A", "#N/A N/A", "#NA", "-1.#IND", "-1.#QNAN", "-NaN", "-nan", "1.#IND", "1.#QNAN", "<NA>", "N/A",
+     "NA", "NULL", "NaN", "None", "n/a", "nan", "null "],
+)  # fmt: skip
+def test_what_pandas_takes_for_a_missing_value_is_missing(word):
+    """The words of the documentation of `pandas.read_csv`, with blanks around some; labels are texts."""
+    rows = [f"0,a,{word},{word},{word}", "0,b,1,2,3", f"1,NA,{word},{word},{word}"]
+    theirs = pandas.read_csv(io.StringIO("\n".join(["time,feature,x,y,z", *rows])), skipinitialspace=True)
+    ours = read(rows)
+    for axis in "xyz":
+        np.testing.assert_array_equal(ours.numbers[axis], pandas.to_numeric(theirs[axis].replace("null ", np.nan)))
+    assert ours.labels == ("a", "b", "NA")
 
 
 @pytest.mark.parametrize(("rows", "words"), [

@@ -1,6 +1,6 @@
 """UTC texts against Python's datetime."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
 from hypothesis import given
@@ -25,6 +25,25 @@ def test_a_text_is_read_back(moment):
     assert utc_of(utc_text(read), "here") == read
 
 
+@given(moments, st.integers(-(24 * 60 - 1), 24 * 60 - 1), st.sampled_from(["", ":"]))
+def test_a_text_with_an_offset_names_the_moment_that_datetime_has(moment, minutes, colon):
+    local = moment.replace(tzinfo=timezone(timedelta(minutes=minutes)))
+    sign, (hours, rest) = "-" if minutes < 0 else "+", divmod(abs(minutes), 60)
+    text = local.strftime("%Y-%m-%dT%H:%M:%S.%f") + f"{sign}{hours:02}{colon}{rest:02}"
+    assert datetime.fromisoformat(text) == local
+    there = local.astimezone(UTC)
+    if 1950 <= there.year < 2200:
+        assert datetime.fromisoformat(utc_text(utc_of(text, "here"))) == there
+    else:
+        with pytest.raises(InputError, match="from 1950 on"):
+            utc_of(text, "here")
+
+
+def test_hours_alone_are_an_offset_too():
+    assert utc_text(utc_of("2026-03-01 12:00 -05", "here")) == "2026-03-01T17:00:00Z"
+    assert utc_text(utc_of("2026-060T00:30+01", "here")) == "2026-02-28T23:30:00Z"
+
+
 def test_nanoseconds_are_kept():
     start = utc_of("2026-03-01T12:00:00.000000001Z", "here")
     assert utc_text(start) == "2026-03-01T12:00:00.000000001Z"
@@ -41,7 +60,8 @@ def test_a_leap_second_is_refused_as_one(text):
 @pytest.mark.parametrize(
     "text",
     ["", "noon", "2026-02-30", "2026-000", "2026-366", "2026-01-01T24:00", "2026-01-01T12:60", "2026-01-01T12:00:60Z",
-     "1900-01-01", "2026-01-01T12:00:00+02:00", "2026-01-01T12:00:00Z x", None, 3.0],
+     "1900-01-01", "2026-01-01T12:00:00+24:00", "2026-01-01T12:00:00-01:60", "2026-01-01+01:00",
+     "2026-01-01T12:00:00+01:00Z", "2026-01-01T12:00:00+1:00", "2026-01-01T12:00:00Z x", None, 3.0],
 )  # fmt: skip
 def test_what_is_no_utc_time_is_refused_in_one_line(text):
     with pytest.raises(InputError, match=r"^epoch: found .*expected a UTC time as [^\n]*$"):

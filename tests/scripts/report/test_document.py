@@ -123,6 +123,21 @@ def test_hidden_features_are_where_the_estimate_has_them():
     assert len(scene["faces"]) == 3 * 8  # a polyhedron of triangles with six corners
 
 
+def test_own_tracks_have_a_shape_whenever_a_cluster_is_seen():
+    """Clusters of `pivot` have no common axes; of the hull of both hardly a face was drawn."""
+    time = np.arange(0.0, 200.0, 2.0)
+    R = attitude(np.diag([2.0, 3.0, 4.0]), np.array([0.04, 0.03, 0.02]), time)
+    clusters = [(0, 100, [0, 1, 2, 3]), (100, 201, [3, 4, 5, 6])]
+    com = np.broadcast_to([8.0, -18.0, 6.0], (len(time), 3))
+    case = make_case(time, R, com, box_features(7, (2, 2, 3), 1), noise=0.001, clusters=clusters)
+    result = estimate(case.tracks, options=PathOptions(trajectory="fixed"))
+    scene = data_of(report_of_estimate(result, case.tracks, None, "two.csv"))["parts"][0]
+    known = np.array(scene["features"], dtype=float).reshape(len(time), -1, 3)
+    faces = np.reshape(scene["faces"], (-1, 3))
+    drawn = np.isfinite(known[:, faces]).all(axis=(2, 3)).sum(axis=1)
+    assert drawn.min() >= 4  # the faces of a tetrahedron
+
+
 def test_a_hundred_thousand_frames_are_small():
     """Of 12 features; the estimate is of 1000 frames, repeated: only its arrays count here."""
     time = np.arange(100_000.0)

@@ -103,10 +103,23 @@ def test_keys_scroll_a_table_that_is_wider_than_the_screen(page, width, hides):
     assert browser.value(f"[{box}.getAttribute('tabindex'), {box}.ariaLabel]") == (
         ["0", "Table"] if hides else [None] * 2
     )
+    hint = "document.querySelector('section[aria-label=Table] .hint')"
+    assert browser.value(f"{hint}.checkVisibility()") == hides
+    assert "scroll sideways" in browser.value(f"{hint}.textContent")
     browser.value(f"{box}.focus()")
     browser.key("ArrowRight", 39)
     browser.value("new Promise((done) => setTimeout(done, 300))")
     assert (browser.value(f"{box}.scrollLeft") > 0) == hides
+
+
+def test_paper_has_no_hint_to_scroll(page):
+    browser, path = page
+    browser.call("Emulation.setDeviceMetricsOverride", width=360, height=800, deviceScaleFactor=1, mobile=False)
+    browser.open(path)
+    browser.value("new Promise(requestAnimationFrame)")
+    browser.call("Emulation.setEmulatedMedia", media="print")
+    assert not browser.value("document.querySelector('.hint').checkVisibility()")
+    browser.call("Emulation.setEmulatedMedia", media="")
 
 
 def test_steps_at_the_ends_of_a_distribution_are_inside_of_the_frame(page):

@@ -1,5 +1,6 @@
 """Flights and comparisons as a notebook calls them: values, tables, figures, and nothing printed."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -168,6 +169,7 @@ def test_the_report_shows_the_errors_and_the_truth(comparison):
     np.testing.assert_allclose(errors["series"][0]["y"], 1e3 * comparison["pivot"].error, rtol=1e-4)
     assert [one["low"] is None for one in errors["series"]] == [False, True, True, True]
     assert parts["sheet"]["rows"] == [list(row) for row in comparison.table().rows]
+    assert "`" not in json.dumps(data)  # the page shows texts as they are
     assert [name for name, _ in parts["tabs"]["choices"]] == [one.label for one in comparison.outcomes]
 
 
