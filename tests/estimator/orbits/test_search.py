@@ -122,6 +122,6 @@ def test_the_gain_is_the_ratio_of_two_marginal_likelihoods():
 
 
 def test_an_orbit_is_not_told_where_its_likelihood_is_no_gaussian():
-    """A twentieth of a revolution, near its lowest point, in 10 cm of noise: the period would be 7 % too long."""
+    """A twentieth of a revolution in 10 cm of noise: a period of another length, at a gain far beyond chance."""
     model = ELLIPSE.model()
     assert likeliest_orbit(*seen(on(model), 0.05 * model.period, 0.1, frames=200)) is None
