@@ -176,3 +176,13 @@ def test_a_room_says_what_lives_there_and_is_not_crowded(package):
     assert len(files) <= 21, f"{package} has {len(files)} files"
     for path in files:
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 400, f"{path.name} is long"
+
+
+@pytest.mark.parametrize("package", [name for name, _ in packages()])
+def test_a_room_has_its_row_in_the_page_of_the_architecture(package):
+    """By its folder, or by what it is called beside the room that it lies in."""
+    folders = MODULES[package].parent.relative_to(ROOT).parts
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith(f"| `{folders[0]}/")]
+    names = {f"`{'/'.join(folders[first:])}/`" for first in range(len(folders))}
+    assert any(name in row for row in rows for name in names), f"{package} has no row"

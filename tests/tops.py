@@ -37,6 +37,14 @@ def tracks(rng, time, path, points=POINTS, sigma=SIGMA):
     return places + sigma * rng.standard_normal(places.shape)
 
 
+def two_sides(rng, time, path, turn):
+    """Tracks (n, 2 m, 3) of a target that shows one half of its features up to frame `turn`, then the other."""
+    seen = tracks(rng, time, path, np.concatenate([POINTS, -0.7 * POINTS]))
+    seen[:turn, len(POINTS) :] = np.nan
+    seen[turn:, : len(POINTS)] = np.nan
+    return seen
+
+
 def straight(time):
     return START + time[:, None] * DRIFT
 

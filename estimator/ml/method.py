@@ -37,8 +37,9 @@ from baryscope.estimator.geometry.gauge import offset_by_points
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation, turned_information
 from baryscope.estimator.ml.attached import AttachedAxes
 from baryscope.estimator.ml.either import with_other
+from baryscope.estimator.ml.iteration import ROUNDING, STAGE, turned_by
 from baryscope.estimator.ml.jacobians import Jacobians
-from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, turned_by
+from baryscope.estimator.ml.maximum import Likelihood
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.ml.search import likely_tumbles

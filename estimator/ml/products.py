@@ -3,9 +3,10 @@
 import numpy as np
 
 from baryscope.estimator.adjustment.products import are_negligible, independent, product_shifts
+from baryscope.estimator.ml.iteration import turned_by
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.likelihood import Model, equations
-from baryscope.estimator.ml.maximum import Likelihood, turned_by
+from baryscope.estimator.ml.maximum import Likelihood
 from baryscope.estimator.tracks import FloatArray
 
 

@@ -14,7 +14,8 @@ from scipy.special import expit
 from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.evidence import cost as excess_of
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumbles
-from baryscope.estimator.ml.maximum import ROUNDING, STAGE, Likelihood, maximised
+from baryscope.estimator.ml.iteration import ROUNDING, STAGE
+from baryscope.estimator.ml.maximum import Likelihood, maximised
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot

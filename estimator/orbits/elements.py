@@ -76,7 +76,7 @@ class LocalElements:
         with np.errstate(all="ignore"):  # what is no orbit becomes numbers that are not finite
             p = np.cbrt(mu / np.exp(2 * log_rate)) * (1 - cosine**2 - sine**2)
             speed = np.sqrt(mu / p)
-        if not (np.isfinite(p) and np.isfinite(speed) and cosine > -1):
+        if not (np.isfinite(p) and np.isfinite(speed)):
             raise InputError(f"an orbit of ln n, e cos θ, e sin θ {self.shape.tolist()}, expected an ellipse")
         radial, along, _ = self.axes.T
         state = np.concatenate([p / (1 + cosine) * radial, speed * (sine * radial + (1 + cosine) * along)])

@@ -45,17 +45,19 @@ def orbit_error(orbit: Orbit, position: Callable[[FloatArray], FloatArray], begi
             ahead[:, :3] -= STEP * move  # the path of the centre of mass is against that of the chaser
             behind[:, :3] += STEP * move
             pairs.append((gravity_gradient(orbit, ahead), gravity_gradient(orbit, behind)))
-        return changed_pull(pairs, STEP, position(time))
+        return perturbing_accelerations(pairs, STEP, position(time))
 
     greatest = GREATEST * orbit.semi_major_axis
     scale = Hyperparameter(ORBIT_ERROR, 2 * float(np.log(LEAST)), 2 * float(np.log(greatest)))
     return Force(acceleration, NAMES, "m", SHARES, longest_on(orbit, begin, end), np.zeros(0), scale)
 
 
-def changed_pull(gradients: Iterable[tuple[FloatArray, FloatArray]], step: float, position: FloatArray) -> FloatArray:
-    """What changes of the orbit change the acceleration of the centre of mass by, (∂G/∂s) p, (k, 3, c) in C.
+def perturbing_accelerations(
+    gradients: Iterable[tuple[FloatArray, FloatArray]], step: float, position: FloatArray
+) -> FloatArray:
+    """Accelerations (k, 3, c) of the centre of mass in C by unit changes s of the orbit, (∂G/∂s) p, m/s².
 
-    gradients: G (k, 3, 3) a step ahead and one behind of each of c changes s; position (k, 3), p in C, m.
+    gradients: G (k, 3, 3), 1/s², a step ahead and one behind of each of c changes s; position (k, 3), p in C, m.
     """
     changes = ((ahead - behind) / (2 * step) for ahead, behind in gradients)
     return np.stack([np.einsum("kij,kj->ki", change, position) for change in changes], axis=2)

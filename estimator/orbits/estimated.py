@@ -12,7 +12,7 @@ from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import EstimatedOrbit
 from baryscope.estimator.orbits.elements import NAMES, LocalElements
-from baryscope.estimator.orbits.error import changed_pull
+from baryscope.estimator.orbits.error import perturbing_accelerations
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
 from baryscope.models.orbit import EARTH_MU, Orbit
 
@@ -78,7 +78,7 @@ def on_estimated_orbit(
 
     def acceleration(time: FloatArray) -> FloatArray:
         pairs = ((gradient(ahead, time), gradient(behind, time)) for ahead, behind in neighbours)
-        return changed_pull(pairs, STEP, position(time))
+        return perturbing_accelerations(pairs, STEP, position(time))
 
     deviations = np.ones(len(NAMES))  # of rad, of the logarithm of the mean motion, and of the eccentricity
     force = Force(acceleration, NAMES, "1", deviations, longest_on(orbit, begin, end), np.zeros(0))

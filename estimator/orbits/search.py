@@ -43,16 +43,16 @@ LEAST_GROWN, MOST_GROWN = 0.5, 2.0  # of −2 ln p there over its square, if Lap
 @dataclass(frozen=True, eq=False)
 class OrbitFit:
     """An orbit by its elements at the middle of the time span, the unknowns x (6,) of `RelativeOrbit` from there, and
-    the coefficients (p,) of that path. gain: 2 ln of its marginal likelihood over that of the law of the coefficients.
-    measure: what −2 ln of it is greater by where x has the prior that the law has of mean and first coefficients, in
-    place of none.
+    the coefficients (p,) of that path. gain: 2 ln of the Bayes factor, the ratio of its marginal likelihood to that of
+    the law of the coefficients. prior_cost: what −2 ln p is greater by where x has the prior that the law has of mean
+    and first coefficients, in place of none.
     """
 
     elements: LocalElements
     x: FloatArray
     coefficients: FloatArray
     gain: float
-    measure: float
+    prior_cost: float
 
 
 def likeliest_orbit(linear: Linear, smooth: Smooth, theta: FloatArray) -> OrbitFit | None:
@@ -61,19 +61,19 @@ def likeliest_orbit(linear: Linear, smooth: Smooth, theta: FloatArray) -> OrbitF
     theta (h,): the hyperparameters of the smooth path's prior.
     """
     search = _Search.of(linear, smooth)
-    starts = [found for one in _starts(smooth, linear.x) if (found := search.at(one)) is not None]
+    starts = [found for one in _starts(smooth, linear.x) if (found := search.motion_on(one)) is not None]
     for start in sorted(starts, key=lambda one: one.squares)[:STARTS]:
-        best = search.minimum(start)
+        best = search.refined(start)
         by_elements = search.by_elements(best)
-        if by_elements is None or not search.is_told(best, by_elements):
+        if by_elements is None or not search.is_gaussian(best, by_elements):
             continue
         try:
             best.elements.orbit(search.middle, EARTH_MU)
         except InputError:  # below the Earth's surface
             continue
-        measure = best.measure(float(np.exp(theta[0])))
-        gain = cost(linear, smooth.prior, theta) - search.evidence(best, by_elements) - measure
-        return OrbitFit(best.elements, best.x, best.coefficients, gain, measure)
+        prior_cost = best.prior_cost(float(np.exp(theta[0])))
+        gain = cost(linear, smooth.prior, theta) - search.cost(best, by_elements) - prior_cost
+        return OrbitFit(best.elements, best.x, best.coefficients, gain, prior_cost)
     return None
 
 
@@ -91,7 +91,7 @@ class _Motion:
         """Those (p,) of the path."""
         return np.asarray(self.columns @ self.x)
 
-    def measure(self, variance: float) -> float:
+    def prior_cost(self, variance: float) -> float:
         """−2 ln of the density of x where the first coefficients are normal, of this variance in m², and the mean of
         the path is as likely anywhere.
         """
@@ -133,7 +133,7 @@ class _Search:
         """The coefficients (degree + 1, degree + 1) of values there."""
         return np.asarray(np.linalg.inv(chebyshev.chebvander(self._points, self.smooth.degree)), dtype=np.float64)
 
-    def at(self, elements: LocalElements) -> _Motion | None:
+    def motion_on(self, elements: LocalElements) -> _Motion | None:
         """The best motion on an orbit; None if it is none."""
         time = self.middle + (self.smooth.end - self.smooth.begin) / 2 * self._points
         try:
@@ -146,30 +146,30 @@ class _Search:
         residual = self.root @ (columns @ x) - self.target
         return _Motion(elements, x, columns, float(residual @ residual))
 
-    def minimum(self, start: _Motion) -> _Motion:
+    def refined(self, start: _Motion) -> _Motion:
         """The motion of least squares near another."""
 
         def residuals(by: FloatArray) -> FloatArray:
-            found = self.at(start.elements.moved(by))
+            found = self.motion_on(start.elements.moved(by))
             if found is None:
                 return np.full(len(self.target), FAR * float(np.linalg.norm(self.target)))
             return self.root @ found.coefficients - self.target
 
         by = least_squares(residuals, np.zeros(6), x_scale=0.01, max_nfev=MOST_EVALUATIONS).x
-        return self.at(start.elements.moved(by)) or start
+        return self.motion_on(start.elements.moved(by)) or start
 
     def by_elements(self, at: _Motion) -> FloatArray | None:
         """The derivatives (k, 6) of the residuals by the elements, for a given x; None at the border of all orbits."""
         found = []
         for axis in STEP * np.eye(6):
-            ahead, behind = self.at(at.elements.moved(axis)), self.at(at.elements.moved(-axis))
+            ahead, behind = self.motion_on(at.elements.moved(axis)), self.motion_on(at.elements.moved(-axis))
             if ahead is None or behind is None:
                 return None
             found.append(self.root @ ((ahead.columns - behind.columns) @ at.x) / (2 * STEP))
         return np.stack(found, axis=1)
 
-    def evidence(self, best: _Motion, by_elements: FloatArray) -> float:
-        """−2 ln of the marginal likelihood, in the measure of `evidence.cost`, x having no prior.
+    def cost(self, best: _Motion, by_elements: FloatArray) -> float:
+        """−2 ln of the marginal likelihood, up to the constant of `evidence.cost`, x having no prior.
 
         The elements are normal with a deviation of 1, of rad, of ln n and of the eccentricity.
         """
@@ -178,7 +178,7 @@ class _Search:
         hessian[6:, 6:] += np.eye(6)
         return best.squares - self.rest + float(np.linalg.slogdet(hessian)[1])
 
-    def is_told(self, best: _Motion, by_elements: FloatArray) -> bool:
+    def is_gaussian(self, best: _Motion, by_elements: FloatArray) -> bool:
         """Whether the likelihood of the elements is a Gaussian one, as far as some deviations from its maximum."""
         by_x = self.root @ best.columns
         across = by_elements - by_x @ np.linalg.lstsq(by_x, by_elements)[0]
@@ -187,7 +187,7 @@ class _Search:
             return False
         for value, axis in zip(values, axes.T, strict=True):
             for away in (DEVIATIONS, -DEVIATIONS):
-                found = self.at(best.elements.moved(away * axis / np.sqrt(value)))
+                found = self.motion_on(best.elements.moved(away * axis / np.sqrt(value)))
                 grown = np.inf if found is None else (found.squares - best.squares) / DEVIATIONS**2
                 if not LEAST_GROWN <= grown <= MOST_GROWN:
                     return False

@@ -33,7 +33,7 @@ def with_estimated_orbit(found: Pivot, start: Start, options: PathOptions) -> tu
     except (ComputationError, InputError):  # the latter of an orbit that is none
         return found, start
     variance = min(found.variance, other.variance)
-    gain = cost_of(found, start, variance) - cost_of(other, start, variance) - fit.measure
+    gain = cost_of(found, start, variance) - cost_of(other, start, variance) - fit.prior_cost
     return (other, fresh) if other.converged and gain >= DECISIVE else (found, start)
 
 

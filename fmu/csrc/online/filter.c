@@ -155,7 +155,7 @@ static void advance(Online *filter, double end, const Push *push) {
         const int last = s + 1 == count;
         double from = begin + s * T;
         Way way;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->looked != 0.0 ? &filter->now : NULL, &way);
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->now_valid != 0.0 ? &filter->now : NULL, &way);
         go_on(&filter->way, &way);
         if (!last || steps_between(&filter->options, end - filter->way.span, end) > 1) settle(filter);
     }

@@ -96,7 +96,7 @@ static void look(const Online *filter, Now *now) {
     Kept bank[MEMBERS + 1];
     Level level;
     double M[3][3];
-    if (filter->looked != 0.0) {
+    if (filter->now_valid != 0.0) {
         *now = filter->now;
         return;
     }
@@ -113,7 +113,7 @@ static void look(const Online *filter, Now *now) {
 /* Look now, and go on from what is seen, until another frame fits: far ahead of the open node there is no straight way back to it. */
 static void look_and_keep(Online *filter) {
     look(filter, &filter->now);
-    filter->looked = 1.0;
+    filter->now_valid = 1.0;
 }
 
 /* A feature as it is known now: its place in B and the covariance, and how its error goes with (r, v). */

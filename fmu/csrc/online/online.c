@@ -162,7 +162,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         else if (filter->lost >= HOPELESS) begin(filter, &frame, NULL);
         return ACCEPTED;
     }
-    filter->looked = 0.0;
+    filter->now_valid = 0.0;
     settle_names(filter, &frame);
     note_names(filter, &frame, names);
     filter->squares += pose.squares;

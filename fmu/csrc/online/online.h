@@ -88,7 +88,8 @@ typedef struct {
     double refused; /* sightings in a row that did not fit */
     double exchanged; /* sightings in a row under the name of another feature, which was seen under its own */
     double information[3][3]; /* of its place in B, as if its sightings were independent, 1/m2 */
-    double looked, sighted[3]; /* sightings with a covariance; ln of the last one's range over the map's, of this, of its variance */
+    double stereo_sightings; /* those with a covariance */
+    double last_stereo[3];   /* of the last one: ln of its range over the map's, of this, of its variance */
 } Feature;
 
 /* Sums of a feature's residuals over blocks that wait for their other halves, along C and B; and the number of its last frame. */
@@ -231,7 +232,7 @@ typedef struct {
     double sightings; /* that these are of */
     double frames_per_error; /* how many frames have the same errors of the features, as far as it was allowed for */
     Lasting lasting;
-    double kind[5], pairs;   /* sums of products of how `sighted` changes, and of how many pairs of sightings */
+    double kind[5], pairs;   /* sums of products of how `last_stereo` changes, and of how many pairs of sightings */
     double used;             /* features */
     Node node;
     Feature feature[MOST_FEATURES];
@@ -248,7 +249,7 @@ typedef struct {
     double likely; /* errors of the member that it is of */
     Stage stage[STAGES];
     Tumble tumble;
-    double looked; /* 1: `now` is what is known at `time`, as of the last frame */
+    double now_valid; /* 1: `now` is what is known at `time`, as of the last frame */
     Now now;
 } Online;
 

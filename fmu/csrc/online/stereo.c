@@ -27,8 +27,8 @@ static void note_kind(Online *filter, const Frame *frame, const Pose *pose) {
         for (int k = 0; k < 3; k++) u[k] = there[k] / far;
         times(frame->noise[i], u, T);
         double now[3] = {log(r / far), log(far), log(dot(u, T))}, d[3];
-        for (int k = 0; k < 3; k++) d[k] = now[k] - feature->sighted[k], feature->sighted[k] = now[k];
-        if (feature->looked++ == 0.0) continue;
+        for (int k = 0; k < 3; k++) d[k] = now[k] - feature->last_stereo[k], feature->last_stereo[k] = now[k];
+        if (feature->stereo_sightings++ == 0.0) continue;
         filter->kind[0] += d[0] * d[0], filter->kind[1] += d[0] * d[1], filter->kind[2] += d[1] * d[1];
         filter->kind[3] += d[0] * d[2], filter->kind[4] += d[1] * d[2];
         filter->pairs += 1.0;

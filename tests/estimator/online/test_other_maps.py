@@ -8,18 +8,10 @@ from scipy.stats import chi2
 from baryscope.estimator.online import OnlineEstimator, OnlineStatus
 from baryscope.study.population.cases import drawn
 from baryscope.study.population.sensing import sampled
-from tops import POINTS, SIGMA, errors, run, straight, tracks
+from tops import POINTS, SIGMA, errors, run, straight, tracks, two_sides
 
 ALPHA = 1e-4  # of the chi-square bands
 PATIENCE = 3  # frames of strangers, after which the filter maps them
-
-
-def two_sides(rng, time, path, turn):
-    """Tracks (n, 2 m, 3) of a target that shows one half of its features up to frame `turn`, then the other."""
-    seen = tracks(rng, time, path, np.concatenate([POINTS, -0.7 * POINTS]))
-    seen[:turn, len(POINTS) :] = np.nan
-    seen[turn:, : len(POINTS)] = np.nan
-    return seen
 
 
 def test_another_side_of_the_target_leaves_the_path_as_well_known_as_it_was():

@@ -1,5 +1,7 @@
 """The online estimator while the chaser accelerates on an orbit, against its motion by scipy's DOP853."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,9 +10,11 @@ from scipy.stats import chi2
 
 import oracles
 from baryscope.estimator.online import OnlineEstimator, Thrust
+from baryscope.estimator.online.core import sources
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import Orbit
-from tops import DRIFT, SIGMA, START, attitudes, run, straight, tracks
+from compiling import library_of
+from tops import DRIFT, SIGMA, START, attitudes, run, straight, tracks, two_sides
 
 ACCELERATION = np.array([2e-3, -1e-3, 5e-4])  # m/s²
 ORBIT = Orbit(7.2e6, 0.1, 1.7, 2.0, 1.5, 0.4)
@@ -50,11 +54,12 @@ STD = 0.02  # of what thrusters are wrong by
 DRAWS = 12
 
 
-def flown(seed, told=STD, wrong=None):
+def flown(seed, told=STD, wrong=None, turn=None):
     """A flight of 330 s on a chaser whose thrusters are wrong by deviates of STD, or by `wrong`.
 
     It turns, and from 130 s on its thrust turns with the target, as that of a chaser that stays before a point of it
     does: what that is wrong by looks like an offset. Motion between frames, under a constant acceleration, is exact.
+    From frame `turn` on, other features are seen than before, so that the filter begins another map.
     Returns the errors (n, 3) of position from there on, their covariances, the last state, and what the thrusters were
     wrong by.
     """
@@ -67,9 +72,10 @@ def flown(seed, told=STD, wrong=None):
     speed = DRIFT - np.cumsum(pushed, axis=0)
     path = START + np.concatenate([np.zeros((1, 3)), np.cumsum(speed[1:] + 0.5 * pushed[1:], axis=0)])
     filter = OnlineEstimator(SIGMA, thrust_std=told)
+    seen = tracks(rng, time, path) if turn is None else two_sides(rng, time, path, turn)
     states = [
         filter.update(t, frame, acceleration=Thrust(push[k], chaser[k].as_matrix()))
-        for k, (t, frame) in enumerate(zip(time.tolist(), tracks(rng, time, path), strict=True))
+        for k, (t, frame) in enumerate(zip(time.tolist(), seen, strict=True))
     ]
     late = slice(131, None)
     errors = np.array([state.position for state in states])[late] - path[late]
@@ -105,12 +111,21 @@ def test_thrust_that_is_exact_is_told_by_none():
     assert np.trace(covariances[-1]) < np.trace(known[-1])
 
 
-def test_a_prediction_under_thrust_knows_what_the_thrusters_may_be_wrong_by():
+def test_another_map_leaves_the_thrusters_as_well_known_as_they_were():
+    """STD is what is claimed of thrusters that nobody knows."""
+    _, _, state, wrong = flown(3, turn=318)
+    found = state.thrust - wrong
+    assert squares(found, state.thrust_covariance) < chi2.ppf(0.999, 4)
+    assert np.sqrt(np.trace(state.thrust_covariance)) < 0.5 * STD
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_prediction_under_thrust_knows_what_the_thrusters_may_be_wrong_by(axis):
     """Thrusters that have never fired: after T s their displacement a T²/2 is uncertain by STD in each direction."""
     time = np.arange(180.0)
     filter = OnlineEstimator(SIGMA, thrust_std=STD)
     run(filter, time, tracks(np.random.default_rng(8), time, straight(time)))
-    push = np.array([0.03, 0.0, 0.0])
+    push = 0.03 * np.eye(3)[axis]
     more = filter.predict(time[-1] + 60, push).covariance - filter.predict(time[-1] + 60).covariance
     expected = (STD * 0.5 * 0.03 * 60**2) ** 2 * np.eye(3)  # along the thrust by its scale, across it by its direction
     np.testing.assert_allclose(more[:3, :3], expected, atol=1e-9)
@@ -123,3 +138,61 @@ def test_thrust_that_is_none_is_refused():
         filter.update(0.0, points, acceleration=Thrust(ACCELERATION, 2 * np.eye(3)))
     with pytest.raises(InputError, match=r"thrust_std is -0\.1, expected 0 to 1"):
         OnlineEstimator(SIGMA, thrust_std=-0.1)
+
+
+FUNCTIONS = """#include "library.c"
+void move(const double wrong[4], const double axes[3][3], const double told[3], double moved[3], double errors[3][4])
+{ truly_moved(wrong, axes, told, moved, errors); }
+int level(void) { return LEVEL; }
+int errors(void) { return ERRORS; }
+void regress(const double *before, double S[LEVEL][LEVEL], double x[ERRORS], double P[ERRORS][ERRORS])
+{ follow_level(before, S, x, P); }"""
+
+
+@pytest.fixture(scope="module")
+def core(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("core")
+    for name, content in sources().items():
+        (folder / name).write_bytes(content)
+    return library_of(folder, FUNCTIONS)
+
+
+def called(function, *arrays):
+    function(*(one.ctypes.data_as(ctypes.c_void_p) for one in arrays))
+
+
+def test_thrusters_that_are_wrong_move_by_a_scale_and_a_rotation(core):
+    """Against scipy's rotation and differences of it; derivatives are those of first order in the rotation vector."""
+    axes, told = Rotation.from_rotvec([0.3, -1.0, 0.4]).as_matrix(), np.array([0.2, -0.5, 0.3])
+    wrong = np.array([0.1, 0.15, -0.1, 0.05])
+
+    def truly(values):
+        return (1 + values[0]) * Rotation.from_rotvec(axes @ values[1:]).apply(told)
+
+    moved, errors = np.zeros(3), np.zeros((3, 4))
+    called(core.move, wrong, np.ascontiguousarray(axes), told, moved, errors)
+    np.testing.assert_allclose(moved, truly(wrong), rtol=1e-12)
+    slopes = np.stack([truly(wrong + 1e-6 * e) - truly(wrong - 1e-6 * e) for e in np.eye(4)], axis=1) / 2e-6
+    # Jacobian of a rotation by φ: 1 + [φ]x/2 + [φ]x²/6, of which the last is left out.
+    np.testing.assert_allclose(errors, slopes, atol=np.sum(wrong[1:] ** 2) / 6 * np.linalg.norm(told))
+
+
+def test_thrusters_follow_what_is_known_of_the_path(core):
+    """In information form: that of the bank on path and map is replaced by another, the rest is as it was."""
+    n, m = core.level(), core.errors()
+    rng, known = np.random.default_rng(5), np.r_[: core.level(), core.errors() - 4 : core.errors()]
+    root = rng.standard_normal((len(known), 2 * len(known)))
+    joint, mean = root @ root.T, rng.standard_normal(len(known))
+    other = rng.standard_normal((n, 2 * n))
+    other, moved = other @ other.T, rng.standard_normal(n)
+    x, P, before, S = np.zeros(m), np.zeros((m, m)), mean[:n].copy(), np.ascontiguousarray(joint[:n, :n])
+    x[known], P[np.ix_(known, known)] = mean, joint
+    x[:n], P[:n, :n] = moved, other
+    called(core.regress, before, S, x, P)
+    own, new = np.linalg.inv(S), np.linalg.inv(other)
+    information = np.linalg.inv(joint)
+    told = information @ mean
+    information[:n, :n] += new - own
+    told[:n] += new @ moved - own @ before
+    np.testing.assert_allclose(P[np.ix_(known, known)], np.linalg.inv(information), rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(x[known], np.linalg.solve(information, told), rtol=1e-8, atol=1e-8)

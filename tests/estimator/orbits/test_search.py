@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
+from scipy.linalg import solve_triangular
 
 from baryscope.estimator.adjustment.evidence import Linear, maximise
 from baryscope.estimator.dynamics.paths import Smooth
 from baryscope.estimator.orbits.search import likeliest_orbit
+from baryscope.models.ephemeris.trajectory import target_states
 from baryscope.models.orbit import Orbit
 from oracles import inertial_states, propagate_kepler
 from synthetic import MU
@@ -73,3 +75,53 @@ def test_a_short_path_tells_none():
     model = LOW.model()
     found = likeliest_orbit(*seen(on(model), 0.02 * model.period, 0.02))
     assert found is None or found.gain < 5
+
+
+def of_motion(elements, smooth):
+    """The coefficients (p, 6) of the path by the relative state at its middle: differences of two Kepler orbits."""
+    middle, half = (smooth.begin + smooth.end) / 2, (smooth.end - smooth.begin) / 2
+    points = chebyshev.chebpts1(smooth.degree + 1)
+    fit = np.linalg.inv(chebyshev.chebvander(points, smooth.degree))
+    state = target_states(elements.orbit(middle, MU), np.array([middle]))[0]
+    target = [propagate_kepler(state[:3], state[3:], MU, half * t)[0] for t in points]
+    columns = []
+    for moved in np.diag([10.0, 10.0, 10.0, 0.01, 0.01, 0.01]):  # m, m/s
+        chaser = [propagate_kepler(state[:3] - moved[:3], state[3:] - moved[3:], MU, half * t)[0] for t in points]
+        columns.append((fit @ (np.array(target) - np.array(chaser)).astype(float)).ravel())
+    return np.stack(columns, axis=1)
+
+
+def log_density(x, covariance):
+    """That of a normal distribution of mean zero, up to its constant."""
+    root = np.linalg.cholesky(covariance)
+    return -np.log(np.diag(root)).sum() - np.sum(solve_triangular(root, x, lower=True) ** 2) / 2
+
+
+def test_the_gain_is_the_ratio_of_two_marginal_likelihoods():
+    """Both as densities of the coefficients that the tracks show, of which one law or the other gives the covariance.
+
+    Their mean has a variance that hardly matters, the first ones that of the law, elements a deviation of 1: so have
+    the motions on an orbit. Laplace's approximation is exact for the derivatives by elements at the maximum.
+    """
+    model, flat, step = LOW.model(), 1e5, 1e-5
+    linear, smooth, theta = seen(on(model), 0.5 * model.period, 0.05, frames=200, degree=12)
+    found = likeliest_orbit(linear, smooth, theta)
+    noise, law = np.linalg.inv(linear.information), 1 / smooth.prior.precision(theta)[3:]
+    columns = of_motion(found.elements, smooth)
+    x = np.linalg.lstsq(columns, found.coefficients)[0]
+    np.testing.assert_allclose(columns @ x, found.coefficients, atol=2e-4)  # m: p²/r is left out by it
+    begin = np.diag([flat] * 3 + [law[0]] * 3)  # of mean and first coefficients
+    motion = columns @ np.linalg.inv(columns[:6])
+    moves = (of_motion(found.elements.moved(move), smooth) for move in np.vstack([step * np.eye(6), -step * np.eye(6)]))
+    ahead = np.array([moved @ x for moved in moves])
+    by_elements = (ahead[:6] - ahead[6:]).T / (2 * step)
+    of_orbit = noise + motion @ begin @ motion.T + by_elements @ by_elements.T
+    of_law = noise + np.diag(np.concatenate([[flat] * 3, law]))
+    expected = 2 * (log_density(linear.x, of_orbit) - log_density(linear.x, of_law)) + smooth.prior.penalty(theta)[0]
+    assert found.gain == pytest.approx(expected, abs=0.05)  # what is left out is a thirtieth of a deviation
+
+
+def test_an_orbit_is_not_told_where_its_likelihood_is_no_gaussian():
+    """A twentieth of a revolution in 10 cm of noise: a period of another length, at a gain far beyond chance."""
+    model = ELLIPSE.model()
+    assert likeliest_orbit(*seen(on(model), 0.05 * model.period, 0.1, frames=200)) is None
