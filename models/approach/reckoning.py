@@ -44,6 +44,7 @@ class Belief:
         command: (3,), the last one, LVLH, m/s².
         sight: (3,), `sight.position`, frame C, m.
         aside: (3,), from the CoM to there when it was news and navigation failed, frame C, m; else 0.
+        across: (3,), x of the camera, frame C; 0 before the first step.
     """
 
     position: Symbol
@@ -60,6 +61,7 @@ class Belief:
     command: Symbol
     sight: Symbol
     aside: Symbol
+    across: Symbol
 
     @classmethod
     def of(cls, column: Symbol) -> Self:
@@ -74,7 +76,7 @@ class Belief:
         return column
 
 
-SIZES = (3, 3, 1, 1, 4, 3, 6, 3, 3, 1, 1, 3, 3, 3)  # of Belief's fields
+SIZES = (3, 3, 1, 1, 4, 3, 6, 3, 3, 1, 1, 3, 3, 3, 3)  # of Belief's fields
 SIZE = sum(SIZES)
 
 

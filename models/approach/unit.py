@@ -118,7 +118,7 @@ def _outputs(
     size, limit = ca.norm_2(wanted), parameters["thrust.limit"]
     flies = ca.logic_not(ca.logic_or(mode == WAITING, coasts))
     command = flies * wanted * ca.fmin(1, limit / ca.fmax(size, DIRECTED))
-    looked = _looked_at(belief, mode, inputs, R_I_L)
+    view = _view(_looked_at(belief, mode, inputs, R_I_L), R_I_L, kept.across, parameters)
     delayed = ca.fmin(1, late / length)
     acting = delayed * kept.command + (1 - delayed) * command
     outputs = {
@@ -131,9 +131,9 @@ def _outputs(
         "goal.synchronised": goal.turns,
         "guidance.mode": mode,
         "navigation.outage": outage,
-        "camera.attitude": quaternion_from_rotation(_view(looked, R_I_L, parameters)),
+        "camera.attitude": quaternion_from_rotation(view),
     }
-    belief = replace(belief, known=mode != WAITING, outage=outage, command=command)
+    belief = replace(belief, known=mode != WAITING, outage=outage, command=command, across=view[:, 0])
     return outputs, carried_on(belief, acting, (time, length), elements)
 
 
@@ -150,17 +150,20 @@ def _looked_at(belief: Belief, mode: Symbol, inputs: Mapping[str, Symbol], R_I_L
     return ca.if_else(other, aside - R_I_L @ belief.position, inputs["target.position"])
 
 
-def _view(seen: Symbol, R_I_L: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
+def _view(seen: Symbol, R_I_L: Symbol, before: Symbol, parameters: Mapping[str, Symbol]) -> Symbol:
     """R_C_V of a camera: z at the target, or before it is seen at where it is from `hold.position`.
 
-    x is normal to the orbit's normal, or to the radius while the line of sight is within some 25° of that.
+    It does not roll: x moves along z alone, from where it was before (parallel transport). Any x that depends on z only
+    would leap somewhere, by more than a chaser can turn in a step. At first, and where the line of sight leaps towards
+    where x was, x is normal to the orbit's normal, or to the radius within some 25° of that.
     """
     held = -R_I_L @ parameters["hold.position"]
     looked = ca.if_else(ca.norm_2(held) > DIRECTED, held, R_I_L[:, 0])
     looked = ca.if_else(ca.norm_2(seen) > DIRECTED, seen, looked)
     z = normalised(looked)
     across = ca.if_else(ca.fabs(ca.dot(R_I_L[:, 2], z)) < ALONG, R_I_L[:, 2], R_I_L[:, 0])
-    x = normalised(ca.cross(across, z))
+    goes_on = ca.logic_and(ca.norm_2(before) > DIRECTED, ca.fabs(ca.dot(before, z)) < ALONG)
+    x = normalised(ca.if_else(goes_on, before - ca.dot(before, z) * z, ca.cross(across, z)))
     return ca.horzcat(x, ca.cross(z, x), z)
 
 

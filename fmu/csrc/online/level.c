@@ -276,6 +276,8 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
     }
 }
 
+#define NODES_OF_A_TURN 25.0 /* about: of USUAL */
+
 /* What a feature's error, against the map's centroid, and that of the attitude make of each other. It stays the same, until the map is
    better known: a filter that takes it for noise, new in each node, or leaves it out, soon knows of the map what it does not know,
    as the places about which it is linear change. So it counts as often as there are nodes in a turn. */

@@ -2,11 +2,12 @@
 told is (1 + s) exp([R_C_D m]x) a in truth. Each member of the bank estimates both with its path, from the first push on: thrust that
 turns with the chaser round a target that turns too is wrong by what looks like an offset in the body, so that path, offset and
 thrusters are known together or not at all. The large filter goes by what the bank said at the last node, and takes the rest for
-noise, and so does its shadow: what the one knows more than the other is as true as before. But that is the same in each node, until
-the thrusters are better known, and of noise, new in each, the large filter would soon know from sight what it does not know, as it
-shows the size of the map, too: so it counts as often as there are nodes in a turn. */
+noise, and so does its shadow: what the one knows more than the other is as true as before. But that is the same in each node: of
+noise, new in each, the large filter would learn from its path the size of the map, which a rig's depths leave open, tell the bank,
+and so count the nodes once more that the bank has learnt it from. So it counts as often as there are nodes in a flight: the large
+filter learns sizes from what it sees of the features alone. */
 
-#define NODES_OF_A_TURN 25.0 /* about: of USUAL */
+#define NODES_OF_A_FLIGHT 1e5 /* those of a day, of a target that turns in 22 s */
 
 /* Where the covariance of two errors is kept. */
 static int pair(int a, int b) { return a < b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b; }
@@ -78,7 +79,7 @@ static void add_thrust(const Online *filter, const Way *way, double *P, int stri
     for (int i = 0; i < 6; i++) {
         double row[OF_THRUST] = {0.0};
         for (int a = 0; a < OF_THRUST; a++)
-            for (int b = 0; b < OF_THRUST; b++) row[b] += NODES_OF_A_TURN * way->push[i][a] * filter->of_thrust[a][b];
+            for (int b = 0; b < OF_THRUST; b++) row[b] += NODES_OF_A_FLIGHT * way->push[i][a] * filter->of_thrust[a][b];
         for (int j = 0; j < 6; j++)
             for (int b = 0; b < OF_THRUST; b++) P[i * stride + j] += row[b] * way->push[j][b];
     }
@@ -91,7 +92,7 @@ static void add_thrust_of_node(const Online *filter, const Level *level, double 
         for (int j = 0; j < 3; j++)
             for (int a = 0; a < OF_THRUST; a++)
                 for (int b = 0; b < OF_THRUST; b++)
-                    found[i][j] += NODES_OF_A_TURN * level->push[i][a] * filter->of_thrust[a][b] * level->push[j][b];
+                    found[i][j] += NODES_OF_A_FLIGHT * level->push[i][a] * filter->of_thrust[a][b] * level->push[j][b];
 }
 
 /* Of thrusters that nothing has told of yet. */

@@ -17,7 +17,8 @@ class WrongThrusters:
     """Pushes the chaser otherwise than commanded; a `Pilot` of `fly_loop`.
 
     The thrusters are fixed to the chaser as its camera is, which turns to look at the target: they are wrong in the
-    camera's axes at the middle of a step, to where these turn on.
+    camera's axes at the middle of a step, to where these and LVLH, which commands turn with, go on as they did in the
+    two steps before.
 
     orbit: the target's; scale: what accelerations are too large by, as a part of them; misalignment: (3,), the rotation
     vector in the camera's axes by which they point elsewhere, rad.
@@ -26,15 +27,24 @@ class WrongThrusters:
     def __init__(self, orbit: Orbit, scale: float = 0.0, misalignment: FloatArray | None = None) -> None:
         self._orbit, self._scale = orbit, scale
         self._turn = np.zeros(3) if misalignment is None else misalignment
-        self._before: Rotation | None = None
+        self._last = self._turned = Rotation.identity()
+        self._steps = 0
 
     def __call__(self, units: Mapping[str, Unit], time: float) -> None:
         """From a communication point on, s: another acceleration of the chaser than the command."""
         target, controller = units["target"], units["controller"]
-        R_I_V = Rotation.from_quat(controller.vector("camera.attitude"), scalar_first=True)
-        half = np.zeros(3) if self._before is None else 0.5 * (R_I_V * self._before.inv()).as_rotvec()
-        self._before = R_I_V
-        R_I_L = Rotation.from_matrix(lvlh_attitude(self._orbit, np.array([time]))[0])
-        axes = R_I_L.inv() * Rotation.from_rotvec(half) * R_I_V
+        R_L_V = self._seen_from_orbit(Rotation.from_quat(controller.vector("camera.attitude"), scalar_first=True), time)
+        axes = self._halfway(R_L_V)
         pushed = (axes * Rotation.from_rotvec(self._turn) * axes.inv()).apply(controller.vector("command.acceleration"))
         target.set(target.scalars("chaser.acceleration"), (1.0 + self._scale) * pushed)
+
+    def _seen_from_orbit(self, R_I_V: Rotation, time: float) -> Rotation:
+        return Rotation.from_matrix(lvlh_attitude(self._orbit, np.array([time]))[0]).inv() * R_I_V
+
+    def _halfway(self, R_L_V: Rotation) -> Rotation:
+        """The axes half a step later, by the parabola through the rotation vectors of the last three."""
+        turned = R_L_V * self._last.inv() if self._steps > 0 else Rotation.identity()
+        before = self._turned if self._steps > 1 else turned
+        half = 0.5 * turned.as_rotvec() + 0.375 * (turned.as_rotvec() - before.as_rotvec())
+        self._last, self._turned, self._steps = R_L_V, turned, self._steps + 1
+        return Rotation.from_rotvec(half) * R_L_V

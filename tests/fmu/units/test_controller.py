@@ -267,7 +267,7 @@ def test_without_navigation_yet_there_is_no_command(controller_fmu, opened):
 
 
 def test_the_camera_looks_at_the_target_where_it_was_seen_or_where_it_will_be(controller_fmu, opened, small):
-    """z ahead, x normal to the orbit's normal; with all inputs zero, as in some masters' first step, from hold."""
+    """z ahead; with all inputs zero, as in some masters' first step, from hold."""
     controller = opened(Controller, controller_fmu, hold__position=[0.0, -20.0, 0.0])
     orbit = small.orbit
     normal = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, 0.0]).as_matrix()[:, 2]
@@ -307,3 +307,24 @@ def test_the_camera_looks_at_the_target_where_it_was_seen_or_where_it_will_be(co
     axes()
     controller["sight.position"] = seen = np.array([3.0, 2.0, 2.5])
     np.testing.assert_allclose(axes()[:, 2], seen / np.linalg.norm(seen), atol=1e-9)
+
+
+def test_the_camera_does_not_roll(controller_fmu, opened, small):
+    """The line of sight goes round a great circle, over the orbit's normal: the camera turns by as much.
+
+    It leapt by 90 degrees as the line of sight came within 25 degrees of the normal, as no chaser turns in a step. The
+    closed form is that of parallel transport: along a great circle it is the rotation about that one's axis.
+    """
+    controller = opened(Controller, controller_fmu, hold__position=[0.0, -20.0, 0.0])
+    orbit = small.orbit
+    normal = Rotation.from_euler("ZXZ", [orbit.raan, orbit.inclination, 0.0]).as_matrix()[:, 2]
+    axis = np.cross(normal, [0.3, -0.8, 0.5])
+    axis /= np.linalg.norm(axis)
+    turns = Rotation.from_rotvec(np.linspace(0.0, 2 * np.pi, 121)[:, None] * axis)
+    seen = []
+    for direction in turns.apply(np.cross(axis, normal)):
+        controller["target.position"] = 10 * direction
+        controller.step()
+        seen.append(Rotation.from_quat(controller["camera.attitude"], scalar_first=True))
+    for turn, view in zip(turns, seen, strict=True):
+        assert (view * (turn * seen[0]).inv()).magnitude() < 1e-9

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+import oracles
 from baryscope.estimator.tracks import FeatureTracks
 from baryscope.scripts.benchmarks import adjusting, benchmark, estimating, flying, orbit, setting, stepping
 from baryscope.scripts.benchmarks.report import Part, Row, differs, exceeds
@@ -201,9 +203,33 @@ def test_tables_that_are_not_read_as_written_are_a_fault(short, monkeypatch):
 
 def test_frames_are_timed_and_the_end_is_judged(short, monkeypatch):
     found = flying.flying(short, frames=20)
-    assert [row.what.split(",")[0] for row in found.rows] == ["online", "its slowest in a hundred"] * 2 + ["its memory"]
+    assert [row.what.split(",")[0] for row in found.rows] == ["online", "its slowest in a hundred"] * 4 + ["its memory"]
+    assert [row.what.endswith("with thrust") for row in found.rows[:-1:2]] == [False, True] * 2
     assert found.rows[-1].measured <= 256 * 1024
     assert found.faults == ()
     monkeypatch.setattr(flying, "SHORT", 20)  # twenty frames show no centre of mass to a centimetre
     (fault,) = flying.flying(short, frames=20).faults
     assert "online, at the end: path" in fault
+
+
+def test_what_is_seen_under_thrust_is_where_the_thrust_has_moved_it(envisat):
+    """Against both orbits by scipy's DOP853, with thrust that is held from frame to frame.
+
+    An impulse halfway differs by what gravity does to PUSH T²/2 within a step, and so by less than a micrometre a step.
+    """
+    time = np.arange(60.0)
+    still = estimating.Seen(FeatureTracks(time, np.zeros((60, 3, 3)), ("a", "b", "c")), np.zeros((60, 3)))
+    seen, push = flying.pushed(still, envisat.orbit)
+    r0, v0 = oracles.inertial_states(envisat.orbit, np.zeros(3), np.zeros(3))[0]
+    mu, ends = envisat.orbit.gravitational_parameter, []
+    for told in (push, np.zeros_like(push)):
+        y = np.concatenate([r0, v0]).astype(float)
+        for k in range(1, 60):
+            step = solve_ivp(
+                lambda _, y, a=told[k]: np.concatenate([y[3:], a - mu * y[:3] / np.linalg.norm(y[:3]) ** 3]),
+                (0.0, 1.0), y, method="DOP853", rtol=1e-13, atol=1e-9,
+            )  # fmt: skip
+            y = step.y[:, -1]
+        ends.append(y[:3])
+    np.testing.assert_allclose(seen.path[-1], ends[1] - ends[0], rtol=0, atol=6e-5)
+    np.testing.assert_array_equal(seen.tracks.position[-1], np.tile(seen.path[-1], (3, 1)))

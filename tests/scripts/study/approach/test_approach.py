@@ -4,9 +4,11 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.options import ScrewOptions
 from baryscope.fmu.system import build_system
+from baryscope.models.lvlh import lvlh_attitude
 from baryscope.models.scenario import load_scenario
 from baryscope.study.approach import flying
 from baryscope.study.approach.__main__ import main
@@ -82,6 +84,45 @@ def test_on_thrusters_that_are_wrong_the_chaser_arrives(system, envisat, scale, 
     assert loop.error[late].max() < 0.02
     if scale:
         assert np.mean(loop.nees[late] > 16.27) < 0.02  # 0.1 % where claims are true; neighbours have the same errors
+
+
+class Board:
+    """A unit whose values are in a dict, by name."""
+
+    def __init__(self, **values):
+        self.values = {name.replace("__", "."): value for name, value in values.items()}
+
+    def vector(self, name):
+        return self.values[name]
+
+    def scalars(self, name):
+        return name
+
+    def set(self, name, value):
+        self.values[name] = value
+
+
+def test_wrong_thrusters_are_wrong_in_the_axes_of_the_middle_of_a_step(envisat):
+    """Of a camera that turns ever faster about an axis of LVLH, which turns, too: closed form.
+
+    They were wrong in LVLH of the step's beginning, and in axes that turn on steadily. An estimator soon knows thrust
+    better than that, and its true claims seemed wrong.
+    """
+    scale, misalignment, command = 0.03, np.array([0.02, -0.01, 0.015]), np.array([0.03, -0.02, 0.01])
+    wrong, rate, faster = WrongThrusters(envisat.orbit, scale, misalignment), np.array([0.02, 0.05, -0.01]), 0.02
+
+    def axes(time):
+        return Rotation.from_rotvec(rate * (time + 0.5 * faster * time**2))
+
+    for time in np.arange(1.0, 30.0):
+        R_I_L = Rotation.from_matrix(lvlh_attitude(envisat.orbit, np.array([time]))[0])
+        view = (R_I_L * axes(time)).as_quat(scalar_first=True)
+        target, controller = Board(), Board(camera__attitude=view, command__acceleration=command)
+        wrong({"target": target, "controller": controller}, time)
+        if time > 2:
+            middle = axes(time + 0.5)
+            pushed = (middle * Rotation.from_rotvec(misalignment) * middle.inv()).apply(command)
+            np.testing.assert_allclose(target.values["chaser.acceleration"], (1 + scale) * pushed, rtol=0, atol=1e-12)
 
 
 @pytest.fixture
