@@ -2,12 +2,13 @@
 
 A predictor holds the posterior of all unknowns together: those of the rotation and of the path, u, and the points,
 whose deviation for a change δu is −N δu beside an own one. What of it is a point's is in `turning`. Before the first
-observation and after the last, process and torque noise add what they cause from there.
+observation and after the last, process and torque noise add what they cause from there, and a smooth path what is not
+told of how it goes on.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.linalg import block_diag
 from baryscope.estimator.dynamics.forces import untold_firings
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
+from baryscope.estimator.dynamics.onward import going_on, untold_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
@@ -143,16 +145,20 @@ class PredictedPath:
 
     def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6) in C, and their Jacobian (n, 6, p) by x."""
-        place, rate = self.path.at(time), self.path.rate_at(time)
+        place, rate = self._onward.at(time), self._onward.rate_at(time)
         state = np.concatenate([place.position(self.x), rate.position(self.x)], axis=1)
         return state, np.concatenate([place.jacobian, rate.jacobian], axis=1)
+
+    @cached_property
+    def _onward(self) -> Path:
+        return going_on(self.path, self.x, self.covariance)
 
     def added(self, time: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) of what the tracks do not tell.
 
-        Noise and errors of firings before and after them, and noise of higher modes.
+        Noise, errors of firings and how a smooth path goes on before and after them, and noise of higher modes.
         """
-        grown = grown_outside(self.path, self.density, self.begin, self.end, time)
+        grown = grown_outside(self._onward, self.density, self.begin, self.end, time)
         noise = noise_in(self.path)
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
@@ -174,10 +180,10 @@ def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: F
 
 
 def grown_outside(path: Path, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
-    """The covariance (n, 6, 6) of position and velocity in C by noise of a density, m²/s³, and errors of firings,
-    before the tracks' begin and after their end, s.
+    """The covariance (n, 6, 6) of position and velocity in C by noise of a density, m²/s³, errors of firings, and how
+    a smooth path goes on, before the tracks' begin and after their end, s.
     """
-    grown = path_growth(path, density, begin, end, time)
+    grown = path_growth(path, density, begin, end, time) + untold_of(path, time)
     return np.asarray(grown + untold_firings(path, begin, end, time))
 
 

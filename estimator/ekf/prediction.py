@@ -1,9 +1,10 @@
 """Predictions of `ekf`: smoothed states within the tracks, see `further_nodes`, and from their ends on outside."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from baryscope.estimator.dynamics.onward import going_on
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ekf.further_nodes import further_nodes
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, STATE, TURN, moved, points_in
@@ -87,7 +88,10 @@ class PredictedTumble:
 
     def _away(self, node: int, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
         """The same at ascending times (n,) on that side of the tracks on which the node is the last."""
-        found, problem, at = self.found, self.found.problem, self.found.reference
+        found, at = self.found, self.found.reference
+        of_path = slice(INERTIA, INERTIA + len(at.x))
+        onward = going_on(found.problem.path, at.x, found.solution.of_theta[of_path, of_path])
+        problem = replace(found.problem, path=onward)
         origin = float(problem.start.nodes.time[node])
         nodes = np.unique(np.concatenate([problem.start.nodes.time[[0, node]], time]))
         path = problem.process(found.shift, nodes)
@@ -104,8 +108,8 @@ class PredictedTumble:
             b, by_points = point_in_body(point, self.labels, at.points, self._seen(len(at.points)), self.features)
         joint = self._joint(node, by_points)
         if point is None:
-            of_path = joint[OF_MOTION:-3, OF_MOTION:-3]
-            return state, by_path @ of_path @ np.swapaxes(by_path, 1, 2) + added
+            own = joint[OF_MOTION:-3, OF_MOTION:-3]
+            return state, by_path @ own @ np.swapaxes(by_path, 1, 2) + added
         start = Rotation(origin, at.attitude[node], at.rate[node], at.inertia, problem.start.rotation.orbit)
         about, theta = found.about.inertia, found.solution.theta[:INERTIA]
 

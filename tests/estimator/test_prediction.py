@@ -108,6 +108,35 @@ def test_errors_of_a_point_agree_with_its_covariance(method, draws, estimates):
 
 
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_a_smooth_path_goes_on_by_what_is_told_at_its_end(method):
+    """Without an orbit, a quarter of the span and one span before and after: truth by two Kepler orbits.
+
+    An error is beyond the limit once in a million; a span away the claim is less than what the path turns away from a
+    straight line by. A polynomial of a high degree leads anywhere there.
+    """
+    time, R = turning(200)
+    span, limit = time[-1] - time[0], chi2.ppf(1 - 1e-6, 6)
+    asked, step = np.array([-span, -span / 4, span + span / 4, 2 * span]), 0.5
+    true = in_orbit(np.concatenate([asked - step, asked, asked + step])).reshape(3, -1, 3)
+    speed = (true[2] - true[0]) / (2 * step)
+    end = in_orbit(np.array([0.0, step, span - step, span]))
+    straight = np.where(
+        asked[:, None] < 0,
+        end[0] + asked[:, None] * (end[1] - end[0]) / step,
+        end[3] + (asked[:, None] - span) * (end[3] - end[2]) / step,
+    )
+    for seed in range(3):
+        found = estimate(make_case(time, R, in_orbit(time), FEATURES, noise=NOISE, seed=seed).tracks, method=method)
+        assert found.path == "polynomial"
+        there = found.predict(asked)
+        for k in range(len(asked)):
+            error = np.concatenate([there.position[k] - true[1, k], there.velocity[k] - speed[k]])
+            assert error @ np.linalg.solve(there.covariance[k], error) < limit, (seed, k)
+        claimed = np.sqrt(np.trace(there.covariance[:, :3, :3], axis1=1, axis2=2))
+        assert (claimed[[0, 3]] < np.linalg.norm(true[1] - straight, axis=1)[[0, 3]]).all()
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
 def test_looking_back_is_looking_ahead_on_a_film_that_runs_backwards(method):
     """With white noise of path and torque; in free space, where motions can be run backwards."""
     time, R = turning(160)
