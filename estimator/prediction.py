@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.dynamics.forces import untold_firings
+from baryscope.estimator.dynamics.forces import lasting, untold_firings
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.onward import going_on, untold_of
@@ -158,8 +158,9 @@ class PredictedPath:
 
         Noise, errors of firings and how a smooth path goes on before and after them, and noise of higher modes.
         """
-        grown = grown_outside(self._onward, self.density, self.begin, self.end, time)
         noise = noise_in(self.path)
+        lasts = 0.0 if noise is None else noise.lasting_variance(self.x, self.density)
+        grown = grown_outside(self._onward, (self.density, lasts), self.begin, self.end, time)
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
         return grown
@@ -179,11 +180,15 @@ def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: F
     return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
-def grown_outside(path: Path, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
-    """The covariance (n, 6, 6) of position and velocity in C by noise of a density, m²/s³, errors of firings, and how
-    a smooth path goes on, before the tracks' begin and after their end, s.
+def grown_outside(path: Path, noise: tuple[float, float], begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of position and velocity in C by accelerations, errors of firings, and how a smooth path
+    goes on, before the tracks' begin and after their end, s.
+
+    noise: the density of white acceleration, m²/s³, and the variance of one that lasts, (m/s²)².
     """
-    grown = path_growth(path, density, begin, end, time) + untold_of(path, time)
+    density, lasts = noise
+    grown = path_growth(path, density, begin, end, time) + lasting(path, lasts, begin, end, time)
+    grown += untold_of(path, time)
     return np.asarray(grown + untold_firings(path, begin, end, time))
 
 
