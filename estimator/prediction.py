@@ -2,21 +2,23 @@
 
 A predictor holds the posterior of all unknowns together: those of the rotation and of the path, u, and the points,
 whose deviation for a change δu is −N δu beside an own one. What of it is a point's is in `turning`. Before the first
-observation and after the last, process and torque noise add what they cause from there.
+observation and after the last, process and torque noise add what they cause from there, and a smooth path what is not
+told of how it goes on.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.dynamics.forces import untold_firings
+from baryscope.estimator.dynamics.forces import lasting, untold_firings
 from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
+from baryscope.estimator.dynamics.onward import going_on, untold_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
@@ -143,17 +145,22 @@ class PredictedPath:
 
     def sampled(self, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position and velocity (n, 6) in C, and their Jacobian (n, 6, p) by x."""
-        place, rate = self.path.at(time), self.path.rate_at(time)
+        place, rate = self._onward.at(time), self._onward.rate_at(time)
         state = np.concatenate([place.position(self.x), rate.position(self.x)], axis=1)
         return state, np.concatenate([place.jacobian, rate.jacobian], axis=1)
+
+    @cached_property
+    def _onward(self) -> Path:
+        return going_on(self.path, self.x, self.covariance)
 
     def added(self, time: FloatArray) -> FloatArray:
         """The covariance (n, 6, 6) of what the tracks do not tell.
 
-        Noise and errors of firings before and after them, and noise of higher modes.
+        Noise, errors of firings and how a smooth path goes on before and after them, and noise of higher modes.
         """
-        grown = grown_outside(self.path, self.density, self.begin, self.end, time)
         noise = noise_in(self.path)
+        lasts = 0.0 if noise is None else noise.lasting_variance(self.x, self.density)
+        grown = grown_outside(self._onward, (self.density, lasts), self.begin, self.end, time)
         if noise is not None and self.density > 0:
             grown += _by_chunks(lambda part: (_of_higher_modes(noise, self.density, part),), time)[0]
         return grown
@@ -173,11 +180,15 @@ def _by_chunks(function: Callable[[FloatArray], tuple[FloatArray, ...]], time: F
     return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
 
 
-def grown_outside(path: Path, density: float, begin: float, end: float, time: FloatArray) -> FloatArray:
-    """The covariance (n, 6, 6) of position and velocity in C by noise of a density, m²/s³, and errors of firings,
-    before the tracks' begin and after their end, s.
+def grown_outside(path: Path, noise: tuple[float, float], begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of position and velocity in C by accelerations, errors of firings, and how a smooth path
+    goes on, before the tracks' begin and after their end, s.
+
+    noise: the density of white acceleration, m²/s³, and the variance of one that lasts, (m/s²)².
     """
-    grown = path_growth(path, density, begin, end, time)
+    density, lasts = noise
+    grown = path_growth(path, density, begin, end, time) + lasting(path, lasts, begin, end, time)
+    grown += untold_of(path, time)
     return np.asarray(grown + untold_firings(path, begin, end, time))
 
 

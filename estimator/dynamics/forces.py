@@ -15,7 +15,7 @@ from baryscope.estimator.dynamics.extended import Extended, Factor, named_factor
 from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, are_within, forced
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, orbit_in
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.options import ConstantAxes
 from baryscope.estimator.thrust import KnownAcceleration
@@ -212,6 +212,30 @@ def untold_firings(path: Path, begin: float, end: float, time: FloatArray) -> Fl
         motion = forced(time, middle, path.gravity_gradient, force.acceleration, force.longest, force.breaks)
         columns = np.concatenate([motion.position(time), motion.velocity(time)], axis=1) * force.deviations
         found += columns @ np.swapaxes(columns, 1, 2)
+    return found
+
+
+def lasting(path: Path, variance: float, begin: float, end: float, time: FloatArray) -> FloatArray:
+    """The covariance (n, 6, 6) of position and velocity in C by an acceleration that lasts before `begin` and after
+    `end`, of a variance of each coordinate, (m/s²)²: in LVLH on an orbit, else in C.
+
+    Between them it is zero. time (n,) in s.
+    """
+    found, orbit = np.zeros((len(time), 6, 6)), orbit_in(path)
+    if variance == 0:
+        return found
+
+    def fixed(at: FloatArray) -> FloatArray:
+        axes = None if orbit is None else lvlh_axes(target_states(orbit, at))
+        return np.broadcast_to(np.eye(3), (len(at), 3, 3)) if axes is None else axes
+
+    for edge, outside in ((begin, time < begin), (end, time > end)):
+        if outside.any():
+            away = time[outside]
+            longest = longest_on(orbit, float(away.min(initial=edge)), float(away.max(initial=edge)))
+            motion = forced(away, edge, path.gravity_gradient, fixed, longest, np.zeros(0))
+            columns = np.concatenate([motion.position(away), motion.velocity(away)], axis=1)
+            found[outside] = variance * columns @ np.swapaxes(columns, 1, 2)
     return found
 
 

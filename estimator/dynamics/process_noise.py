@@ -26,6 +26,7 @@ DENSITY = "process noise"
 FEWEST_MODES, MOST_MODES = 12, 96
 # m/s^1.5, mean of the root of the density in an orbit: 1e-3, or 2 cm/s in ten minutes, once in 150 cases
 TYPICAL = 2e-4
+MIDDLE = np.array([0.25, 0.75])  # of the time, between which a lasting acceleration is looked for
 SHORTEST = 1e-6  # s, of the time over which noise acts
 OMITTED = 0.01  # of the variance: more than that of the modes left out
 
@@ -68,6 +69,13 @@ class Disturbed(Extended):
     def omitted_variance(self, density: float) -> float:
         """The mean variance of a coordinate, m², due to the modes beyond `count`, for a density in m²/s³."""
         return density * (self.end - self.begin) ** 3 / (3 * np.pi**4 * (self.count + 1) ** 3)
+
+    def lasting_variance(self, x: FloatArray, density: float) -> float:
+        """That of a coordinate of an acceleration that lasts, see `lasting_variance`, for unknowns x (p,)."""
+        modes = x[self.base.size : self.size].reshape(self.count, 3)
+        span = self.end - self.begin
+        change = np.diff(free_modes(MIDDLE, self.count)[1], axis=0)[0] @ modes / span
+        return lasting_variance(change, density, float(np.ptp(MIDDLE)) * span)
 
     @property
     def frequency(self) -> float:
@@ -113,6 +121,15 @@ class Disturbed(Extended):
             return found @ of_three_axes(free_modes(self._scaled(at), self.count)[0])
 
         return forced(times, (self.begin + self.end) / 2, self.base.gravity_gradient, pull, longest)
+
+
+def lasting_variance(change: FloatArray, density: float, duration: float) -> float:
+    """The variance of a coordinate of an acceleration that lasts, (m/s²)², where noise shows one; 0 where it does not.
+
+    change (3,): of the velocity, m/s, by process noise over a duration in s, amid the tracks. White noise of a density
+    makes the mean acceleration as large as √(q/duration); what is beyond may go on.
+    """
+    return max(float(change @ change) / 3 / duration**2 - density / duration, 0.0)
 
 
 def disturbed(path: Path, noise: Density, begin: float, end: float, known: float = 0.0) -> Path:

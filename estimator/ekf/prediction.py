@@ -1,9 +1,11 @@
 """Predictions of `ekf`: smoothed states within the tracks, see `further_nodes`, and from their ends on outside."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from baryscope.estimator.dynamics.onward import going_on
+from baryscope.estimator.dynamics.process_noise import MIDDLE, lasting_variance
 from baryscope.estimator.dynamics.rotation import Rotation
 from baryscope.estimator.ekf.further_nodes import further_nodes
 from baryscope.estimator.ekf.linearised import INERTIA, PATH, RATE, STATE, TURN, moved, points_in
@@ -87,7 +89,10 @@ class PredictedTumble:
 
     def _away(self, node: int, time: FloatArray, point: Point) -> tuple[FloatArray, FloatArray]:
         """The same at ascending times (n,) on that side of the tracks on which the node is the last."""
-        found, problem, at = self.found, self.found.problem, self.found.reference
+        found, at = self.found, self.found.reference
+        of_path = slice(INERTIA, INERTIA + len(at.x))
+        onward = going_on(found.problem.path, at.x, found.solution.of_theta[of_path, of_path])
+        problem = replace(found.problem, path=onward)
         origin = float(problem.start.nodes.time[node])
         nodes = np.unique(np.concatenate([problem.start.nodes.time[[0, node]], time]))
         path = problem.process(found.shift, nodes)
@@ -98,14 +103,15 @@ class PredictedTumble:
         by_path = to_si[:, None] * by_path[rows]
         slipping = 0.0 if problem.slips else 1.0
         density = slipping * float(found.probability @ [member.path for member in found.members])
-        added = grown_outside(problem.path, density, *self._ends, time)
+        lasts = self._lasting_variance(density)
+        added = grown_outside(problem.path, (density, lasts), *self._ends, time)
         b, by_points = np.zeros(3), np.zeros((3, 3 * len(at.points)))
         if point is not None:
             b, by_points = point_in_body(point, self.labels, at.points, self._seen(len(at.points)), self.features)
         joint = self._joint(node, by_points)
         if point is None:
-            of_path = joint[OF_MOTION:-3, OF_MOTION:-3]
-            return state, by_path @ of_path @ np.swapaxes(by_path, 1, 2) + added
+            own = joint[OF_MOTION:-3, OF_MOTION:-3]
+            return state, by_path @ own @ np.swapaxes(by_path, 1, 2) + added
         start = Rotation(origin, at.attitude[node], at.rate[node], at.inertia, problem.start.rotation.orbit)
         about, theta = found.about.inertia, found.solution.theta[:INERTIA]
 
@@ -116,6 +122,18 @@ class PredictedTumble:
         torque = float(found.probability @ [member.turn for member in found.members])
         mean, covariance = TurningPoint(start, changed, b, joint, torque).away(time, state, by_path)
         return mean, covariance + added
+
+    def _lasting_variance(self, density: float) -> float:
+        """That of a coordinate of an acceleration that lasts, (m/s²)², see `lasting_variance`."""
+        at, time = self.found.reference, self.found.problem.start.nodes.time
+        begin, end = time[0] + MIDDLE * (time[-1] - time[0])
+        amid = (time[:-1] >= begin) & (time[1:] <= end)
+        if not density > 0 or not amid.any():
+            return 0.0
+        by_noise = at.deviation[1:] - at.path.drive @ at.x
+        by_noise -= np.einsum("kij,kj->ki", at.path.transition, at.deviation[:-1])
+        change = by_noise[amid, 3:].sum(axis=0) / at.path.span
+        return lasting_variance(change, density, float(np.diff(time)[amid].sum()))
 
     def _joint(self, node: int, by_points: FloatArray) -> FloatArray:
         """The covariance of attitude, rate, inertia, the path's u and x, and a point by_points (3, 3 m), at a node."""

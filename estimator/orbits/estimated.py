@@ -1,6 +1,5 @@
 """A relative motion on an orbit that the path itself tells: its elements are unknowns of the path."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +25,8 @@ SHAPE = slice(3, 6)  # among the elements
 class OnEstimatedOrbit(Forced):
     """Relative motion on an orbit near one of given elements: how it departs from these are unknowns, the force's.
 
-    elements: at the middle of begin … end, about which the path is linear in the departure.
+    elements: at the middle of begin … end, about which the path is linear in the departure. A change of the gravity
+    gradient acts about a motion on their orbit.
     """
 
     elements: LocalElements
@@ -57,18 +57,18 @@ class OnEstimatedOrbit(Forced):
         return slice(self.base.size, self.size)
 
 
-def on_estimated_orbit(
-    elements: LocalElements, position: Callable[[FloatArray], FloatArray], begin: float, end: float
-) -> OnEstimatedOrbit:
+def on_estimated_orbit(elements: LocalElements, x: FloatArray, begin: float, end: float) -> OnEstimatedOrbit:
     """The relative motion on the orbit of elements at the middle of begin … end in s, and on those near it.
 
-    position: times (k,) in s → the path (k, 3) in C, m, about which a change of the gravity gradient acts.
+    x (6,): of the motion on it about which a change of the gravity gradient acts. It goes on outside begin … end, where
+    a smooth path that is found within would lead anywhere.
 
     Raises:
         InputError: an orbit that is none.
     """
     middle = (begin + end) / 2
     orbit = elements.orbit(middle, EARTH_MU)
+    motion = RelativeOrbit(orbit, middle)
     neighbours = [
         [elements.moved(way * STEP * axis).orbit(middle, EARTH_MU) for way in (1, -1)] for axis in np.eye(len(NAMES))
     ]
@@ -78,11 +78,11 @@ def on_estimated_orbit(
 
     def acceleration(time: FloatArray) -> FloatArray:
         pairs = ((gradient(ahead, time), gradient(behind, time)) for ahead, behind in neighbours)
-        return perturbing_accelerations(pairs, STEP, position(time))
+        return perturbing_accelerations(pairs, STEP, motion.at(time).position(x))
 
     deviations = np.ones(len(NAMES))  # of rad, of the logarithm of the mean motion, and of the eccentricity
     force = Force(acceleration, NAMES, "1", deviations, longest_on(orbit, begin, end), np.zeros(0))
-    return OnEstimatedOrbit(RelativeOrbit(orbit, middle), force, begin, end, elements)
+    return OnEstimatedOrbit(motion, force, begin, end, elements)
 
 
 def estimated_orbit_in(path: Path) -> OnEstimatedOrbit | None:

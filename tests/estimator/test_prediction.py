@@ -14,7 +14,7 @@ from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.prediction import PredictedPath, Widening
 from baryscope.estimator.turning import carried, curved
 from baryscope.models.errors import ComputationError, InputError
-from free_paths import FEATURES, NOISE, RATE, at_rest, found_by, in_orbit, turning
+from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, turning
 from results import an_estimate
 from synthetic import make_case
 
@@ -105,6 +105,51 @@ def test_errors_of_a_point_agree_with_its_covariance(method, draws, estimates):
                 squares[name, end].append(float(off @ np.linalg.solve(there.covariance[0, :3, :3], off)))
     for (name, end), values in squares.items():
         assert in_band(values, 3), (name, end)
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_a_force_that_lasts_may_go_on(method):
+    """A constant acceleration on an orbit that is not told, half of the span ahead; one error in a thousand is beyond.
+
+    White noise of the density that it shows grows with T³ in variance, the path with T⁴.
+    """
+    time, R = turning(300, 5.0, 0.3)
+    acceleration, middle, ahead, step = np.array([1e-6, -5e-7, 3e-7]), time[-1] / 2, 1.5 * time[-1], 0.5
+    com = in_orbit(time) + np.outer((time - middle) ** 2 / 2, acceleration)
+    found = estimate(make_case(time, R, com, FEATURES, noise=NOISE).tracks, method=method, orbit=ORBIT.model())
+    before, there, after = in_orbit(ahead + step * np.array([-1.0, 0.0, 1.0]))
+    position = there + (ahead - middle) ** 2 / 2 * acceleration
+    velocity = (after - before) / (2 * step) + (ahead - middle) * acceleration
+    assert squared(found.predict([ahead]), position, velocity) < chi2.ppf(1 - 1e-3, 6)
+
+
+@pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
+def test_a_smooth_path_goes_on_by_what_is_told_at_its_end(method):
+    """Without an orbit, a quarter of the span and one span before and after: truth by two Kepler orbits.
+
+    An error is beyond the limit once in a million; a span away the claim is less than what the path turns away from a
+    straight line by. A polynomial of a high degree leads anywhere there.
+    """
+    time, R = turning(200)
+    span, limit = time[-1] - time[0], chi2.ppf(1 - 1e-6, 6)
+    asked, step = np.array([-span, -span / 4, span + span / 4, 2 * span]), 0.5
+    true = in_orbit(np.concatenate([asked - step, asked, asked + step])).reshape(3, -1, 3)
+    speed = (true[2] - true[0]) / (2 * step)
+    end = in_orbit(np.array([0.0, step, span - step, span]))
+    straight = np.where(
+        asked[:, None] < 0,
+        end[0] + asked[:, None] * (end[1] - end[0]) / step,
+        end[3] + (asked[:, None] - span) * (end[3] - end[2]) / step,
+    )
+    for seed in range(3):
+        found = estimate(make_case(time, R, in_orbit(time), FEATURES, noise=NOISE, seed=seed).tracks, method=method)
+        assert found.path == "polynomial"
+        there = found.predict(asked)
+        for k in range(len(asked)):
+            error = np.concatenate([there.position[k] - true[1, k], there.velocity[k] - speed[k]])
+            assert error @ np.linalg.solve(there.covariance[k], error) < limit, (seed, k)
+        claimed = np.sqrt(np.trace(there.covariance[:, :3, :3], axis1=1, axis2=2))
+        assert (claimed[[0, 3]] < np.linalg.norm(true[1] - straight, axis=1)[[0, 3]]).all()
 
 
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])

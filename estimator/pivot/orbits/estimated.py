@@ -70,7 +70,7 @@ def _refined_on(fit: OrbitFit, found: Pivot, start: Start, options: PathOptions)
     at = replace(found, solution=found.solution.moved_to(np.concatenate([fit.coefficients, others])))
     elements, of_motion = fit.elements, fit.x
     for _ in range(MOST_LINEARISED):
-        base = on_estimated_orbit(elements, at.position, smooth.begin, smooth.end)
+        base = on_estimated_orbit(elements, of_motion, smooth.begin, smooth.end)
         path, x = based_on(found.path, base), np.concatenate([of_motion, np.zeros(len(NAMES)), others])
         fresh = replace(start.on(path, interpolated(path.at, path.frequency, start.time), x), slips=False)
         at = refined(fresh.near(at), options)

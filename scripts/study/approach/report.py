@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.study.approach.flying import ARRIVED, LOOPS
-from baryscope.study.population.judging import WRONG
+from baryscope.study.population.consistency import WRONG
 from baryscope.study.population.running import Line
 from baryscope.table import Table
 

@@ -14,7 +14,7 @@ from baryscope.fmu import Session
 from baryscope.models.files import temporary_folder
 from baryscope.models.scenario import load_scenario
 from baryscope.study.flight import build_unit
-from baryscope.study.population.judging import nees
+from baryscope.study.population.consistency import nees
 from baryscope.table import Table
 
 SCENARIO, FEATURES = "envisat", 10

@@ -9,7 +9,8 @@ from baryscope.estimator.methods import estimate
 from baryscope.estimator.online import OnlineState, OnlineStatus
 from baryscope.models.errors import ComputationError, InputError
 from baryscope.study.online.flights import Flight, flight
-from baryscope.study.population.judging import WRONG, measured, nees
+from baryscope.study.population.consistency import WRONG, nees
+from baryscope.study.population.judging import measured
 from baryscope.study.population.running import Line
 
 MARKS = (0.25, 0.5, 1.0, 2.0, 4.0)  # rotations; the last frame is one more

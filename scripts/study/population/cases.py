@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from baryscope.models.orbit import EARTH_RADIUS, Orbit
+from baryscope.study.population.interface import Truth
 from baryscope.study.population.motion import relative_motion, tumble
 
 FloatArray = NDArray[np.float64]
@@ -18,13 +19,25 @@ MIDDLE_STEP = 1.0  # m and m/(1/n): of the differences that make the path's Jaco
 
 
 @dataclass(frozen=True, eq=False)
+class Start:
+    """The motion at time 0: inertia (3, 3) of trace 1; quaternion (4,) of R_C_B, (x, y, z, w); rate (3,) in B, rad/s;
+    state (6,): the chaser's in LVLH, m and m/s.
+    """
+
+    inertia: FloatArray
+    quaternion: FloatArray
+    rate: FloatArray
+    state: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Case:
     """What is true in one case, and how it is seen.
 
-    seed, index: what it is drawn from; kind: words that name what is special; time (n,) s; orbit; path (n, 3): the
-    centre of mass in C, m; path_jacobian (n, 3, 6) by the chaser's state at the first time; attitude (n, 3, 3) R_C_B;
-    rate (n, 3) rad/s in B; turn (n, 3, 8): rotation vectors in B by the rate and five parameters of the inertia at the
-    first time; points (m, 3) in B, m; seen (n, m): what is seen but for dropouts; sensor: its errors.
+    seed, index: what it is drawn from; kind: words that name what is special; time (n,) s; orbit; start; path (n, 3):
+    the centre of mass in C, m; path_jacobian (n, 3, 6) by the chaser's state at the first time; attitude (n, 3, 3)
+    R_C_B; rate (n, 3) rad/s in B; turn (n, 3, 8): rotation vectors in B by the rate and five parameters of the
+    inertia at the first time; points (m, 3) in B, m; seen (n, m): what is seen but for dropouts; sensor: its errors.
     """
 
     seed: int
@@ -32,6 +45,7 @@ class Case:
     kind: str
     time: FloatArray
     orbit: Orbit
+    start: Start
     path: FloatArray
     path_jacobian: FloatArray
     attitude: FloatArray
@@ -40,6 +54,13 @@ class Case:
     points: FloatArray
     seen: BoolArray
     sensor: "Sensor"
+
+    def at(self, time: FloatArray) -> Truth:
+        """The truth at other times, see `interface.Drawn`."""
+        every, start = np.concatenate([[0.0], time]), self.start
+        relative, _ = relative_motion(self.orbit, start.state[None], every)
+        attitude, rate = tumble(start.inertia[None], start.quaternion[None], start.rate[None], every)
+        return Truth(-relative[0, 1:, :3], -relative[0, 1:, 3:], attitude[0, 1:], rate[0, 1:])
 
     @property
     def orbital(self) -> bool:
@@ -97,13 +118,14 @@ def drawn(seed: int, index: int) -> Case:
     time = _times(streams[2], float(np.linalg.norm(rate)), orbit)
     points, normals, shape_kind = _features(streams[3])
     nearest = max(NEAREST, 1.3 * float(np.linalg.norm(points, axis=1).max()))
-    time, path, path_jacobian, chaser_kind = _path(streams[1], orbit, time, nearest)
-    attitude, rates, turn = _rotation(streams[0], inertia, rate, time)
+    time, state, path, path_jacobian, chaser_kind = _path(streams[1], orbit, time, nearest)
+    start = Start(inertia, Rotation.random(random_state=streams[0]).as_quat(), rate, state)
+    attitude, rates, turn = rotation_with_sensitivity(inertia, start.quaternion, rate, time)
     seen, view_kind = _view(streams[4], path, attitude, points, normals)
     sensor = _sensor(streams[2], path)
     words = [orbit_kind, chaser_kind, tumble_kind, shape_kind, view_kind, *_words(sensor)]
     kind = " ".join(word for word in words if word)
-    return Case(seed, index, kind, time, orbit, path, path_jacobian, attitude, rates, turn, points, seen, sensor)
+    return Case(seed, index, kind, time, orbit, start, path, path_jacobian, attitude, rates, turn, points, seen, sensor)
 
 
 def _log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -157,8 +179,8 @@ def _times(rng: np.random.Generator, rate: float, orbit: Orbit) -> FloatArray:
 
 def _path(
     rng: np.random.Generator, orbit: Orbit, time: FloatArray, nearest: float
-) -> tuple[FloatArray, FloatArray, FloatArray, str]:
-    """The times, the path in C with its Jacobian, and the kind of relative motion.
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, str]:
+    """The times, the chaser's state at the first, the path in C with its Jacobian, and the kind of relative motion.
 
     A chaser that comes nearer than `nearest` m or drifts too far is drawn again, after ten times in half the time.
     """
@@ -181,19 +203,11 @@ def _path(
         scale = np.repeat([MIDDLE_STEP, MIDDLE_STEP * n], 3)
         ways = np.concatenate([state[None], state + np.diag(scale), state - np.diag(scale)])
         relative, _ = relative_motion(orbit, ways, time)
-        away = np.linalg.norm(relative[0], axis=1)
+        away = np.linalg.norm(relative[0, :, :3], axis=1)
         if away.min() > nearest and away.max() < FARTHEST:
             break
-    jacobian = -(relative[1:7] - relative[7:]).transpose(1, 2, 0) / (2 * scale)
-    return time, -relative[0], jacobian, kind
-
-
-def _rotation(
-    rng: np.random.Generator, inertia: FloatArray, rate: FloatArray, time: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Attitude, rates, and the sensitivity of the attitude to rate and inertia, by central differences."""
-    quaternion = Rotation.random(random_state=rng).as_quat()
-    return rotation_with_sensitivity(inertia, quaternion, rate, time)
+    jacobian = -(relative[1:7] - relative[7:])[..., :3].transpose(1, 2, 0) / (2 * scale)
+    return time, state, -relative[0, :, :3], jacobian, kind
 
 
 def rotation_with_sensitivity(
@@ -201,7 +215,7 @@ def rotation_with_sensitivity(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Attitude (n, 3, 3), rate (n, 3) and rotation vectors (n, 3, 8) in B per unit of rate and inertia over its trace.
 
-    The five parameters of the inertia are those of a symmetric matrix whose trace is kept.
+    By central differences. The five parameters of the inertia are those of a symmetric matrix whose trace is kept.
     """
     step = 1e-6
     basis = np.zeros((5, 3, 3))

@@ -24,8 +24,31 @@ class Sample:
     precision: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The motion at k times: path (k, 3) of the centre of mass in C, m, its velocity (k, 3), m/s; attitude (k, 3, 3)
+    R_C_B; rate (k, 3) in B, rad/s.
+    """
+
+    path: FloatArray
+    velocity: FloatArray
+    attitude: FloatArray
+    rate: FloatArray
+
+    def state(self, point: FloatArray) -> FloatArray:
+        """Position and velocity (k, 6) in C of a point (3,) in B from the centre of mass, m."""
+        arm, speed = self.attitude @ point, np.cross(self.rate, point)
+        return np.concatenate([self.path + arm, self.velocity + np.einsum("kij,kj->ki", self.attitude, speed)], axis=1)
+
+
 class Drawn(Protocol):
     """The truth of a case: n times, m labels."""
+
+    def at(self, time: FloatArray) -> Truth:
+        """The truth at other ascending times (k,) in s, from the first on: in gaps, and carried on after the last time,
+        in the same world.
+        """
+        ...
 
     @property
     def kind(self) -> str:

@@ -9,10 +9,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from baryscope.estimator import METHODS, Estimate, Failure, PathOptions, attempt
 from baryscope.models.errors import InputError, Reason
+from baryscope.study.population.ahead import Asked, asked_of, predicted
+from baryscope.study.population.consistency import WRONG, definite, nees
 from baryscope.study.population.information import Watched, path_bound, polynomial_jacobian, polynomial_misfit, rms
 from baryscope.study.population.interface import Drawn, Sample
 from baryscope.study.population.populations import FIRST, POPULATIONS
@@ -20,7 +21,6 @@ from baryscope.study.population.running import Line
 
 FloatArray = NDArray[np.float64]
 
-WRONG = float(chi2.ppf(0.999, 3))  # NEES above which an answer is wrong: one of a thousand true ones
 CRASHED = "crashed:"  # begins the message of a failure that is no reasoned refusal
 HIGHEST = 20  # degree of a polynomial
 
@@ -65,22 +65,33 @@ def bounds_of(case: Drawn, sample: Sample) -> dict[str, float]:
     return found
 
 
-def judged(seed: int, index: int, method: str, orbit: bool, population: str = FIRST) -> Line:
+@lru_cache(maxsize=1)
+def asked(seed: int, index: int, population: str = FIRST) -> Asked:
+    """What is asked of predictions in a case."""
+    case, sample, _ = prepared(seed, index, population)
+    return asked_of(case, sample)
+
+
+def judged(seed: int, index: int, method: str, orbit: bool, population: str = FIRST, ahead: bool = False) -> Line:
     """The line of an estimate: its failure, or status, errors and NEES at the first, middle and last time.
 
-    It names the population unless that is the first. Of a target that does not fly none is made with an orbit: the line
-    says `skipped`.
+    It names the population unless that is the first. ahead: it has predictions, too, see `ahead.predicted`.
+    Of a target that does not fly none is made with an orbit: the line says `skipped`.
     """
     case, sample, facts = prepared(seed, index, population)
     line: Line = {"seed": seed, "index": index, "method": method, "orbit": orbit}
     if population != FIRST:
         line["population"] = population
+    if ahead:
+        line["ahead"] = True
     if orbit and not case.orbital:
         return line | {"skipped": "no orbit"}
     with measured(line):
         found = tried(case, sample, method, orbit)
     if isinstance(found, Estimate):
         line |= of_estimate(found, case.path)
+        if ahead and found.predictor is not None:
+            line["predicted"] = predicted(found, asked(seed, index, population))
     else:
         line |= {"failure": found.reason, "message": found.message}
     return line | facts
@@ -125,7 +136,7 @@ def of_estimate(found: Estimate, truth: FloatArray) -> Line:
     if found.covariance is not None:
         bodies = [cluster.covariance for cluster in found.clusters if cluster.covariance is not None]
         line["predicted_rmse"] = found.predicted_rmse
-        line["definite"] = _definite(found.covariance) and all(_definite(body[None]) for body in bodies)
+        line["definite"] = definite(found.covariance) and all(map(definite, bodies))
     return line | accuracy(found.position, found.covariance, truth)
 
 
@@ -142,21 +153,9 @@ def accuracy(position: FloatArray, covariance: FloatArray | None, truth: FloatAr
     return line
 
 
-def nees(error: FloatArray, covariance: FloatArray) -> float:
-    """eᵀ P⁻¹ e of an error (3,); infinite if P is not positive definite."""
-    if not _definite(covariance[None]) or not np.isfinite(error).all():
-        return float("inf")
-    values, vectors = np.linalg.eigh(covariance)
-    return float(np.sum((vectors.T @ error) ** 2 / values))
-
-
 def wrong(line: Line) -> bool:
     """Whether one of the errors of an answer is beyond its covariance, with p < 0.001."""
     return not all(value <= WRONG for value in line["nees"])
-
-
-def _definite(covariances: FloatArray) -> bool:
-    return bool(np.isfinite(covariances).all()) and bool((np.linalg.eigvalsh(covariances)[:, 0] > 0).all())
 
 
 def _short(fields: Line) -> str:

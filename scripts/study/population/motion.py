@@ -49,7 +49,7 @@ def tumble(
 def relative_motion(
     orbit: Orbit, state: FloatArray, time: FloatArray, force: Force | None = None, breaks: Sequence[float] = ()
 ) -> tuple[FloatArray, FloatArray]:
-    """The chaser from the target's centre of mass in inertial axes, (k, n, 3) in m, and the target's R_I_L (n, 3, 3).
+    """The chaser's states (k, n, 6) from the target's centre of mass in inertial axes, m and m/s, and R_I_L (n, 3, 3).
 
     state (k, 6): (ρ, ρ̇) in LVLH, m and m/s, at time 0, for which the orbit holds; time (n,) ascends from 0.
     force: of (t, target's position and velocity (6,), chasers' relative to it (k, 6)), accelerations (k + 1, 3) in m/s²
@@ -76,7 +76,7 @@ def relative_motion(
 
     states = _integrated(slope, np.concatenate([target, relative.ravel()]), time, breaks)
     axes, _ = lvlh_axes(states[:, :6])
-    return states[:, 6:].reshape(len(time), k, 6).transpose(1, 0, 2)[..., :3], axes
+    return states[:, 6:].reshape(len(time), k, 6).transpose(1, 0, 2), axes
 
 
 def orbit_state(orbit: Orbit) -> FloatArray:

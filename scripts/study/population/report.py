@@ -2,9 +2,11 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
+from baryscope.study.population.ahead import CENTRE, FEATURE, WHEN, missed, misses
 from baryscope.study.population.judging import CRASHED, wrong
 from baryscope.study.population.running import Line
 from baryscope.table import Table
@@ -37,6 +39,30 @@ def by_status(lines: Sequence[Line]) -> Table:
             count, median = str(len(own)), f"{np.median(every):.2f}"
             rows.append((name, _orbit(orbit), status, count, _share(sum(map(wrong, own)), len(own)), median))
     return Table(("method", "orbit", "status", "answers", "wrong", "median NEES"), tuple(rows), left=3)
+
+
+def predictions(lines: Sequence[Line]) -> Table:
+    """A row for each method, with the orbit and without, each point and each time: predictions of unannounced answers.
+
+    Errors and claims are medians, of the position; NEES is of position and velocity. Refused: no prediction of it.
+    """
+    rows = []
+    for (name, orbit), group in _groups(lines).items():
+        made = [line["predicted"] for line in group if "predicted" in line and not line["announced"]]
+        for point, when in product((CENTRE, FEATURE), WHEN):
+            own = [one[f"{point} {when}"] for one in made if point not in one]
+            rows.append((name, _orbit(orbit), point, when, *_of_predictions(own), str(len(made) - len(own))))
+    headings = "method, orbit, point, when, predictions, wrong, median NEES, error, claimed, greatest claim, refused"
+    return Table(tuple(headings.split(", ")), tuple(rows), left=4)
+
+
+def _of_predictions(made: list[Line]) -> tuple[str, ...]:
+    if not made:
+        return "0", *5 * ("-",)
+    bad = sum(map(missed, made))
+    error, claimed, every = (np.array([one[name] for one in made]) for name in ("error", "claimed", "nees"))
+    sizes = (f"{size:.2g} m" for size in (np.median(error), np.median(claimed), claimed.max()))
+    return str(len(made)), _share(bad, len(made)), f"{np.median(every):.2f}", *sizes
 
 
 def _orbit(known: bool) -> str:
@@ -120,7 +146,7 @@ def _drawn(line: Line) -> tuple[str, ...]:
 
 def failing(lines: Sequence[Line]) -> list[str]:
     """A line of text for each wrong answer, indefinite covariance, clear refusal, crash and slow estimate."""
-    return [f"{fault:<13} {_named(line)}" for line in lines for fault in _faults(line)]
+    return [f"{fault:<24} {_named(line)}" for line in lines for fault in _faults(line)]
 
 
 def _faults(line: Line) -> list[str]:
@@ -132,6 +158,7 @@ def _faults(line: Line) -> list[str]:
     else:
         faults = ["wrong"] * ("nees" in line and not line["announced"] and wrong(line))
         faults += ["not definite"] * (not line.get("definite", True))
+    faults += [f"wrong at {name}" for name in misses(line) if not line["announced"]]
     return faults + ["slow"] * (line["wall"] > SLOW) + ["warning"] * ("warnings" in line)
 
 

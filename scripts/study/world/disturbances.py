@@ -84,4 +84,4 @@ def response(
 
     state = np.tile([0.0, -20.0, 0.0, 0.0, 0.0, 0.0], (count + 1, 1))
     relative, _ = relative_motion(orbit, state, time, force, breaks)
-    return np.asarray(-(relative[1:] - relative[0]).transpose(1, 2, 0) / size)
+    return np.asarray(-(relative[1:] - relative[0])[..., :3].transpose(1, 2, 0) / size)

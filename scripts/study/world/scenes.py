@@ -107,8 +107,8 @@ def _path(
     scale = np.repeat([1.0, n], 3)
     ways = np.concatenate([start[None], start + np.diag(scale), start - np.diag(scale)])
     relative, R_I_L = relative_motion(orbit, ways, time, force, breaks)
-    jacobian = -(relative[1:7] - relative[7:]).transpose(1, 2, 0) / (2 * scale)
-    return -relative[0], jacobian, CubicSpline(time, R_I_L[:, :, 0])
+    jacobian = -(relative[1:7] - relative[7:])[..., :3].transpose(1, 2, 0) / (2 * scale)
+    return -relative[0, :, :3], jacobian, CubicSpline(time, R_I_L[:, :, 0])
 
 
 def _before_periapsis(world: World) -> Orbit:

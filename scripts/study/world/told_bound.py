@@ -53,6 +53,6 @@ def _of_orbit(orbit: Orbit, time: FloatArray) -> FloatArray:
     for index in range(6):
         sizes = np.zeros(6)
         sizes[index] = STEP * (SHIFT if index < 3 else TURN)
-        ends = [relative_motion(displaced(orbit, *np.split(s, 2)), start, time)[0][0] for s in (sizes, -sizes)]
+        ends = [relative_motion(displaced(orbit, *np.split(s, 2)), start, time)[0][0, :, :3] for s in (sizes, -sizes)]
         found.append(-(ends[0] - ends[1]) / (2 * sizes[index]))
     return np.stack(found, axis=2)

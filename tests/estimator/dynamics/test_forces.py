@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.forces import Forced, constant_of, untold_firings
+from baryscope.estimator.dynamics.forces import Forced, constant_of, lasting, untold_firings
 from baryscope.estimator.dynamics.paths import Polynomial
 from baryscope.estimator.dynamics.process_noise import Disturbed
-from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.thrust import KnownAcceleration
@@ -19,6 +19,7 @@ from baryscope.models.ephemeris.sun import sun_direction
 from baryscope.models.ephemeris.utc import utc_of
 from baryscope.models.errors import InputError
 from baryscope.models.orbit import EARTH_J2, EARTH_RADIUS
+from baryscope.models.orbit import Orbit as OrbitOfTarget
 from oracles import inertial_states, oblate_gravity
 from synthetic import Orbit
 
@@ -192,3 +193,23 @@ def test_what_forces_need():
         chosen_path(PathOptions(constant_acceleration="lvlh"), None, 0.0, 1.0)
     with pytest.raises(InputError, match="constant_acceleration is 'wind', expected one of none, lvlh, drag, sun"):
         PathOptions(constant_acceleration="wind")
+
+
+def test_what_lasts_is_uniform_acceleration_in_free_flight():
+    time, begin, end = np.array([-20.0, 0.0, 5.0, 10.0, 40.0]), 0.0, 10.0
+    found = lasting(Polynomial(1, begin, end), 4.0, begin, end, time)
+    for away, one in zip([-20.0, 0.0, 0.0, 0.0, 30.0], found, strict=True):
+        column = np.array([away**2 / 2, away])
+        np.testing.assert_allclose(one, 4.0 * np.kron(np.outer(column, column), np.eye(3)), rtol=1e-12, atol=1e-12)
+
+
+def test_what_lasts_on_a_circle_is_that_of_clohessy_and_wiltshire():
+    """Constant radial, along-track and cross-track accelerations: the sum of all squares (Alfriend 2010)."""
+    orbit = OrbitOfTarget(7e6, 0.0, 1.0, 0.2, 0.3, 0.4)
+    n, end = orbit.mean_motion, 100.0
+    tau = orbit.period * np.array([0.1, 0.7, 1.5])
+    found = lasting(RelativeOrbit(orbit, end / 2), 1e-12, 0.0, end, end + tau)
+    wave, rest = (1 - np.cos(n * tau)) / n**2, (n * tau - np.sin(n * tau)) / n**2
+    along = 4 * wave - 1.5 * tau**2
+    expected = 1e-12 * (2 * wave**2 + 8 * rest**2 + along**2)
+    np.testing.assert_allclose(np.trace(found[:, :3, :3], axis1=1, axis2=2), expected, rtol=1e-6)

@@ -92,3 +92,22 @@ def test_noise_is_none_given_or_unknown():
     given = disturbed(line, 1e-6, 0.0, 1.0).prior
     assert given.hyperparameters == ()
     assert given.precision(np.zeros(0))[6] == pytest.approx(wave_numbers(1)[0] ** 4 / 1e-6)
+
+
+@pytest.mark.parametrize("count", [12, 48])
+def test_a_force_that_lasts_shows_amid_the_modes(count):
+    """The parabola of a constant acceleration, by least squares beside a straight line: its curvature amid the tracks.
+
+    Modes have none at the ends, so that twelve of them are off by a few per cent of its square.
+    """
+    begin, span, density = 50.0, 400.0, 1e-12
+    acceleration = np.array([3e-7, -1e-7, 2e-7])
+    time = begin + np.linspace(0, span, 2001)
+    terms = np.column_stack([np.ones_like(time), time - begin, free_modes((time - begin) / span, count)[0]])
+    x = np.linalg.lstsq(terms, np.outer((time - begin) ** 2 / 2, acceleration), rcond=None)[0][2:].ravel()
+    path = Disturbed(Polynomial(0, begin, begin + span), begin, begin + span, count)
+    expected = acceleration @ acceleration / 3
+    assert path.lasting_variance(np.append(np.zeros(3), x), 0.0) == pytest.approx(expected, rel=0.1)
+    white = density / (span / 2)
+    assert path.lasting_variance(np.append(np.zeros(3), x), density) == pytest.approx(expected - white, rel=0.1)
+    assert path.lasting_variance(np.append(np.zeros(3), x), 1e-9) == 0.0

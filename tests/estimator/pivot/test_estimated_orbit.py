@@ -58,11 +58,12 @@ def test_the_path_is_told_better_than_by_a_law_of_its_coefficients():
     assert claims[0] < 0.6 * claims[1]
 
 
+@pytest.mark.parametrize("revolutions", [0.1, 2.0])
 @pytest.mark.parametrize("method", ["pivot", "ml", "ekf"])
-def test_the_orbit_goes_on_beyond_the_tracks(method):
-    """A tenth of a revolution ahead the path is within its claim, where a smooth one is lost."""
+def test_the_orbit_goes_on_beyond_the_tracks(method, revolutions):
+    """Two revolutions ahead the path is within its claim of less than a metre, where a smooth one is lost."""
     case, found = on_orbit(), found_by(method)
-    ahead = case.tracks.time[-1] + np.linspace(0.0, 0.1 * PERIOD, 5)
+    ahead = case.tracks.time[-1] + np.linspace(0.0, revolutions * PERIOD, 5)
     prediction = found.predict(ahead)
     error = prediction.position - in_orbit(ahead)
     squares = np.einsum("ki,kij,kj->k", error, np.linalg.inv(prediction.covariance[:, :3, :3]), error)

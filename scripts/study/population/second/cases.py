@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator import FeatureTracks
 from baryscope.models.orbit import Orbit
-from baryscope.study.population.interface import Sample
+from baryscope.study.population.interface import Sample, Truth
 from baryscope.study.population.second.bodies import draw_body, draw_rate
 from baryscope.study.population.second.chance import TURN
 from baryscope.study.population.second.chasers import draw_chaser
@@ -52,6 +52,13 @@ class Case:
     seen: BoolArray
     sensor: Sensor
     sample: Sample
+
+    def at(self, time: FloatArray) -> Truth:
+        """The truth at other times, see `interface.Drawn`."""
+        s = self.start
+        relative = relative_motion(s.orbit, s.time, s.state, time)
+        turned = tumble(s.inertia, s.rate, s.quaternion, s.time, time)
+        return Truth(-relative[:, :3], -relative[:, 3:], *turned)
 
     @property
     def orbital(self) -> bool:

@@ -1,12 +1,13 @@
 """A case of the third population: its truth of a seed and an index, and its tracks."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from baryscope.estimator import FeatureTracks
 from baryscope.models.orbit import Orbit
-from baryscope.study.population.interface import FloatArray, Sample
+from baryscope.study.population.interface import FloatArray, Sample, Truth
 from baryscope.study.population.third import blunders as all_blunders
 from baryscope.study.population.third import bodies, flight, laboratory, sensor, timing, tumble, view
 from baryscope.study.population.third.blunders import Blunders
@@ -26,7 +27,7 @@ class Case:
     """The truth of a case, as `interface.Drawn` says; time (n,) s, points (m, 3) in B, m.
 
     orbital: whether the target flies, so that an orbit means something; noise: m; told: a sigma, m; watch: what is to
-    be seen; blunders: in the tracks.
+    be seen; blunders: in the tracks; at: the truth at other times.
     """
 
     seed: int
@@ -46,6 +47,7 @@ class Case:
     noise: float
     told: float | None
     watch: Watch
+    at: Callable[[FloatArray], Truth]
 
     @property
     def radius(self) -> float:
@@ -61,7 +63,9 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class _World:
-    """orbit: as told; path, velocity, attitude and rate of the truth; words: for what departs from the models."""
+    """orbit: as told; path, velocity, attitude and rate of the truth; words: for what departs from the models; at: the
+    truth at other times.
+    """
 
     orbit: Orbit
     path: FloatArray
@@ -69,6 +73,7 @@ class _World:
     jacobian: FloatArray
     tumbled: Tumbled
     words: tuple[str, ...]
+    at: Callable[[FloatArray], Truth]
 
 
 def drawn(seed: int, index: int, clean: bool = False) -> Case:
@@ -116,6 +121,7 @@ def drawn(seed: int, index: int, clean: bool = False) -> Case:
         noise=noise,
         told=told,
         watch=watch,
+        at=world.at,
     )
 
 
@@ -143,7 +149,12 @@ def _in_orbit(seed: int, index: int, plan: Plan, times: Timing, body: Body, size
     tumbled = _tumbled(rng, times, body, torques, flown.truth)
     path, motion = flown.flown.path, flown.flown
     words = (*flown.forces.words(), *flown.words, *torques.words())
-    return _World(flown.told, path, motion.velocity, motion.transition[:, :3], tumbled, words)
+
+    def at(time: FloatArray) -> Truth:
+        there = motion.way.at(time)
+        return Truth(there.path, there.velocity, *tumbled.at(time))
+
+    return _World(flown.told, path, motion.velocity, motion.transition[:, :3], tumbled, words, at)
 
 
 def _in_laboratory(seed: int, index: int, plan: Plan, times: Timing, body: Body, sizes: tuple[float, float]) -> _World:
@@ -158,7 +169,12 @@ def _in_laboratory(seed: int, index: int, plan: Plan, times: Timing, body: Body,
     else:
         tumbled, more = laboratory.led(rng, body.inertia, times, "limited joint" in plan.mismatches)
         words = (*words, *more)
-    return _World(laboratory.ANY_ORBIT, pivot.path, np.zeros_like(pivot.path), pivot.jacobian, tumbled, words)
+
+    def at(time: FloatArray) -> Truth:
+        stays = pivot.at(times.time, time)
+        return Truth(stays, np.zeros_like(stays), *tumbled.at(time))
+
+    return _World(laboratory.ANY_ORBIT, pivot.path, np.zeros_like(pivot.path), pivot.jacobian, tumbled, words, at)
 
 
 def _tumbled(rng: np.random.Generator, times: Timing, body: Body, torques: Torques, orbit: Orbit) -> Tumbled:

@@ -22,6 +22,10 @@ class Pivot:
     jacobian: FloatArray
     words: tuple[str, ...]
 
+    def at(self, time: FloatArray, other: FloatArray) -> FloatArray:
+        """The path (k, 3) at other times (k,), evenly from one of `time` (n,) to the next; then it stays."""
+        return np.stack([np.interp(other, time, axis) for axis in self.path.T], axis=1)
+
 
 def pivot(rng: np.random.Generator, time: FloatArray, distance: float, slips: bool) -> Pivot:
     """A point at a distance, m; if it slips, it walks at random by 0.01 to 1 mm (standard deviation at the end)."""
@@ -63,13 +67,14 @@ def led(
         turned = turns(phi)
         return np.asarray(np.einsum("nji,j->ni", turned, [0, 0, steady]) + body_rates(phi, change))
 
-    about_z = np.zeros((len(timing.time), 3))
-    about_z[:, 2] = steady * (timing.time - first)
-    attitude = begin @ turns(about_z) @ turns(vector(timing.time)[0])
+    def at(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        about_z = np.outer(steady * (t - first), [0, 0, 1])
+        return begin @ turns(about_z) @ turns(vector(t)[0]), rate(t)
+
     elapsed = timing.time - first
     turn = turned_by(lambda t: rate(np.array([first + t]))[0], inertia, elapsed)
     words = (f"joint limited to {np.degrees(cone):.0f}°",) if limited else ()
-    return Tumbled(attitude, rate(timing.time), turn), words
+    return Tumbled(*at(timing.time), turn, at), words
 
 
 def turns(phi: FloatArray) -> FloatArray:

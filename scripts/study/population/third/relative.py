@@ -1,6 +1,6 @@
 """The path of the target seen from the chaser, integrated as a difference (Encke): rounding stays below 1 nm."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,24 +17,51 @@ ABSOLUTE = np.concatenate([np.full(3, 1e-5), np.full(3, 1e-8), np.full(3, 1e-10)
 @dataclass(frozen=True, eq=False)
 class Flown:
     """At n times: path (n, 3) and its velocity (n, 3) in C, m and m/s; transition (n, 6, 6) of both from the first
-    time in two-body motion; target (n, 6) geocentric.
+    time in two-body motion; target (n, 6) geocentric. way: what was flown.
     """
 
     path: FloatArray
     velocity: FloatArray
     transition: FloatArray
     target: FloatArray
+    way: "Way"
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The motion of target and path from their states (6,) at a time `begin`, s, under forces and kicks (`_kicks`)."""
+
+    begin: float
+    target: FloatArray
+    start: FloatArray
+    forces: Forces
+    kick_time: FloatArray
+    kicks: FloatArray
+
+    def at(self, time: FloatArray) -> Flown:
+        """The motion at ascending times (n,) in s, from `begin` on."""
+        kicked_by = self.kick_time <= time[-1]
+        kick_time, kicks = self.kick_time[kicked_by], self.kicks[kicked_by]
+        every, place = np.unique(np.concatenate([[self.begin], time, kick_time]), return_inverse=True)
+        states = _integrated(np.concatenate([self.target, self.start, np.eye(6).ravel()]), every, self.forces)
+        transition = states[:, 12:].reshape(-1, 6, 6)
+        own, at_kick = place[1 : len(time) + 1], place[len(time) + 1 :]
+        found = states[own, 6:12] + kicked(transition[own], transition[at_kick], (time, kick_time), kicks)
+        return Flown(found[:, :3], found[:, 3:], transition[own], states[own, :6], self)
 
 
 def flown(target: FloatArray, start: FloatArray, time: FloatArray, forces: Forces, rng: np.random.Generator) -> Flown:
-    """The motion from the target's state (6,) and the path's (6,) at time[0]; the stream draws kicks' directions."""
+    """The motion from the target's state (6,) and the path's (6,) at time[0]; the stream draws kicks' directions.
+
+    For a span after the last time, pulses as frequent and white acceleration go on, and no burns.
+    """
     kick_time, kicks = _kicks(forces, time, rng)
-    every, place = np.unique(np.concatenate([time, kick_time]), return_inverse=True)
-    states = _integrated(np.concatenate([target, start, np.eye(6).ravel()]), every, forces)
-    transition = states[:, 12:].reshape(-1, 6, 6)
-    own, at_kick = place[: len(time)], place[len(time) :]
-    found = states[own, 6:12] + kicked(transition[own], transition[at_kick], (time, kick_time), kicks)
-    return Flown(found[:, :3], found[:, 3:], transition[own], states[own, :6])
+    further = rng.spawn(1)[0]  # of a stream of its own, so that the motion within the times stays as it is
+    span = time[-1] - time[0]
+    later_pulses = tuple(np.sort(time[-1] + span * further.random(len(forces.pulse_times))).tolist())
+    later_time, later = _kicks(replace(forces, pulse_times=later_pulses), time[-1] + np.array([0.0, span]), further)
+    every = np.concatenate([kick_time, later_time]), np.concatenate([kicks, later])
+    return Way(float(time[0]), target, start, forces, *every).at(time)
 
 
 def carried(target: FloatArray, begin: float, end: float, forces: Forces) -> FloatArray:

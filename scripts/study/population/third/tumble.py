@@ -11,6 +11,7 @@ from baryscope.study.population.third.dice import direction, log_uniform, matric
 from baryscope.study.population.third.forces import MU
 
 Place = Callable[[float], FloatArray]
+Turned = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 SHAPES = np.array(  # directions of an inertia (5, 3, 3) that keep its trace
     [
         [[1, 0, 0], [0, -1, 0], [0, 0, 0]],
@@ -59,12 +60,14 @@ class Torques:
 @dataclass(frozen=True, eq=False)
 class Tumbled:
     """attitude (n, 3, 3) R_C_B; rate (n, 3) in B, rad/s; turn (n, 3, 8): rotation vectors in B by the first rate and
-    by the five SHAPES of the inertia, of the free tumble at the rates that are.
+    by the five SHAPES of the inertia, of the free tumble at the rates that are; at: attitudes and rates at other times,
+    from the first on.
     """
 
     attitude: FloatArray
     rate: FloatArray
     turn: FloatArray
+    at: Turned
 
 
 def drawn(rng: np.random.Generator, names: tuple[str, ...], rate: float, span: float) -> Torques:
@@ -98,12 +101,22 @@ def tumbled(
     state = np.concatenate([[1.0, 0.0, 0.0, 0.0], rate, np.zeros(3)])
     elapsed = time - time[0]
     arguments = (inertia, torques, R, lambda t: place(time[0] + t))
-    span, dense = (0.0, elapsed[-1]), True
-    found = solve_ivp(_slope, span, state, "DOP853", None, dense, args=arguments, rtol=1e-11, atol=1e-13)
-    states = found.sol(elapsed).T
-    q = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
-    turn = turned_by(lambda t: np.asarray(found.sol(t)[4:7]), inertia, elapsed)
-    return Tumbled(R @ matrices(q), states[:, 4:7], turn)
+
+    def integrated(end: float) -> Place:
+        span, dense = (0.0, end), True
+        found = solve_ivp(_slope, span, state, "DOP853", None, dense, args=arguments, rtol=1e-11, atol=1e-13)
+        return lambda t: np.asarray(found.sol(t))
+
+    def of(states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        q = states[:, :4] / np.linalg.norm(states[:, :4], axis=1, keepdims=True)
+        return R @ matrices(q), states[:, 4:7]
+
+    def at(times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return of(integrated(times[-1] - time[0])(times - time[0]).T)
+
+    found = integrated(elapsed[-1])
+    turn = turned_by(lambda t: found(t)[4:7], inertia, elapsed)
+    return Tumbled(*of(found(elapsed).T), turn, at)
 
 
 def turned_by(rate: Place, inertia: FloatArray, time: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from baryscope.study.online.__main__ import main
 from baryscope.study.online.flights import POPULATION, flight
 from baryscope.study.online.judging import END, judged
 from baryscope.study.online.report import ends, table
-from baryscope.study.population.judging import WRONG, nees
+from baryscope.study.population.consistency import WRONG, nees
 from baryscope.study.world.judging import prepared
 
 

@@ -5,8 +5,9 @@ import pytest
 
 from baryscope.estimator import estimate
 from baryscope.study.population.__main__ import main
-from baryscope.study.population.judging import nees, of_estimate, prepared, wrong
-from baryscope.study.population.report import by_status, failing, refusals, table
+from baryscope.study.population.ahead import CENTRE, FEATURE, WHEN, misses
+from baryscope.study.population.judging import of_estimate, prepared, wrong
+from baryscope.study.population.report import by_status, failing, predictions, refusals, table
 
 FACTS = {"seed": 1, "index": 0, "orbit": True, "wall": 0.1, "radius": 1.0, "bounds": {"free orbit": 0.1}, "kind": ""}
 ANSWER = FACTS | {
@@ -26,11 +27,6 @@ ANSWER = FACTS | {
 def row(*lines):
     made = table(lines)
     return dict(zip(made.headings, made.rows[0], strict=True))
-
-
-def test_nees_is_that_of_the_covariance():
-    assert nees(np.array([1.0, 2.0, 0.0]), np.diag([1.0, 4.0, 9.0])) == pytest.approx(2)
-    assert nees(np.zeros(3), np.diag([1.0, -1e-9, 1.0])) == np.inf
 
 
 def test_one_of_three_times_is_enough_to_be_wrong():
@@ -57,6 +53,25 @@ def test_answers_are_told_apart_by_their_status():
         ("pivot", "yes", "not observable", "1", "1 (100.0 %)", "0.10"),
         ("pivot", "no", "good", "1", "0 (0.0 %)", "3.00"),
     )
+
+
+def test_predictions_are_counted_by_what_they_claim():
+    fine = {
+        f"{name} {when}": {"error": 0.1, "claimed": 0.2, "nees": 5.0} for name in (CENTRE, FEATURE) for when in WHEN
+    }
+    refused = {key: one for key, one in fine.items() if CENTRE in key} | {FEATURE: "no tumble"}
+    bad = fine | {f"{CENTRE} span": {"error": 1.0, "claimed": 0.2, "nees": 22.5}}
+    lines = [ANSWER | {"predicted": one} for one in (fine, bad, refused)]
+    lines += [ANSWER | {"predicted": bad, "announced": True}, ANSWER]
+    found = predictions(lines)
+    rows = {cells[2:4]: dict(zip(found.headings, cells, strict=True)) for cells in found.rows}
+    assert len(rows) == len(found.rows) == 6
+    assert rows[CENTRE, "span"]["wrong"] == "1 (33.3 %)"
+    assert rows[CENTRE, "quarter"]["wrong"] == "0 (0.0 %)"
+    assert rows[CENTRE, "span"]["greatest claim"] == "0.2 m"
+    assert (rows[FEATURE, "span"]["predictions"], rows[FEATURE, "span"]["refused"]) == ("2", "1")
+    assert misses(lines[1]) == ["centre span"]
+    assert [line[:20] for line in failing(lines)] == ["wrong at centre span"]
 
 
 def test_a_refusal_is_clear_if_the_bound_is_small():
