@@ -77,9 +77,13 @@ class EstimatedOrbit:
 
 @dataclass(frozen=True)
 class UntoldOblateness:
-    """The orbit told has no J2, but the tracks are likelier with the Earth's, `j2`, which the estimate has."""
+    """The orbit told has no J2, but the tracks are likelier with the Earth's, `j2`, which the estimate has.
+
+    certain: whether they are; if not, they do not tell it from none, and the estimate allows for either.
+    """
 
     j2: float
+    certain: bool
 
 
 @dataclass(frozen=True)

@@ -98,9 +98,14 @@ def sentence(finding: Finding) -> str:
                 f"{_to_its_digits(finding.eccentricity, finding.eccentricity_deviation)}"
             )
         case UntoldOblateness():
+            shown = (
+                "but the tracks are likelier with the Earth's about the axis z, which the estimate has"
+                if finding.certain
+                else "the tracks do not tell the Earth's about the axis z from none, and the estimate allows for either"
+            )
             return (
-                "the orbit file tells no J2, but the tracks are likelier with the Earth's about the axis z, which the "
-                "estimate has: put j2 and equatorial_radius into the file, j2 = 0 if there is none"
+                f"the orbit file tells no J2, {shown}: put j2 and equatorial_radius into the file, j2 = 0 if there is "
+                "none"
             )
         case UnknownBurn():
             change = ", ".join(

@@ -128,6 +128,10 @@ class Orbit:
             return None
         return replace(self, j2=EARTH_J2, equatorial_radius=EARTH_RADIUS)
 
+    def without_untold_j2(self) -> "Orbit":
+        """The same orbit, which tells j2 = 0 where it tells none: that of a simulation, which has no forces besides."""
+        return self if self.with_earths_j2() is None else replace(self, j2=0.0, equatorial_radius=EARTH_RADIUS)
+
     @property
     def elements(self) -> tuple[float, ...]:
         """The seven elements in the order of the fields, which is that of `keplerian.Elements`."""

@@ -22,6 +22,7 @@ IntArray = NDArray[np.intp]
 FARTHEST_RADII = 3.0  # standard deviation of an unobserved centre of mass from the features' centroid, in their radii
 FRAMES = 3000  # frames of a body from which its spurious information is computed, approximately
 IMPLAUSIBLE_RADII = 30.0  # of the features from their centroid: a centre of mass beyond is where errors have led it
+DOUBTFUL = 0.2  # share of the information on an offset that is spurious: noise of five times the variance feigns all
 UNKNOWN = 0.3  # rad, standard deviation of an attitude about an axis, from which it is not known
 MARGIN = 3.0  # standard deviations of the spurious information above its mean: likely there is no more
 NODES, CHANCES = (-np.sqrt(3.0), 0.0, np.sqrt(3.0)), (1 / 6, 2 / 3, 1 / 6)  # of a Gaussian variable, to fifth order
@@ -113,15 +114,36 @@ def untold_decrease(
     return float(np.sum(np.where(found.untold, deviations**2 * (1 - found.remaining**2), 0.0)))
 
 
+def feigned_columns(
+    bodies: list[FloatArray], offset: FloatArray, crossed: FloatArray, spurious: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Columns as of `spurious_information_columns` that make offsets as uncertain as they are far, where feigned.
+
+    That is along directions of which a share DOUBTFUL or more of the information is spurious, if that has led farther
+    from the features than an offset that is not observed is expected to be. Noise that all features of a frame share,
+    which no model has, leads there: it passes for a turn about a centre of mass far away, the longer the lever, the
+    smaller the turn.
+    bodies: the points (m, 3) of each, m from the centre of mass; offset, crossed and spurious as there.
+    """
+    found = _Directions.of(offset, spurious, 0.0, None)
+    offsets = np.concatenate([points.mean(axis=0) for points in bodies])
+    along = np.linalg.lstsq(found.columns, offsets, rcond=None)[0]
+    led = found.columns @ np.where(found.share >= DOUBTFUL, along, 0.0)
+    radii = np.array([_distance_and_radius(points)[1] for points in bodies])
+    far = (np.linalg.norm(led.reshape(-1, 3), axis=1) > FARTHEST_RADII * radii).any()
+    return _with_others(led[:, None] if far else np.zeros((len(led), 0)), offset, crossed)
+
+
 @dataclass(frozen=True, eq=False)
 class _Directions:
     """Directions of offsets, columns (3 k, d) of one standard deviation each; spurious information is diagonal in them.
 
-    remaining (d,): the inverse of the factor on the deviation that is left without it; untold (d,): where that is the
-    deviation of the least information, or of the prior.
+    share (d,): of the information, that is spurious; remaining (d,): the inverse of the factor on the deviation that is
+    left without it; untold (d,): where that is the deviation of the least information, or of the prior.
     """
 
     columns: FloatArray
+    share: FloatArray
     remaining: FloatArray
     untold: BoolArray
 
@@ -135,7 +157,7 @@ class _Directions:
         length = np.sqrt((columns.reshape(-1, 3, columns.shape[1]) ** 2).sum(axis=1).max(axis=0))
         bounded = np.minimum(length * np.sqrt(least), 1.0)
         if prior is None:
-            return cls(columns, np.maximum(1 - share, bounded), 1 - share < bounded)
+            return cls(columns, share, np.maximum(1 - share, bounded), 1 - share < bounded)
         known, held, deviation = (
             np.einsum("ad,ab,bd->d", columns, own, columns, optimize=True)
             for own in (prior.information, prior.held, prior.deviation)
@@ -146,7 +168,7 @@ class _Directions:
         for value, chance in _values(told, deviation):
             own = (held**2 / known + 1 - held) / np.maximum(value + held, RANK) ** 2
             variance += chance * np.minimum(own, bounded**-2.0)
-        return cls(columns, np.clip(variance**-0.5, bounded, 1.0), least_told < np.sqrt(known))
+        return cls(columns, share, np.clip(variance**-0.5, bounded, 1.0), least_told < np.sqrt(known))
 
 
 def _values(told: FloatArray, deviation: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
@@ -155,8 +177,9 @@ def _values(told: FloatArray, deviation: FloatArray) -> Iterator[tuple[FloatArra
     That is nothing of an object that spins, else anything up to all of the information, 1, each as likely beforehand.
     """
     deviation = np.maximum(deviation, RANK)
-    spins = SPINNING * norm.pdf(told, 0.0, deviation)
-    spins = spins / (spins + (1 - SPINNING) * norm.cdf(told / deviation))
+    deviations = np.maximum(told / deviation, -MARGIN)  # less is no less likely a spin
+    spins = SPINNING * norm.pdf(deviations) / deviation
+    spins = spins / (spins + (1 - SPINNING) * norm.cdf(deviations))
     yield np.zeros_like(told), spins
     for node, chance in zip(NODES, CHANCES, strict=True):
         yield np.maximum(told + node * deviation, 0.0), (1 - spins) * chance

@@ -35,7 +35,7 @@ class Trajectory:
     ) -> Path:
         """The path over begin … end in s; a polynomial without a given degree is a smooth path."""
         if self.kind == "relative-orbit" and orbit is not None:
-            if orbit.j2 is None and orbit.ephemeris is None and acceleration is None:
+            if not orbit.j2 and orbit.ephemeris is None and acceleration is None:
                 return RelativeOrbit(orbit, (begin + end) / 2)
             return PerturbedOrbit(orbit, (begin + end) / 2, acceleration)
         path = Smooth(self.highest, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)

@@ -32,6 +32,7 @@ from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.ml.search import likeliest_tumble
 from baryscope.estimator.options import PathOptions, torques_of
 from baryscope.estimator.orbits.estimated import estimated_orbit_in
+from baryscope.estimator.orbits.oblateness import perhaps_oblate_in
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.method import estimate_of, solve_pivot
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness
@@ -140,16 +141,21 @@ def _filtered(
 
 
 def _with_untold_forces(found: Passes, orbit: Orbit | None, trajectory: Trajectory) -> Passes:
-    """The passes with the burns that `pivot` finds, and with J2 if it finds that, where the path has process noise."""
+    """The passes with J2 if `pivot` finds it, or does not tell it from none, and where the path has process noise with
+    the burns that it finds.
+    """
     problem = found.problem
     options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
-    if (noise.significance or 0.0) < SIGNIFICANT:
+    noisy = (noise.significance or 0.0) >= SIGNIFICANT
+    if not noisy and (orbit is None or orbit.with_earths_j2() is None):
         return found
     try:
         solved, path = solve_pivot(problem.tracks, orbit, options), problem.path
         if untold_oblateness(orbit, solved.path):
-            path = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
-        path = _with_burns_of(solved, path)
+            oblate = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
+            path = perhaps_oblate_in(solved.path) or oblate
+        if noisy:
+            path = _with_burns_of(solved, path)
         return found if path is problem.path else passes(replace(problem, path=path))
     except ComputationError:
         return found

@@ -159,7 +159,7 @@ class OnlineEstimator:
         thrust_std: float = core.THRUST,
         longest_gap: float = LONGEST_GAP,
     ) -> None:
-        if orbit is not None and (orbit.j2 is not None or orbit.ephemeris is not None):
+        if orbit is not None and (orbit.j2 or orbit.ephemeris is not None):
             raise InputError("orbit: found one with J2 or an ephemeris, expected Keplerian elements alone")
         settings = Options(
             _within("sigma", sigma, FINEST, COARSEST, "m"),

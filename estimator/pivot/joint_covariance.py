@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 from baryscope.estimator.adjustment.spurious import (
     OffsetPrior,
     farthest,
+    feigned_columns,
     implausible_columns,
     spurious_information_columns,
     untold_decrease,
@@ -80,8 +81,9 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     unseen = unseen * (distance / np.maximum(found.sampled.lengths(solution.null_space), 1e-300))
     points = [body.points - lost * body.points for body, lost in zip(found.bodies, found.lost, strict=True)]
     far = implausible_columns(points, solution.offset_covariance, crossed)
+    feigned = feigned_columns(points, solution.offset_covariance, crossed, found.shown_spurious)
     whole = JointCovariance(variance * (joint + columns @ columns.T) + unseen @ unseen.T, len(found.bodies))
-    whole = whole.grown(np.concatenate(far, axis=0))
+    whole = whole.grown(np.concatenate(far, axis=0)).grown(np.concatenate(feigned, axis=0))
     if all(body.in_line for body in found.bodies):
         whole = whole.grown(without_spurious_path(found, _least(found)))
     if found.shown_spurious_share < SPURIOUS:

@@ -19,8 +19,8 @@ from baryscope.estimator.pivot.reduced import bounded_cost
 from baryscope.estimator.pivot.refinement import Start, refined
 from baryscope.models.errors import ComputationError
 
-FEIGNED = 0.4  # share of the information on an offset that is spurious, where a path may follow the rotation
 FAINT = 1e-30  # m²/s³: a density without effect
+FEIGNED = 0.4  # share of the information on an offset that is spurious, where a path may follow the rotation
 HARMLESS = 0.5  # claim over the features' radius: the offset is off by some two radii, four deviations, at most
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 

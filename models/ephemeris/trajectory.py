@@ -38,7 +38,7 @@ def target_states(orbit: Orbit, time: FloatArray) -> FloatArray:
     """
     if orbit.ephemeris is not None:
         return orbit.ephemeris.states(time)
-    if orbit.j2 is None:
+    if not orbit.j2:
         return kepler_states(orbit, time)
     return _oblate_states(orbit, time)
 
@@ -74,7 +74,7 @@ def lvlh_axes(states: FloatArray) -> FloatArray:
 
 def gravity_gradient(orbit: Orbit, states: FloatArray) -> FloatArray:
     """The gradient (n, 3, 3) of gravity in I, 1/s², at states (n, 6) of the target, with J2 if the orbit has it."""
-    return _gradient_function(orbit.j2 is not None)(states[:, :3].T, _body(orbit))
+    return _gradient_function(bool(orbit.j2))(states[:, :3].T, _body(orbit))
 
 
 def gravity_difference(orbit: Orbit, states: FloatArray, offset: FloatArray) -> FloatArray:
@@ -82,7 +82,7 @@ def gravity_difference(orbit: Orbit, states: FloatArray, offset: FloatArray) -> 
 
     To the last digits, in m/s², at states (n, 6) of the target, with J2 if the orbit has it.
     """
-    return _difference_function(orbit.j2 is not None)(states[:, :3].T, offset.T, _body(orbit))
+    return _difference_function(bool(orbit.j2))(states[:, :3].T, offset.T, _body(orbit))
 
 
 def _body(orbit: Orbit) -> list[float]:

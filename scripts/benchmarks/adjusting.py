@@ -71,7 +71,9 @@ def adjusting(setting: Setting, sizes: Sequence[Size] = SIZES, density: float = 
 
 def ours(setting: Setting, seen: Seen, name: str, options: PathOptions) -> Adjusted:
     """The whole of `pivot`, with registration, start and robust weights."""
-    run = partial(estimate, seen.tracks, method="pivot", orbit=setting.scenario.orbit, options=options)
+    run = partial(
+        estimate, seen.tracks, method="pivot", orbit=setting.scenario.orbit.without_untold_j2(), options=options
+    )
     found = run()
     assert found.covariance is not None  # noqa: S101  pivot gives one
     return Adjusted(name, found.position, found.covariance[asked_of(len(found.position))], best(run))

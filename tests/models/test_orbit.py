@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
 from baryscope.models.errors import InputError
 from baryscope.models.keplerian import ELEMENT_COUNT, Elements
 from baryscope.models.lvlh import lvlh_attitude
@@ -111,3 +112,17 @@ def test_an_oblateness_that_cannot_be(change, message):
     with pytest.raises(InputError) as error:
         replace(GOOD, **change)
     assert message in str(error.value)
+
+
+def test_an_orbit_that_tells_that_there_is_no_j2_is_the_same_kepler_orbit():
+    plain = GOOD
+    told = plain.without_untold_j2()
+    assert (told.j2, told.with_earths_j2()) == (0.0, None)
+    assert told.without_untold_j2() is told
+    oblate = plain.with_earths_j2()
+    assert oblate.without_untold_j2() is oblate
+    time = np.array([0.0, 1e3, 1e5])
+    np.testing.assert_array_equal(target_states(told, time), target_states(plain, time))
+    np.testing.assert_array_equal(
+        gravity_gradient(told, target_states(told, time)), gravity_gradient(plain, target_states(plain, time))
+    )

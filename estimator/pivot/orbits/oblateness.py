@@ -1,10 +1,13 @@
-"""The Earth's J2 on an orbit that is given without, where the tracks show it."""
+"""The Earth's J2 on an orbit that is given without, where the tracks show it, or do not tell and need to know."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, cost, maximise
+from baryscope.estimator.adjustment.evidence import conditional, cost, maximise
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
+from baryscope.estimator.dynamics.extended import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
@@ -16,6 +19,7 @@ from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.findings import UntoldOblateness
 from baryscope.estimator.geometry.symmetric import symmetric_pseudo_inverse
 from baryscope.estimator.options import PathOptions
+from baryscope.estimator.orbits.oblateness import perhaps_oblate, perhaps_oblate_in
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.reduced import fixed_at, scaled
@@ -26,6 +30,8 @@ from baryscope.models.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
+NOTICEABLE = 4.0  # squared displacement of the answer by J2, in its covariance: two deviations
+
 
 def with_oblateness(
     found: Pivot, start: Start, orbit: Orbit | None, options: PathOptions
@@ -33,68 +39,106 @@ def with_oblateness(
     """The solution, its start and the orbit, with the Earth's J2 where the tracks show that the orbit told lacks it.
 
     J2 is a force of a known size. So the tracks tell it from none where they hardly tell process noise, of whose
-    densities that of J2 is but one, and which it is not: it acts along the whole path, and goes on beyond.
+    densities that of J2 is but one, and which it is not: it acts along the whole path, and goes on beyond. Where they
+    do not tell it from none, but the answer depends on it, its share is an unknown.
     """
     path, oblate = found.path, None if orbit is None else orbit.with_earths_j2()
     if oblate is None or path.name != "relative-orbit" or not isinstance(path, Disturbed) or path.density is not None:
         return found, start, orbit
+    assert orbit is not None  # noqa: S101  as it has an oblate one beside it
     wider = chosen_path(options, oblate, path.begin, path.end, start.errors)
     assert isinstance(wider, Disturbed)  # noqa: S101  as that with the other orbit is
-    wider = wider.with_modes(path.count)
-    sampled = interpolated(wider.at, wider.frequency, start.time)
-    x = _nearest(found.sampled.itself, found.solution.x, sampled, wider.prior.free)
-    seen = as_seen(wider, sampled, start.errors, x)
-    if not _is_likelier(found, seen, x):
+    fresh = _start_on(wider.with_modes(path.count), found, found.solution.x, start)
+    doubt = _Doubt.of(found, as_seen(fresh.path, fresh.sampled, start.errors, fresh.x), fresh.x)
+    if doubt.gain >= DECISIVE:
+        other = _refined(fresh, found, options)
+        if other is not None and _is_likelier(other, found, start):
+            return other, fresh, oblate
+    if doubt.gain <= -DECISIVE or doubt.displacement < NOTICEABLE:
         return found, start, orbit
-    fresh = start.on(wider, sampled, x)
-    try:
-        other = refined(fresh.near(found), options)
-    except ComputationError:
-        return found, start, orbit
-    variance = min(found.variance, other.variance)
-    if not other.converged or cost_of(other, start, variance) > cost_of(found, start, variance):
-        return found, start, orbit
-    return other, fresh, oblate
+    either = perhaps_oblate(orbit, oblate, found.position, (path.begin, path.end), options.acceleration)
+    own, others = np.split(found.solution.x, [either.base.size])
+    fresh = _start_on(based_on(path, either), found, np.concatenate([own, [0.0], others]), start)
+    other = _refined(fresh, found, options)
+    return (found, start, orbit) if other is None else (other, fresh, either.orbit)
 
 
-def _nearest(path: SampledPath, x: FloatArray, other: SampledPath, free: NDArray[np.bool_]) -> FloatArray:
-    """The unknowns x (p,) of another path, of which only those without a prior differ, that bring it near a path."""
-    apart = path.position(x) - other.position(x)
+def _start_on(path: Path, found: Pivot, x: FloatArray, start: Start) -> Start:
+    """The start on another path, at the unknowns near x (p,) that bring it near that of a solution.
+
+    Only those without a prior differ.
+    """
+    sampled = interpolated(path.at, path.frequency, start.time)
+    return start.on(path, sampled, _nearest(found.sampled.itself.position(found.solution.x), x, sampled, path.prior))
+
+
+def _nearest(position: FloatArray, x: FloatArray, other: SampledPath, prior: Prior) -> FloatArray:
+    """The unknowns (p,) of a path that bring it near positions (n, 3); of x those without a prior are moved."""
+    apart, free = position - other.position(x), prior.free
     moment = other.moment(slice(0, other.frames), apart[:, :, None])[:, 0] / other.frames
     moved = x.copy()
     moved[free] += symmetric_pseudo_inverse(other.mean_square()[free][:, free]) @ moment[free]
     return moved
 
 
-def _is_likelier(found: Pivot, sampled: SampledPath, x: FloatArray) -> bool:
-    """Whether the tracks decide for another path, sampled at the unknowns x (p,), near that of a solution.
+def _refined(fresh: Start, found: Pivot, options: PathOptions) -> Pivot | None:
+    """The solution on another path, from one near it; None if there is none."""
+    try:
+        other = refined(fresh.near(found), options)
+    except ComputationError:
+        return None
+    return other if other.converged else None
 
-    To first order, with the solution's weights: the shift from the one to the other, all of it or none, is an unknown.
-    Of many frames some are looked at, each with the weight of those it stands for.
+
+def _is_likelier(other: Pivot, found: Pivot, start: Start) -> bool:
+    """Whether a solution costs no more than another one, both from observations of a start."""
+    variance = min(found.variance, other.variance)
+    return cost_of(other, start, variance) <= cost_of(found, start, variance)
+
+
+@dataclass(frozen=True)
+class _Doubt:
+    """Whether a path is another one, to first order, with the solution's weights.
+
+    gain: what −2 ln p is less by on the other path; displacement: of the answer, squared in its covariance, where it is
+    greatest.
     """
-    shift = sampled.position(x) - found.sampled.position(found.solution.x)
-    told = float((found.observations.weight * found.observations.squares(shift[:, None])).sum()) / found.variance
-    if told < DECISIVE:  # more than this they do not know of the difference
-        return False
-    few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
-    observations, count = few.standing_for_all()
-    between = found.sampled.frames_at(few.rows).extended(shift[few.rows, :, None])
-    of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
-    at = np.append(found.solution.x, 0.0)
-    problem = linearised(few.bodies, observations, between, at, of_frames, found.offsets)
-    linear, prior = scaled(problem, found.variance), found.path.prior
-    return _cost(linear, prior, 1.0) < _cost(linear, prior, 0.0) - DECISIVE
 
+    gain: float
+    displacement: float
 
-def _cost(linear: Linear, prior: Prior, share: float) -> float:
-    """−2 ln p where the last unknown has a value, at its minimum by the hyperparameters."""
-    others, more = fixed_at(linear, np.array([len(linear.x) - 1]), np.array([share]))
-    return cost(others, prior, maximise(others, prior)) + more
+    @classmethod
+    def of(cls, found: Pivot, sampled: SampledPath, x: FloatArray) -> "_Doubt":
+        """That of a path sampled at the unknowns x (p,), near that of a solution.
+
+        The shift from the one to the other, all of it or none, is an unknown. Of many frames some are looked at, each
+        with the weight of those it stands for.
+        """
+        shift = sampled.position(x) - found.sampled.position(found.solution.x)
+        told = float((found.observations.weight * found.observations.squares(shift[:, None])).sum()) / found.variance
+        if told < NOTICEABLE:  # more than this they do not know of the difference
+            return cls(0.0, 0.0)
+        few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
+        observations, count = few.standing_for_all()
+        alone = found.sampled.frames_at(few.rows)
+        between = alone.extended(shift[few.rows, :, None])
+        of_frames = None if found.shift is None else found.shift[few.rows] / count[:, None, None]
+        at = np.append(found.solution.x, 0.0)
+        problem = linearised(few.bodies, observations, between, at, of_frames, found.offsets)
+        linear, prior, last = scaled(problem, found.variance), found.path.prior, np.array([len(at) - 1])
+        (none, less), (whole, more) = (fixed_at(linear, last, np.array([share])) for share in (0.0, 1.0))
+        theta = maximise(none, prior)
+        gain = cost(none, prior, theta) + less - cost(whole, prior, maximise(whole, prior)) - more
+        covariance = conditional(none, prior, theta)[1]
+        change = np.append(-covariance @ linear.information[:-1, -1], 1.0)
+        moved = between.position(at + change) - between.position(at)
+        squares = np.sum(moved * np.linalg.solve(alone.covariance(covariance), moved[:, :, None])[:, :, 0], axis=1)
+        return cls(gain, float(squares.max()))
 
 
 def untold_oblateness(told: Orbit | None, path: Path) -> tuple[UntoldOblateness, ...]:
-    """The finding of an orbit whose J2 is not told, but on the path."""
-    orbit = orbit_in(path)
+    """The finding of an orbit whose J2 is not told, but on the path, or perhaps."""
+    orbit, either = orbit_in(path), perhaps_oblate_in(path)
     if told is None or told.j2 is not None or orbit is None or orbit.j2 is None:
         return ()
-    return (UntoldOblateness(orbit.j2),)
+    return (UntoldOblateness(orbit.j2, certain=True) if either is None else UntoldOblateness(either.j2, certain=False),)

@@ -1,0 +1,65 @@
+"""A relative motion on an orbit of which it is not known whether it is under the Earth's J2.
+
+J2 is there or not: its share of the Earth's is 1 or 0. The unknown that stands for it is Gaussian, of the mean and the
+deviation of a fair coin, a half each. What the tracks tell of it moves it to either side; what they do not tell stays
+in the covariance of all else.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from baryscope.estimator.dynamics.extended import parts_of
+from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
+from baryscope.estimator.dynamics.paths import Path
+from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
+from baryscope.estimator.orbits.error import changed_pull
+from baryscope.estimator.thrust import KnownAcceleration
+from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
+from baryscope.models.orbit import Orbit
+
+FloatArray = NDArray[np.float64]
+
+HALF = 0.5  # of J2 where the path is linear in its share, and the deviation of that
+NAME = "share of the Earth's J2, above a half"
+
+
+@dataclass(frozen=True, eq=False)
+class PerhapsOblate(Forced):
+    """Relative motion on an orbit with half of J2: its share above that is an unknown, the force's.
+
+    orbit: that with half of it; j2: all of it.
+    """
+
+    orbit: Orbit
+    j2: float
+
+
+def perhaps_oblate(
+    plain: Orbit,
+    oblate: Orbit,
+    position: Callable[[FloatArray], FloatArray],
+    span: tuple[float, float],
+    known: KnownAcceleration | None = None,
+) -> PerhapsOblate:
+    """The relative motion on an orbit with an unknown share of J2, over a span (begin, end) in s.
+
+    plain, oblate: the orbit without J2 and with it; position: times (k,) in s → the path (k, 3) in C, m, on which the
+    change of the gravity gradient acts; known: the acceleration of the chaser.
+    """
+    assert oblate.j2 is not None  # noqa: S101  as it is the oblate one
+
+    def acceleration(time: FloatArray) -> FloatArray:
+        ahead, behind = (gravity_gradient(one, target_states(one, time)) for one in (oblate, plain))
+        return changed_pull([(ahead, behind)], HALF, position(time))
+
+    half = replace(oblate, j2=HALF * oblate.j2)
+    force = Force(acceleration, (NAME,), "1", np.array([HALF]), longest_on(oblate, *span), np.zeros(0))
+    return PerhapsOblate(PerturbedOrbit(half, sum(span) / 2, known), force, *span, half, oblate.j2)
+
+
+def perhaps_oblate_in(path: Path) -> PerhapsOblate | None:
+    """The part of a path that may be under J2 or not, if one is; its unknowns are the first."""
+    return next((part for part in parts_of(path) if isinstance(part, PerhapsOblate)), None)
