@@ -252,7 +252,7 @@ class NoisyAttitudes:
         traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
         each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
         frames = self.every * effective_count(each)
-        return np.sqrt(2 / max(frames, 1.0)) * self.spurious_information()
+        return float(np.sqrt(2 / max(frames, 1.0))) * self.spurious_information()
 
     def of_known(self) -> "NoisyAttitudes":
         """Those of the frames whose attitude is known: of others, as where features are outliers, C says nothing."""

@@ -15,7 +15,7 @@ from baryscope.estimator.dynamics.extended import parts_of
 from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
-from baryscope.estimator.orbits.error import changed_pull
+from baryscope.estimator.orbits.error import perturbing_accelerations
 from baryscope.estimator.thrust import KnownAcceleration
 from baryscope.models.ephemeris.trajectory import gravity_gradient, target_states
 from baryscope.models.orbit import Orbit
@@ -53,7 +53,7 @@ def perhaps_oblate(
 
     def acceleration(time: FloatArray) -> FloatArray:
         ahead, behind = (gravity_gradient(one, target_states(one, time)) for one in (oblate, plain))
-        return changed_pull([(ahead, behind)], HALF, position(time))
+        return perturbing_accelerations([(ahead, behind)], HALF, position(time))
 
     half = replace(oblate, j2=HALF * oblate.j2)
     force = Force(acceleration, (NAME,), "1", np.array([HALF]), longest_on(oblate, *span), np.zeros(0))
