@@ -1,6 +1,6 @@
 """Spurious information: apparent information from the noise of estimated attitudes, removed from a covariance."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,8 +80,18 @@ class OffsetPrior:
     deviation: FloatArray
 
 
+def offset_lengths(columns: FloatArray) -> FloatArray:
+    """How far columns (3 k, d) displace the offset that they displace most, (d,) in m."""
+    return np.asarray(np.sqrt((columns.reshape(-1, 3, columns.shape[1]) ** 2).sum(axis=1).max(axis=0)))
+
+
 def spurious_information_columns(
-    offset: FloatArray, crossed: FloatArray, spurious: FloatArray, least: float, prior: OffsetPrior | None = None
+    offset: FloatArray,
+    crossed: FloatArray,
+    spurious: FloatArray,
+    least: float,
+    prior: OffsetPrior | None = None,
+    lengths: Callable[[FloatArray], FloatArray] = offset_lengths,
 ) -> tuple[FloatArray, FloatArray]:
     """The increase of a joint covariance by spurious information.
 
@@ -92,11 +102,12 @@ def spurious_information_columns(
 
     offset (3 k, 3 k): covariance of k offsets; crossed (3 k, p): their covariance with the other unknowns; spurious
     (3 k, 3 k): the information on the offsets to subtract, with a margin; least: the least information on an offset in
-    a direction; prior: that of the offsets, with which they have this covariance.
+    a direction; prior: that of the offsets, with which they have this covariance; lengths: columns (3 k, d) → how far
+    they displace the centre of mass, m, if the unknowns are others than offsets.
     Returns columns A of the offsets (3 k, d) and B of the other unknowns (p, d): the covariances grow by A Aᵀ and B Bᵀ,
     the cross-covariance by A Bᵀ.
     """
-    found = _Directions.of(offset, spurious, least, prior)
+    found = _Directions.of(offset, spurious, least, prior, lengths)
     return _with_others(found.columns * np.sqrt(np.maximum(found.remaining**-2.0 - 1, 0.0)), offset, crossed)
 
 
@@ -148,14 +159,20 @@ class _Directions:
     untold: BoolArray
 
     @classmethod
-    def of(cls, offset: FloatArray, spurious: FloatArray, least: float, prior: OffsetPrior | None) -> "_Directions":
+    def of(
+        cls,
+        offset: FloatArray,
+        spurious: FloatArray,
+        least: float,
+        prior: OffsetPrior | None,
+        lengths: Callable[[FloatArray], FloatArray] = offset_lengths,
+    ) -> "_Directions":
         values, axes = np.linalg.eigh((offset + offset.T) / 2)
         seen = values > RANK * values[-1]
         root = axes[:, seen] * np.sqrt(values[seen])
         share, along = np.linalg.eigh(root.T @ spurious @ root)
         columns = root @ along
-        length = np.sqrt((columns.reshape(-1, 3, columns.shape[1]) ** 2).sum(axis=1).max(axis=0))
-        bounded = np.minimum(length * np.sqrt(least), 1.0)
+        bounded = np.minimum(lengths(columns) * np.sqrt(least), 1.0)
         if prior is None:
             return cls(columns, share, np.maximum(1 - share, bounded), 1 - share < bounded)
         known, held, deviation = (

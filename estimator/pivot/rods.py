@@ -116,6 +116,10 @@ def without_spurious_path(found: Pivot, least: float) -> FloatArray:
     spurious, frames = spurious_information(found)
     solution = found.solution
     of_x, of_offsets = spurious_information_columns(
-        solution.covariance, solution.offset_path.T, three_sigma_factor(max(frames, 1.0)) * spurious, least
+        solution.covariance,
+        solution.offset_path.T,
+        three_sigma_factor(max(frames, 1.0)) * spurious,
+        least,
+        lengths=found.sampled.lengths,
     )
     return np.asarray(np.sqrt(found.variance) * np.concatenate([of_offsets, of_x]))

@@ -146,6 +146,16 @@ def test_a_path_that_noise_seems_to_tell_in_part_is_claimed_without_that():
     assert low < np.mean(squares) < high
 
 
+def test_a_path_with_one_more_unknown_is_told_as_well():
+    """Of drag, that is none: it is zero as claimed, within four deviations, and the path as true as without."""
+    made = case(TWO, 0)
+    found = found_by("pivot", made.tracks, "relative-orbit", process_noise="none", constant_acceleration="drag")
+    assert found.status is Status.GOOD
+    (drag,) = found.forces
+    assert abs(drag.value) < 4 * drag.deviation
+    assert squared_error(found, made) < chi2.ppf(0.999, 3)
+
+
 def test_what_tells_no_path_is_refused_before_paths_of_more_degrees(monkeypatch):
     """These take minutes where frames are many."""
     paths = []
