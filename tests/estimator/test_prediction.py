@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -15,10 +14,9 @@ from baryscope.estimator.findings import FreeAttitudes
 from baryscope.estimator.prediction import PredictedPath, Widening
 from baryscope.estimator.turning import carried, curved
 from baryscope.models.errors import ComputationError, InputError
-from free_paths import CHASER, FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, turning
-from oracles import inertial_states
+from free_paths import FEATURES, NOISE, ORBIT, RATE, at_rest, found_by, in_orbit, pushed, turning
 from results import an_estimate
-from synthetic import MU, make_case
+from synthetic import make_case
 
 BEFORE, FRAMES, AHEAD, DRAWS = 60, 160, 60, 10
 TRACKED = slice(BEFORE, BEFORE + FRAMES)
@@ -107,22 +105,6 @@ def test_errors_of_a_point_agree_with_its_covariance(method, draws, estimates):
                 squares[name, end].append(float(off @ np.linalg.solve(there.covariance[0, :3, :3], off)))
     for (name, end), values in squares.items():
         assert in_band(values, 3), (name, end)
-
-
-def pushed(time, acceleration, axes):
-    """Positions and velocities (n, 6) in C where the target of two orbits has a constant acceleration in axes."""
-    target, chaser = inertial_states(ORBIT.model(), *CHASER)
-
-    def slope(_, s):
-        r, v, to_chaser = s[:3], s[3:6], s[6:9]
-        up, normal = r / np.linalg.norm(r), np.cross(r, v) / np.linalg.norm(np.cross(r, v))
-        R_C_A = np.column_stack([up, np.cross(normal, up), normal]) if axes == "lvlh" else np.eye(3)
-        falls = [-MU * one / np.linalg.norm(one) ** 3 for one in (r, to_chaser)]
-        return np.concatenate([v, falls[0] + R_C_A @ acceleration, s[9:], falls[1]])
-
-    start = np.concatenate([*target, *chaser])
-    end = solve_ivp(slope, (0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-7).y
-    return (end[:6] - end[6:]).T
 
 
 @pytest.mark.parametrize("axes", ["inertial", "lvlh"])
