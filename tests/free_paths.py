@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from baryscope.estimator.methods import estimate
@@ -50,6 +51,22 @@ def in_orbit(time):
     target, chaser = inertial_states(ORBIT.model(), *CHASER)
     difference = [propagate_kepler(*target, MU, t)[0] - propagate_kepler(*chaser, MU, t)[0] for t in time]
     return np.array(difference, dtype=float)
+
+
+def pushed(time, acceleration, axes):
+    """Positions and velocities (n, 6) in C where the target of two orbits has a constant acceleration in axes."""
+    target, chaser = inertial_states(ORBIT.model(), *CHASER)
+
+    def slope(_, s):
+        r, v, to_chaser = s[:3], s[3:6], s[6:9]
+        up, normal = r / np.linalg.norm(r), np.cross(r, v) / np.linalg.norm(np.cross(r, v))
+        R_C_A = np.column_stack([up, np.cross(normal, up), normal]) if axes == "lvlh" else np.eye(3)
+        falls = [-MU * one / np.linalg.norm(one) ** 3 for one in (r, to_chaser)]
+        return np.concatenate([v, falls[0] + R_C_A @ acceleration, s[9:], falls[1]])
+
+    start = np.concatenate([*target, *chaser])
+    end = solve_ivp(slope, (0, time[-1]), start, "DOP853", time, rtol=1e-13, atol=1e-7).y
+    return (end[:6] - end[6:]).T
 
 
 PATHS = {

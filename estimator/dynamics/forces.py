@@ -217,17 +217,20 @@ def untold_firings(path: Path, begin: float, end: float, time: FloatArray) -> Fl
 
 def lasting(path: Path, variance: float, begin: float, end: float, time: FloatArray) -> FloatArray:
     """The covariance (n, 6, 6) of position and velocity in C by an acceleration that lasts before `begin` and after
-    `end`, of a variance of each coordinate, (m/s²)²: in LVLH on an orbit, else in C.
+    `end`, of a variance of each coordinate, (m/s²)².
 
-    Between them it is zero. time (n,) in s.
+    It keeps its direction in C, as light pressure does, or on an orbit as probably in LVLH, as drag does. Between begin
+    and end it is zero. time (n,) in s.
     """
     found, orbit = np.zeros((len(time), 6, 6)), orbit_in(path)
     if variance == 0:
         return found
 
     def fixed(at: FloatArray) -> FloatArray:
-        axes = None if orbit is None else lvlh_axes(target_states(orbit, at))
-        return np.broadcast_to(np.eye(3), (len(at), 3, 3)) if axes is None else axes
+        in_C = np.broadcast_to(np.eye(3), (len(at), 3, 3))
+        if orbit is None:
+            return in_C
+        return np.asarray(np.concatenate([in_C, lvlh_axes(target_states(orbit, at))], axis=2) / np.sqrt(2))
 
     for edge, outside in ((begin, time < begin), (end, time > end)):
         if outside.any():

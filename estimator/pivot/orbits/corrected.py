@@ -5,32 +5,54 @@ from dataclasses import replace
 import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of
+from baryscope.estimator.dynamics.forces import Forced, constant_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
+from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
 from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 
 def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
-    """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise."""
+    """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise.
+
+    Unless a constant acceleration of three unknowns does so better than the six of an orbit: then the orbit is not to
+    blame, and where it would lead to is far from the path.
+    """
     path = found.path
     if orbit is None or path.name != "relative-orbit" or not isinstance(path, Disturbed):
         return found
     if not found.has(DENSITY):
         return found
-    wider = replace(path, base=with_orbit_error(path.base, orbit, found.position, path.begin, path.end))
-    x = np.insert(found.solution.x, path.base.size, np.zeros(wider.base.size - path.base.size))
+    corrected = _refined_on(
+        with_orbit_error(path.base, orbit, found.position, path.begin, path.end), path, found, start, options
+    )
+    if corrected is None or not corrected.has(ORBIT_ERROR):
+        return found
+    constant = constant_of("lvlh", orbit, path.begin, path.end)
+    pushed = _refined_on(Forced(path.base, constant, path.begin, path.end), path, found, start, options)
+    if pushed is None:
+        return corrected
+    variance = min(corrected.variance, pushed.variance)
+    return found if cost_of(pushed, start, variance) < cost_of(corrected, start, variance) else corrected
+
+
+def _refined_on(base: Path, path: Disturbed, found: Pivot, start: Start, options: PathOptions) -> Pivot | None:
+    """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
+    wider = replace(path, base=base)
+    x = np.insert(found.solution.x, path.base.size, np.zeros(base.size - path.base.size))
     sampled = interpolated(wider.at, wider.frequency, start.time)
     try:
-        corrected = refined(start.on(wider, sampled, x).near(found), options)
+        other = refined(start.on(wider, sampled, x).near(found), options)
     except ComputationError:
-        return found
-    return corrected if corrected.converged and corrected.has(ORBIT_ERROR) else found
+        return None
+    return other if other.converged else None
 
 
 def wrong_orbit(found: Pivot, orbit: Orbit | None) -> tuple[WrongOrbit, ...]:
