@@ -18,7 +18,7 @@ static void keep(Online *filter, const Level *level, const double moved[OF_MAP])
             for (int k = 0; k < OF_THRUST; k++) stage->push[a][k] = level->push[a][k];
         for (int a = 0; a < OF_MAP; a++) {
             stage->moved[a] = moved[a];
-            for (int b = 0; b < OF_MAP; b++) stage->change[a][b] = level->change[a][b];
+            for (int b = 0; b < OF_MAP; b++) stage->change[a][b] = level->change[a][b], stage->follow[a][b] = level->follow[a][b];
         }
         stage->bend = level->bend;
     }
@@ -32,7 +32,7 @@ static void level_again(const Stage *stage, const double wrong[3], double P[3][3
     *level = (Level){0};
     copy(stage->lag, level->lag), copy(stage->offset, level->offset), copy(stage->turn, level->turn);
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b < OF_MAP; b++) level->change[a][b] = stage->change[a][b];
+        for (int b = 0; b < OF_MAP; b++) level->change[a][b] = stage->change[a][b], level->follow[a][b] = stage->follow[a][b];
     level->bend = stage->bend;
     times(stage->offset, wrong, off);
     moved_by_turn(off, K);

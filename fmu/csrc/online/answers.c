@@ -11,13 +11,6 @@ static int are_within(double range, const double *values, int count) {
     return 1;
 }
 
-/* By what the residuals say that the noise is larger than told, as a factor of covariances; 1 where they don't. */
-static double noise_ratio(const Online *filter) {
-    if (filter->freedom <= 0.0) return 1.0;
-    double ratio = filter->squares / filter->freedom;
-    return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
-}
-
 /* By how much covariances are to be wider, where what was taken back is a good part of what is known: that itself is noisy, and
    if it was all that is known, nothing is left. */
 static double factor_of(const Online *filter, const Now *now) {

@@ -286,10 +286,36 @@ static int update_member(Member *member, const Level *level) {
     return 1;
 }
 
-/* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. */
-static void add_change(Kept *member, const Level *level) {
+/* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
+   known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
+   the other. */
+static void add_change(Kept *kept_member, const Level *level) {
+    const int n = (int)kept_member->errors;
+    Member member;
+    double more[OF_MAP][ERRORS], x[OF_MAP];
+    take_member(kept_member, &member);
+    for (int a = 0; a < OF_MAP; a++) {
+        x[a] = 0.0;
+        for (int b = 0; b < OF_MAP; b++) x[a] += level->follow[a][b] * member.x[OFFSET + b];
+        for (int j = 0; j < n; j++) {
+            more[a][j] = 0.0;
+            for (int b = 0; b < OF_MAP; b++) more[a][j] += level->follow[a][b] * member.P[OFFSET + b][j];
+        }
+    }
+    for (int a = 0; a < OF_MAP; a++) {
+        member.x[OFFSET + a] += x[a];
+        for (int j = 0; j < n; j++) member.P[OFFSET + a][j] += more[a][j];
+        for (int j = 0; j < n; j++) member.P[j][OFFSET + a] += j >= OFFSET && j < LEVEL ? 0.0 : more[a][j];
+    }
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b <= a; b++) member->P[pair(OFFSET + a, OFFSET + b)] += level->change[a][b];
+        for (int b = 0; b <= a; b++) {
+            double sum = level->change[a][b] + member.P[OFFSET + a][OFFSET + b];
+            for (int k = 0; k < OF_MAP; k++) sum += member.P[OFFSET + a][OFFSET + k] * level->follow[b][k];
+            more[a][b] = sum;
+        }
+    for (int a = 0; a < OF_MAP; a++)
+        for (int b = 0; b <= a; b++) member.P[OFFSET + a][OFFSET + b] = member.P[OFFSET + b][OFFSET + a] = more[a][b];
+    keep_member(&member, kept_member);
 }
 
 /* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */

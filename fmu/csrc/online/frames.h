@@ -57,7 +57,9 @@ typedef struct {
     double push[3][OF_THRUST]; /* what of the errors of the thrusters is in c, besides what is in (r, v) */
     double c[3], lag[3][3], offset[3][3], scale[3], noise[3][3], turn[3][3];
     double both[3][3];   /* the covariance of c, without what is of second order, by that of the attitude */
-    double change[OF_MAP][OF_MAP]; /* of offset and scale since the node before, as other features are seen, in B */
+    /* Of offset, in B, and scale since the node before, as other features are seen: the covariance, and how what is known of them
+       goes on. */
+    double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
 } Level;
 
 #endif

@@ -77,6 +77,13 @@ static double frames_per_error(const Online *filter) {
     return fmax(most * fmin(square, 1.0), 1.0);
 }
 
+/* By what the residuals say that the noise is larger than told, as a factor of covariances; 1 where they don't. */
+static double noise_ratio(const Online *filter) {
+    if (filter->freedom <= 0.0) return 1.0;
+    double ratio = filter->squares / filter->freedom;
+    return ratio > 1.0 + 4.0 * sqrt(2.0 / filter->freedom) ? ratio : 1.0;
+}
+
 static void scale_block(double *values, int count, double factor) {
     for (int k = 0; k < count; k++) values[k] *= factor;
 }

@@ -133,28 +133,39 @@ static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3])
     }
 }
 
-/* What the errors of the features do: to the offset that is seen, as other features are seen than in the node before, and to
-   the attitude against that of the whole map; adds the covariances, in B. */
-static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3],
-                   double change[OF_MAP][OF_MAP], double turned_by[3][3]) {
+/* What the errors of the features do: to the offset and scale that are seen, as other features are than in the node before, and to
+   the attitude against that of the whole map, `turned_by`, to which it is added; in B. What is known of offset and scale goes on
+   by the regression of their change on what they were. */
+static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3], Level *level,
+                   double turned_by[3][3]) {
+    enum { BEFORE = OF_MAP, TURNED = 2 * OF_MAP, ROWS = TURNED + 3 };
     int n = 3 * (int)filter->used;
-    double D[OF_MAP + 3][3 * MOST_FEATURES], DP[3 * MOST_FEATURES];
+    double D[ROWS][3 * MOST_FEATURES], DP[3 * MOST_FEATURES], before[OF_MAP * OF_MAP];
     for (int j = 0; j < n; j++) {
-        for (int a = 0; a < OF_MAP; a++) D[a][j] = share[j / 3][a][j % 3] - filter->share[j / 3][a][j % 3];
-        for (int a = 0; a < 3; a++) D[OF_MAP + a][j] = turn[j / 3][a][j % 3];
+        for (int a = 0; a < OF_MAP; a++) {
+            D[BEFORE + a][j] = filter->share[j / 3][a][j % 3];
+            D[a][j] = share[j / 3][a][j % 3] - D[BEFORE + a][j];
+        }
+        for (int a = 0; a < 3; a++) D[TURNED + a][j] = turn[j / 3][a][j % 3];
     }
-    for (int a = 0; a < OF_MAP + 3; a++) {
-        int first = a < OF_MAP ? 0 : OF_MAP, end = a < OF_MAP ? OF_MAP : OF_MAP + 3;
+    for (int a = 0; a < ROWS; a++) {
+        int first = a < TURNED ? a / BEFORE * BEFORE : TURNED, end = a < TURNED ? TURNED : ROWS;
         for (int j = 0; j < n; j++) DP[j] = 0.0;
         for (int i = 0; i < n; i++)
             for (int j = 0; j < n; j++) DP[j] += D[a][i] * filter->P[BODY + i][BODY + j];
         for (int b = first; b < end; b++) {
             double sum = 0.0;
             for (int j = 0; j < n; j++) sum += DP[j] * D[b][j];
-            if (first) turned_by[a - first][b - first] += sum;
-            else change[a][b] += sum;
+            if (a >= TURNED) turned_by[a - TURNED][b - TURNED] += sum;
+            else if (a >= BEFORE) before[OF_MAP * (a - BEFORE) + b - BEFORE] = sum;
+            else if (b >= BEFORE) level->follow[a][b - BEFORE] = sum;
+            else level->change[a][b] = sum;
         }
     }
+    const int sure = factored(OF_MAP, before);
+    for (int a = 0; a < OF_MAP; a++)
+        if (sure) solved(OF_MAP, before, level->follow[a]);
+        else for (int b = 0; b < OF_MAP; b++) level->follow[a][b] = 0.0;
 }
 
 /* The share of each feature's error in the scale: least squares of the size of what a frame sees of the map about its middle. */
@@ -260,7 +271,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
     }
     apart(filter, frame, share, level);
     copy(NOTHING, T);
-    of_map(filter, share, turn, level->change, T);
+    of_map(filter, share, turn, level, T);
     turned(pose->R, T);
     add_congruent(swept[0], sweep->covariance, level->noise);
     add_congruent(swept[1], sweep->covariance, level->turn);

@@ -106,6 +106,8 @@ static void look(const Online *filter, Now *now) {
     if (way.span > 0.0) advance_large(filter, &large, &way);
     int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &level, M);
     if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, &way, bank);
+    for (int m = 0; m < MEMBERS && filter->pushed != 0.0; m++)
+        if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     together(&large, bank, now);
     now->seems = seeming_part(filter, now);
 }

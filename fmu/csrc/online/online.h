@@ -158,7 +158,8 @@ typedef struct {
 /* A node as the bank was given it, and the way to it. */
 typedef struct {
     Way way;
-    double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], change[OF_MAP][OF_MAP], bend; /* see Level */
+    double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], bend; /* see Level */
+    double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
     double moved[OF_MAP];                       /* by which offset, in B, and scale were corrected after it */
 } Stage;

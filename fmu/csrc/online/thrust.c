@@ -138,3 +138,95 @@ static void follow_level(const double before[LEVEL], double S[LEVEL][LEVEL], dou
             for (int a = 0; a < LEVEL; a++) P[THRUST + i][THRUST + j] += more[a] * H[j][a];
     }
 }
+
+/* Thrusters may be better than told, and be exact, their scale and their pointing each by itself (Gates 1963 has them apart): parts of
+   the told deviation, and how likely each is before they push. What is told is likeliest: before pushes show more a claim is to
+   be hardly narrower, by a factor of 0.84. And it never is less likely than one in four against all others: errors of the size of
+   what pushes can tell are of no grade, and pass for none at first; with the told grade a claim allows for them. */
+#define LEAST_TOLD 0.25
+enum { GRADES = 4 };
+static const double GRADE[GRADES] = {1.0, 0.1, 0.01, 0.0};
+static const double LIKELY[GRADES] = {0.7, 0.1, 0.1, 0.1};
+
+/* What another grade of scale and pointing makes of errors m that are known with the covariance S from what is told of them, and of
+   `variance` before: as if they were measured, with the noise that makes a part of a deviation of it, and found to be 0. All that
+   is known with them, x and P, is to be less P G m and P G P'. Covariances are `factor` times as large in truth. Returns the
+   logarithm of how likely the grades are, or -INFINITY. */
+static double graded(const double m[OF_THRUST], const double S[OF_THRUST][OF_THRUST], const double parts[2], double variance,
+                     double factor, double G[OF_THRUST][OF_THRUST]) {
+    double A[OF_THRUST * OF_THRUST], likely = 0.0, square = 0.0;
+    for (int a = 0; a < OF_THRUST; a++) {
+        const double part = parts[a > 0], noise = part < 1.0 ? variance * part * part / (1.0 - part * part) : INFINITY;
+        for (int b = 0; b < OF_THRUST; b++) {
+            const int told = !(part < 1.0 && parts[b > 0] < 1.0);
+            A[OF_THRUST * a + b] = told ? a == b : S[a][b];
+            G[a][b] = !told && a == b;
+        }
+        if (!(part < 1.0)) continue;
+        A[(OF_THRUST + 1) * a] += noise / factor;
+        likely += 0.5 * log((variance + noise) / factor);
+    }
+    if (!factored(OF_THRUST, A)) return -INFINITY;
+    for (int a = 0; a < OF_THRUST; a++) {
+        solved(OF_THRUST, A, G[a]);
+        likely -= log(A[(OF_THRUST + 1) * a]);
+        for (int b = 0; b < OF_THRUST; b++) square += m[a] * G[a][b] * m[b];
+    }
+    return likely - 0.5 * square / factor;
+}
+
+/* All grades together: how likely they are, as a logarithm, and the mean of G m and of the matrices G, less the covariance of G m:
+   by these a mixture has mean and covariance. */
+static double all_graded(const Member *member, double variance, double factor, double mean[OF_THRUST], double M[OF_THRUST][OF_THRUST]) {
+    enum { ALL = GRADES * GRADES };
+    double S[OF_THRUST][OF_THRUST], likely[ALL], u[ALL][OF_THRUST], G[ALL][OF_THRUST][OF_THRUST], best = -INFINITY, sum = 0.0;
+    for (int a = 0; a < OF_THRUST; a++) {
+        mean[a] = 0.0;
+        for (int b = 0; b < OF_THRUST; b++) M[a][b] = 0.0, S[a][b] = member->P[THRUST + a][THRUST + b];
+    }
+    for (int k = 0; k < ALL; k++) {
+        const int scale = k / GRADES, pointing = k % GRADES;
+        const double parts[2] = {GRADE[scale], GRADE[pointing]};
+        likely[k] = log(LIKELY[scale] * LIKELY[pointing]) + graded(&member->x[THRUST], S, parts, variance, factor, G[k]);
+        best = fmax(best, likely[k]);
+        for (int a = 0; a < OF_THRUST; a++) {
+            u[k][a] = 0.0;
+            for (int b = 0; b < OF_THRUST; b++) u[k][a] += G[k][a][b] * member->x[THRUST + b];
+        }
+    }
+    for (int k = 0; k < ALL; k++) sum += likely[k] = exp(likely[k] - best);
+    const double told = likely[0] / sum, least = fmax(told, LEAST_TOLD), others = told < 1.0 ? (1.0 - least) / (1.0 - told) : 0.0;
+    for (int k = 0; k < ALL; k++) likely[k] = k == 0 ? least : others * likely[k] / sum;
+    for (int k = 0; k < ALL; k++)
+        for (int a = 0; a < OF_THRUST; a++) mean[a] += likely[k] * u[k][a];
+    for (int k = 0; k < ALL; k++)
+        for (int a = 0; a < OF_THRUST; a++)
+            for (int b = 0; b < OF_THRUST; b++)
+                M[a][b] += likely[k] * (G[k][a][b] - (u[k][a] - mean[a]) * (u[k][b] - mean[b]) / factor);
+    return best + log(sum);
+}
+
+/* A member becomes what all grades together say: mean and covariance of their mixture, and its likelihood. The bank itself goes on
+   with what is told: from what exact thrusters say of the size of the map the large filter would learn it, tell the bank, and so
+   confirm that they are exact. */
+static void grade(const OnlineOptions *options, double factor, Kept *one) {
+    double mean[OF_THRUST], M[OF_THRUST][OF_THRUST], before[ERRORS][OF_THRUST];
+    Member member;
+    if (one->errors != ERRORS) return;
+    take_member(one, &member);
+    member.weight += all_graded(&member, options->thrust * options->thrust, factor, mean, M);
+    for (int i = 0; i < ERRORS; i++)
+        for (int a = 0; a < OF_THRUST; a++) before[i][a] = member.P[i][THRUST + a];
+    for (int i = 0; i < ERRORS; i++) {
+        double less[OF_THRUST] = {0.0};
+        for (int a = 0; a < OF_THRUST; a++) {
+            member.x[i] -= before[i][a] * mean[a];
+            for (int b = 0; b < OF_THRUST; b++) less[a] += before[i][b] * M[b][a];
+        }
+        member.P[i][i] += ROUNDING * member.P[i][i];
+        for (int j = 0; j <= i; j++)
+            for (int a = 0; a < OF_THRUST; a++) member.P[i][j] -= less[a] * before[j][a];
+        for (int j = 0; j < i; j++) member.P[j][i] = member.P[i][j];
+    }
+    keep_member(&member, one);
+}
