@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from baryscope.estimator.adjustment.normal_equations import attitude_covariances, pieces
 from baryscope.estimator.adjustment.observations import Observations
@@ -195,8 +195,8 @@ def _values(told: FloatArray, deviation: FloatArray) -> Iterator[tuple[FloatArra
     """
     deviation = np.maximum(deviation, RANK)
     deviations = np.maximum(told / deviation, -MARGIN)  # less is no less likely a spin
-    spins = SPINNING * norm.pdf(deviations) / deviation
-    spins = spins / (spins + (1 - SPINNING) * norm.cdf(deviations))
+    spins = SPINNING * np.exp(-(deviations**2) / 2) / (np.sqrt(2 * np.pi) * deviation)
+    spins = spins / (spins + (1 - SPINNING) * ndtr(deviations))
     yield np.zeros_like(told), spins
     for node, chance in zip(NODES, CHANCES, strict=True):
         yield np.maximum(told + node * deviation, 0.0), (1 - spins) * chance
