@@ -211,10 +211,11 @@ def test_a_smooth_path_that_follows_the_rotation_is_announced():
 
 
 def test_what_is_not_told_anyway_is_not_announced():
-    """Significant process noise, 160 % of the information feigned, and a claim of several radii."""
+    """Significant process noise, all of the information feigned, and a claim of several radii."""
     case = drawn(124, 80)
-    found = estimate(sampled(case).tracks, orbit=case.orbit)
+    found = estimate(sampled(case, draw=1).tracks, orbit=case.orbit)
     assert found.process_noise.significance > 15
+    assert found.predicted_rmse > 3 * case.radius
     assert found.status is Status.NOT_OBSERVABLE
     assert not wrong(of_estimate(found, case.path))
 
