@@ -70,7 +70,7 @@ def without_spurious_information(found: Pivot) -> JointCovariance:
     distance = float(np.linalg.norm(found.sampled.position(solution.x), axis=1).max())
     crossed = solution.offset_path
     joint = np.block([[solution.offset_covariance, crossed], [crossed.T, solution.covariance]])
-    likeliest = found.at_likeliest
+    likeliest = solution if found.shown_spurious_share < SPURIOUS else found.at_likeliest  # which takes time
     columns = np.concatenate(
         spurious_information_columns(
             likeliest.offset_covariance, likeliest.offset_path, found.shown_spurious, _least(found), _prior(found)
