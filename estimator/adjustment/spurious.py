@@ -30,9 +30,14 @@ SPINNING = 0.2  # of objects, as targets that are stabilised by their spin: of t
 RANK = 1e-14  # of a covariance's greatest value: less is a direction that is fixed
 
 
+def relative_deviation(values: float) -> float:
+    """The standard deviation of a mean of squares of Gaussian values over its expectation, for the number of values."""
+    return float(np.sqrt(2 / values))
+
+
 def three_sigma_factor(values: float) -> float:
-    """The 3σ bound of a mean of squares of Gaussian values over its expectation, for the number of values."""
-    return float(1 + MARGIN * np.sqrt(2 / values))
+    """The 3σ bound of such a mean over its expectation."""
+    return 1 + MARGIN * relative_deviation(values)
 
 
 def effective_count(terms: FloatArray) -> float:
@@ -269,7 +274,7 @@ class NoisyAttitudes:
         traces = np.trace(known, axis1=1, axis2=2) * np.trace(turned, axis1=1, axis2=2)
         each = traces - np.einsum("kij,kij->k", known, turned)  # of the terms of turned_information
         frames = self.every * effective_count(each)
-        return float(np.sqrt(2 / max(frames, 1.0))) * self.spurious_information()
+        return relative_deviation(max(frames, 1.0)) * self.spurious_information()
 
     def of_known(self) -> "NoisyAttitudes":
         """Those of the frames whose attitude is known: of others, as where features are outliers, C says nothing."""

@@ -137,12 +137,14 @@ def _filtered(
         found = other
     if not found.converged:
         found = better() or found
-    return _with_untold_forces(found, orbit, trajectory) if on_orbit else found
+    return _with_untold_forces(found, orbit, trajectory, whole) if on_orbit else found
 
 
-def _with_untold_forces(found: Passes, orbit: Orbit | None, trajectory: Trajectory) -> Passes:
+def _with_untold_forces(
+    found: Passes, orbit: Orbit | None, trajectory: Trajectory, whole: Callable[[], Pivot]
+) -> Passes:
     """The passes with J2 if `pivot` finds it, or does not tell it from none, and where the path has process noise with
-    the burns that it finds.
+    the burns that it finds; whole: its solution, with all options.
     """
     problem = found.problem
     options, noise, time = problem.options, process_noise_of(found), problem.tracks.time
@@ -150,7 +152,7 @@ def _with_untold_forces(found: Passes, orbit: Orbit | None, trajectory: Trajecto
     if not noisy and (orbit is None or orbit.with_earths_j2() is None):
         return found
     try:
-        solved, path = solve_pivot(problem.tracks, orbit, options), problem.path
+        solved, path = whole(), problem.path
         if untold_oblateness(orbit, solved.path):
             oblate = trajectory.path(orbit_in(solved.path), float(time[0]), float(time[-1]), options.acceleration)
             path = perhaps_oblate_in(solved.path) or oblate
