@@ -23,7 +23,7 @@ from baryscope.estimator.pivot.burn_equations import BurnEquations, BurnFit, bur
 from baryscope.estimator.pivot.burn_search import likeliest, price, without
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.reduced import bounded_cost, fixed_at, scaled
-from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.registration.clusters import Registered
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -36,8 +36,8 @@ FOLLOWS = 0.5  # share of the information on an offset that is spurious, where a
 
 
 def with_unknown_burns(
-    found: Pivot, registered: Registered, orbit: Orbit | None, start: Start, options: PathOptions
-) -> tuple[Pivot, Start]:
+    found: Pivot, registered: Registered, orbit: Orbit | None, start: InitialSolution, options: PathOptions
+) -> tuple[Pivot, InitialSolution]:
     """The solution with the burns among its unknowns that explain what else would be process noise, and its start.
 
     start: of the frames that are looked at, among which are those of `found`. Without such burns `found` itself.
@@ -61,8 +61,13 @@ def with_unknown_burns(
 
 
 def _with_likeliest(
-    found: Pivot, registered: Registered, start: Start, options: PathOptions, equations: BurnEquations, fit: BurnFit
-) -> tuple[Pivot, Start] | None:
+    found: Pivot,
+    registered: Registered,
+    start: InitialSolution,
+    options: PathOptions,
+    equations: BurnEquations,
+    fit: BurnFit,
+) -> tuple[Pivot, InitialSolution] | None:
     """The solution with the burns of a fit that are needed, and its start; None if it is no likelier.
 
     Raises:
@@ -80,7 +85,7 @@ def _with_likeliest(
     return None
 
 
-def _left_out(found: Pivot, start: Start) -> float:
+def _left_out(found: Pivot, start: InitialSolution) -> float:
     """The share of frames whose observations agree with one another, but all are rejected by the path."""
     weight = found.observations.weight
     used, seen = weight.sum(axis=1), np.where(weight > 0, start.observations.weight, 0.0).sum(axis=1)
@@ -99,7 +104,7 @@ def unknown_burns(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[UnknownB
     return tuple(UnknownBurn.of(burn, axes) for burn in sorted(burns, key=lambda one: one.begin))
 
 
-def _start(start: Start, registered: Registered, fit: BurnFit, orbit: Orbit | None) -> Start:
+def _start(start: InitialSolution, registered: Registered, fit: BurnFit, orbit: Orbit | None) -> InitialSolution:
     """The start of the refinement from the search's solution."""
     path = start.path
     assert isinstance(path, Disturbed)  # noqa: S101  as `with_unknown_burns` has seen

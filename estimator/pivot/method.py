@@ -46,10 +46,10 @@ from baryscope.estimator.pivot.lack_of_fit import excess_residuals, lack_of_fit
 from baryscope.estimator.pivot.orbits.corrected import with_corrected_orbit, wrong_orbit
 from baryscope.estimator.pivot.orbits.estimated import with_estimated_orbit
 from baryscope.estimator.pivot.orbits.oblateness import untold_oblateness, with_oblateness
-from baryscope.estimator.pivot.refinement import ROUNDING, Start, refined
+from baryscope.estimator.pivot.refinement import ROUNDING, InitialSolution, refined
 from baryscope.estimator.pivot.ridge import with_ridges
 from baryscope.estimator.pivot.rods import attitudes_about, spurious_share
-from baryscope.estimator.pivot.start import Initial, linear_start
+from baryscope.estimator.pivot.start import LinearStart, linear_start
 from baryscope.estimator.pivot.strays import without_strays
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.pivot.unexplained import following_rotation, with_needed_noise
@@ -249,7 +249,7 @@ class _Given:
         few = subsampled(registered.bodies, observations, SUBSAMPLE_FRAMES)
         return cls(tracks, inliers, registered, measured, observations, few, _lasting(registered, observations))
 
-    def start(self, path: Path) -> Start:
+    def start(self, path: Path) -> InitialSolution:
         """The initial solution for a path."""
         time, registered, given = self.tracks.time, self.registered, self.measured.precision is not None
         sampled = interpolated(path.at, path.frequency, time[self.few.rows])
@@ -259,7 +259,7 @@ class _Given:
         bodies = initial.bodies
         if registered.in_line:
             bodies = attitudes_about(bodies, self.observations, everywhere.position(initial.x))
-        return Start(
+        return InitialSolution(
             path,
             everywhere,
             time,
@@ -276,7 +276,7 @@ class _Given:
             initial.first_prior,
         )
 
-    def _weight(self, initial: Initial) -> FloatArray:
+    def _weight(self, initial: LinearStart) -> FloatArray:
         """The weights (n, m) of the observations, those of the initial solution where it has looked at them."""
         found = self.observations.weight.copy()
         pairs = zip(self.registered.bodies, self.few.bodies, self.few.steps, strict=True)
@@ -313,7 +313,7 @@ def _lasting(registered: Registered, observations: Observations) -> float:
     return frames_per_error(registered.bodies, observations, origin)
 
 
-def _refined(start: Start, options: PathOptions) -> Pivot:
+def _refined(start: InitialSolution, options: PathOptions) -> Pivot:
     """The refined solution, with covariances at once with the path's own prior; with the noise that it needs.
 
     They make the start so good that to begin anew from a simple path would spoil it, unless it leads nowhere.

@@ -47,7 +47,7 @@ FREE_ROUNDS = 10  # iterations after which changes of the weights are damped
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class InitialSolution:
     """The initial solution of the refinement.
 
     path, and sampled at the tracks' times (n,) in s; registered: the bodies, with points from their centroid; bodies
@@ -75,16 +75,16 @@ class Start:
     first_prior: Prior | None = None
     slips: bool = False
 
-    def on(self, path: Path, sampled: SampledPath, x: FloatArray) -> "Start":
+    def on(self, path: Path, sampled: SampledPath, x: FloatArray) -> "InitialSolution":
         """The start on another path, sampled at the times, with unknowns x (p,) that are good enough for its prior."""
         return replace(self, path=path, sampled=sampled, x=x, first_prior=None)
 
-    def near(self, found: Pivot) -> "Start":
+    def near(self, found: Pivot) -> "InitialSolution":
         """The start with the bodies of a solution, and the weights that it has found."""
         return replace(self, bodies=found.bodies, observations=found.observations, inliers=found.inliers, weight=None)
 
 
-def refined(start: Start, options: PathOptions) -> Pivot:
+def refined(start: InitialSolution, options: PathOptions) -> Pivot:
     """The solution of Gauss–Newton steps until steps and changes of the weights are small, with tie points applied.
 
     Raises:
@@ -114,7 +114,7 @@ class _Refinement:
     faster: whether that was greater than that of the step before.
     """
 
-    def __init__(self, start: Start, options: PathOptions) -> None:
+    def __init__(self, start: InitialSolution, options: PathOptions) -> None:
         self.start, self.options = start, options
         self.path, self.bodies, self.x = start.path, start.bodies, start.x
         own = start.observations

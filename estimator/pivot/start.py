@@ -59,7 +59,7 @@ class _Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class Initial:
+class LinearStart:
     """Initial bodies and x (p,), and the weights (n, m) of the subsample's observations there.
 
     first_prior: to go on with until weights have settled: the simple one from which it began, for a place at rest the
@@ -74,7 +74,7 @@ class Initial:
 
 def linear_start(
     registered: Registered, few: Subsample, sampled: SampledPath, prior: Prior, least: float, lasting: float
-) -> Initial:
+) -> LinearStart:
     """The best of several solutions, of linear least squares and some steps.
 
     few: a subsample of the registered bodies, with the path sampled at its frames; least: lower bound of the variance
@@ -101,7 +101,7 @@ def linear_start(
     if few.observations.precision is not None:  # else registration has given them
         at_frames = zip(bodies, found.bodies, few.steps, strict=True)
         bodies = tuple(_with_attitudes(body, refined, step) for body, refined, step in at_frames)
-    initial = Initial(bodies, found.x, found.observations.weight)
+    initial = LinearStart(bodies, found.x, found.observations.weight)
     if not found.held:
         return initial
     if FIRST not in found.held:

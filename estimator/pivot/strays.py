@@ -15,7 +15,7 @@ from baryscope.estimator.adjustment.reweighting import REJECTED
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
-from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.registration.body import Body
 from baryscope.models.errors import ComputationError
 
@@ -26,7 +26,7 @@ MIN_FRAMES = 10  # of a body, that are left
 LEAST = 3  # features of an attitude
 
 
-def without_strays(found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
+def without_strays(found: Pivot, start: InitialSolution, options: PathOptions) -> tuple[Pivot, InitialSolution]:
     """The solution without the frames in which a body's attitude strays or hardly is one, if they matter, and its
     start.
     """
@@ -60,7 +60,7 @@ def _rest_on_rejected(body: Body, observations: Observations) -> BoolArray:
     return np.asarray(((weight > 0).sum(axis=1) >= LEAST) & ((weight >= REJECTED).sum(axis=1) < LEAST))
 
 
-def _is_begun_with(body: Body, start: Start) -> BoolArray:
+def _is_begun_with(body: Body, start: InitialSolution) -> BoolArray:
     """In which frames (n,) of a body there were observations from the start: those of two features join it later."""
     return np.asarray((start.observations.weight[np.ix_(body.frames, body.features)] > 0).any(axis=1))
 

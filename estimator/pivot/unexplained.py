@@ -16,7 +16,7 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import SIGNIFICANT, Pivot
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.reduced import bounded_cost
-from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.models.errors import ComputationError
 
 FAINT = 1e-30  # m²/s³: a density without effect
@@ -25,7 +25,7 @@ HARMLESS = 0.5  # claim over the features' radius: the offset is off by some two
 CURVED = 12.0  # unknowns of a smooth path that the tracks determine: more than those of a cubic may follow it
 
 
-def with_needed_noise(found: Pivot, start: Start, options: PathOptions) -> Pivot:
+def with_needed_noise(found: Pivot, start: InitialSolution, options: PathOptions) -> Pivot:
     """The solution, or that which is reached from one without process noise, if it is likelier by more than chance.
 
     Where hardly more than noise tells the offsets, steps that may use process noise can end with wrong offsets that
@@ -46,7 +46,7 @@ def with_needed_noise(found: Pivot, start: Start, options: PathOptions) -> Pivot
     return other if cost_of(other, start, variance) < cost_of(found, start, variance) - SIGNIFICANT else found
 
 
-def cost_of(found: Pivot, start: Start, variance: float) -> float:
+def cost_of(found: Pivot, start: InitialSolution, variance: float) -> float:
     """−2 ln of the marginal likelihood, up to a constant, of the observations of a start, with outliers of a bounded
     cost.
     """

@@ -13,13 +13,13 @@ from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, with_orbit_error
 from baryscope.estimator.pivot.found import Pivot
-from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
 
 
-def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, options: PathOptions) -> Pivot:
+def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSolution, options: PathOptions) -> Pivot:
     """The solution with an error of the orbit among the unknowns, if that explains what else would be process noise.
 
     Unless a constant acceleration of three unknowns does so better than the six of an orbit: then the orbit is not to
@@ -43,7 +43,9 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: Start, option
     return found if cost_of(pushed, start, variance) < cost_of(corrected, start, variance) else corrected
 
 
-def _refined_on(base: Path, path: Disturbed, found: Pivot, start: Start, options: PathOptions) -> Pivot | None:
+def _refined_on(
+    base: Path, path: Disturbed, found: Pivot, start: InitialSolution, options: PathOptions
+) -> Pivot | None:
     """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
     wider = replace(path, base=base)
     x = np.insert(found.solution.x, path.base.size, np.zeros(base.size - path.base.size))

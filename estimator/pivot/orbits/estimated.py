@@ -14,7 +14,7 @@ from baryscope.estimator.orbits.search import OrbitFit, likeliest_orbit
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.joint_covariance import SPURIOUS
 from baryscope.estimator.pivot.reduced import of_first, scaled
-from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError, InputError
 
@@ -23,7 +23,7 @@ MOST_LINEARISED = 4  # times that the path is linearised about an orbit
 NEAR = 0.5  # deviations from the elements about which it is linear
 
 
-def with_estimated_orbit(found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
+def with_estimated_orbit(found: Pivot, start: InitialSolution, options: PathOptions) -> tuple[Pivot, InitialSolution]:
     """The solution on an orbit that a smooth path itself tells, if it is likelier there, and its start."""
     fit = _orbit_of(found, options)
     if fit is None:
@@ -56,7 +56,9 @@ def _orbit_of(found: Pivot, options: PathOptions) -> OrbitFit | None:
     return fit
 
 
-def _refined_on(fit: OrbitFit, found: Pivot, start: Start, options: PathOptions) -> tuple[Pivot, Start]:
+def _refined_on(
+    fit: OrbitFit, found: Pivot, start: InitialSolution, options: PathOptions
+) -> tuple[Pivot, InitialSolution]:
     """The solution with the orbit's elements among the unknowns, about which the path is linearised until they are
     near, and its start.
 

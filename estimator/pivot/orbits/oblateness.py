@@ -23,7 +23,7 @@ from baryscope.estimator.orbits.oblateness import perhaps_oblate, perhaps_oblate
 from baryscope.estimator.pivot.found import DECISIVE, Pivot
 from baryscope.estimator.pivot.free_attitudes import linearised
 from baryscope.estimator.pivot.reduced import fixed_at, scaled
-from baryscope.estimator.pivot.refinement import Start, refined
+from baryscope.estimator.pivot.refinement import InitialSolution, refined
 from baryscope.estimator.pivot.unexplained import cost_of
 from baryscope.models.errors import ComputationError
 from baryscope.models.orbit import Orbit
@@ -34,8 +34,8 @@ NOTICEABLE = 4.0  # squared displacement of the answer by J2, in its covariance:
 
 
 def with_oblateness(
-    found: Pivot, start: Start, orbit: Orbit | None, options: PathOptions
-) -> tuple[Pivot, Start, Orbit | None]:
+    found: Pivot, start: InitialSolution, orbit: Orbit | None, options: PathOptions
+) -> tuple[Pivot, InitialSolution, Orbit | None]:
     """The solution, its start and the orbit, with the Earth's J2 where the tracks show that the orbit told lacks it.
 
     J2 is a force of a known size. So the tracks tell it from none where they hardly tell process noise, of whose
@@ -63,7 +63,7 @@ def with_oblateness(
     return (found, start, orbit) if other is None else (other, fresh, either.orbit)
 
 
-def _start_on(path: Path, found: Pivot, x: FloatArray, start: Start) -> Start:
+def _start_on(path: Path, found: Pivot, x: FloatArray, start: InitialSolution) -> InitialSolution:
     """The start on another path, at the unknowns near x (p,) that bring it near that of a solution.
 
     Only those without a prior differ.
@@ -81,7 +81,7 @@ def _nearest(position: FloatArray, x: FloatArray, other: SampledPath, prior: Pri
     return moved
 
 
-def _refined(fresh: Start, found: Pivot, options: PathOptions) -> Pivot | None:
+def _refined(fresh: InitialSolution, found: Pivot, options: PathOptions) -> Pivot | None:
     """The solution on another path, from one near it; None if there is none."""
     try:
         other = refined(fresh.near(found), options)
@@ -90,7 +90,7 @@ def _refined(fresh: Start, found: Pivot, options: PathOptions) -> Pivot | None:
     return other if other.converged else None
 
 
-def _is_likelier(other: Pivot, found: Pivot, start: Start) -> bool:
+def _is_likelier(other: Pivot, found: Pivot, start: InitialSolution) -> bool:
     """Whether a solution costs no more than another one, both from observations of a start."""
     variance = min(found.variance, other.variance)
     return cost_of(other, start, variance) <= cost_of(found, start, variance)
