@@ -34,7 +34,7 @@ class ProcessNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class FilterHistory:
     """What the smoother needs from the filter for k members, at each of n nodes.
 
     predicted (n, k, d, c + d): the affine state and its covariance P before the update; innovations (n, k, 6, c + d),
@@ -46,15 +46,15 @@ class Kept:
     precision: FloatArray
 
     @classmethod
-    def room(cls, system: Linearised, members: int) -> "Kept":
+    def room(cls, system: Linearised, members: int) -> "FilterHistory":
         """Room for that many members."""
         n, d, c = len(system.observed), *system.first.shape
         sizes = ((n, members, d, c + d), (n, members, 6, c + d), (n, members, 6, 6))
         return cls(*(np.zeros(size) for size in sizes))
 
-    def of(self, members: slice) -> "Kept":
+    def of(self, members: slice) -> "FilterHistory":
         """The room of some members."""
-        return Kept(self.predicted[:, members], self.innovations[:, members], self.precision[:, members])
+        return FilterHistory(self.predicted[:, members], self.innovations[:, members], self.precision[:, members])
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +72,8 @@ class Forward:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a system that has lost the motion
-def filtered(system: Linearised, noise: ProcessNoise, kept: Kept | None = None) -> Forward:
-    """Run the filter; kept: where what the smoother needs is written, if it is to run."""
+def filtered(system: Linearised, noise: ProcessNoise, history: FilterHistory | None = None) -> Forward:
+    """Run the filter; history: where what the smoother needs is written, if it is to run."""
     n, d, c, k = len(system.observed), *system.first.shape, len(noise.density)
     units = noise.units.reshape(n - 1, 2, d * d)
     cost, log_determinant = np.tile(system.static, (k, 1, 1)), np.zeros(k)
@@ -96,8 +96,8 @@ def filtered(system: Linearised, noise: ProcessNoise, kept: Kept | None = None) 
                 if at % SYMMETRISED == 0:
                     P = 0.5 * (P + P.transpose(0, 2, 1))
                 both[:, :, c:] = P + (noise.density @ units[j - 1]).reshape(k, d, d)
-            if kept:
-                kept.predicted[j] = both
+            if history:
+                history.predicted[j] = both
             if not system.seen[j]:
                 continue
             G, information = system.observed[j], system.information[j]
@@ -110,8 +110,8 @@ def filtered(system: Linearised, noise: ProcessNoise, kept: Kept | None = None) 
             innovation = _inverse(ratio[at]) @ (rhs[at] - information @ seen)
             both += GP.transpose(0, 2, 1) @ innovation
             expected[:, at], whitened[:, at] = seen[:, :, :c], innovation[:, :, :c]
-            if kept:
-                kept.innovations[j] = innovation
+            if history:
+                history.innovations[j] = innovation
         corrected = S.transpose(1, 0, 2, 3) @ whitened + expected
         own = system.rhs[part].reshape(-1, c)
         for member in range(k):
@@ -119,8 +119,8 @@ def filtered(system: Linearised, noise: ProcessNoise, kept: Kept | None = None) 
             half += expected[member].reshape(-1, c).T @ whitened[member].reshape(-1, c)
             cost[member] -= half
         log_determinant += np.linalg.slogdet(ratio)[1].sum(axis=0)
-        if kept:
-            kept.precision[part] = _inverse(ratio) @ system.information[part, None]
+        if history:
+            history.precision[part] = _inverse(ratio) @ system.information[part, None]
     asymmetry = 0.5 * np.abs(cost - cost.transpose(0, 2, 1))
     return Forward(0.5 * (cost + cost.transpose(0, 2, 1)), asymmetry, log_determinant)
 
@@ -138,26 +138,26 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def smoothed(system: Linearised, kept: Kept) -> tuple[FloatArray, FloatArray]:
+def smoothed(system: Linearised, history: FilterHistory) -> tuple[FloatArray, FloatArray]:
     """The state (n, k, d, c), affine in θ, and its covariance (n, k, d, d) for known θ, from all observations.
 
     They take the place of the predicted ones: fresh memory for both costs more than finding them.
     """
-    n, k, d, width = kept.predicted.shape
+    n, k, d, width = history.predicted.shape
     c = width - d
-    state, covariance = kept.predicted[..., :c], kept.predicted[..., c:]
+    state, covariance = history.predicted[..., :c], history.predicted[..., c:]
     both = np.zeros((k, d, width))  # the adjoint of the state, and its covariance
     for begin in reversed(range(0, n, BLOCK)):
         part = slice(begin, min(begin + BLOCK, n))
         adjoint = np.empty((part.stop - begin, k, d, width))
-        information = kept.precision[part] @ system.observed[part, None]
+        information = history.precision[part] @ system.observed[part, None]
         for j in reversed(range(begin, part.stop)):
             if j < n - 1:
                 F = system.transition[j]
                 both = F.T @ both
                 both[:, :, c:] = both[:, :, c:] @ F
             if system.seen[j]:
-                G, innovation = system.observed[j], kept.innovations[j]
+                G, innovation = system.observed[j], history.innovations[j]
                 both[:, :, c:] += both[:, :, c:] @ innovation[:, :, c:].transpose(0, 2, 1) @ G
                 inner = innovation[:, :, c:] @ both
                 inner[:, :, :c] += innovation[:, :, :c]

@@ -5,7 +5,7 @@ from math import ceil
 
 import numpy as np
 
-from baryscope.estimator.ekf.filter import Forward, Kept, ProcessNoise, filtered, smoothed
+from baryscope.estimator.ekf.filter import FilterHistory, Forward, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import TURN, Linearised
 from baryscope.estimator.geometry.symmetric import eigen
 from baryscope.estimator.tracks import FloatArray
@@ -134,12 +134,12 @@ def solve(
     n, (d, c), k = len(system.observed), system.first.shape, len(noise.density)
     parts = max(1, ceil(8.0 * k * n * (d + 6) * (c + d) / MEMORY))
     at_once = ceil(k / parts)
-    room, found = Kept.room(system, at_once), []
+    room, found = FilterHistory.room(system, at_once), []
     for begin in range(0, k, at_once):
         part = noise.of(slice(begin, begin + at_once))
-        kept = room.of(slice(len(part.density)))
-        forward = filtered(system, part, kept)
-        state, covariance = smoothed(system, kept)
+        history = room.of(slice(len(part.density)))
+        forward = filtered(system, part, history)
+        state, covariance = smoothed(system, history)
         for member in range(len(part.density)):
             parameters = parameters_of(forward, member, prior)
             theta, of_theta = parameters.theta, parameters.covariance + added

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.ekf import filter as module
-from baryscope.estimator.ekf.filter import Kept, ProcessNoise, filtered, smoothed
+from baryscope.estimator.ekf.filter import FilterHistory, ProcessNoise, filtered, smoothed
 from baryscope.estimator.ekf.linearised import INERTIA, Linearised, points_in
 from baryscope.estimator.ekf.solution import Prior, log_likelihoods, mixed, solve
 
@@ -75,9 +75,9 @@ def dense(case, noise, member):
 @pytest.mark.parametrize("member", [0, 1, 2])
 def test_filter_and_smoother_against_conditioning_at_once(case, member):
     noise = noise_of(case, [[0.3, 0.1], [0.0, 0.0], [0.2, 0.0]], [0.0, 0.0, 0.5])
-    kept = Kept.room(case, 3)
-    forward = filtered(case, noise, kept)
-    states, covariance = smoothed(case, kept)
+    history = FilterHistory.room(case, 3)
+    forward = filtered(case, noise, history)
+    states, covariance = smoothed(case, history)
     expected, blocks, cost, ratio = dense(case, noise, member)
     scale = np.abs(cost).max()
     np.testing.assert_allclose(forward.cost[member], cost, atol=1e-9 * scale)
