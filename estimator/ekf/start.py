@@ -19,7 +19,7 @@ from baryscope.estimator.ekf.linearised import Nodes
 from baryscope.estimator.geometry.extent import rms_radius
 from baryscope.estimator.geometry.so3 import exp_rotation, log_rotation
 from baryscope.estimator.ml.initial_tumble import EXPLAINED, Tumble, fit_tumble
-from baryscope.estimator.ml.maximum import Likelihood
+from baryscope.estimator.ml.maximum import MaximumAPosteriori
 from baryscope.estimator.pivot.found import Pivot
 from baryscope.estimator.registration.body import Body
 from baryscope.estimator.registration.clusters import Registered, find_bodies
@@ -106,7 +106,7 @@ def _start(tracks: FeatureTracks, tumble: Tumble, registered: Registered, observ
     )
 
 
-def start_of(tracks: FeatureTracks, best: Likelihood) -> Start:
+def start_of(tracks: FeatureTracks, best: MaximumAPosteriori) -> Start:
     """That of the likeliest tumble, with its points and weights."""
     nodes, points = _nodes(best.rotation, tracks.time), best.found.points
     found = best.rotation.at(nodes.time)

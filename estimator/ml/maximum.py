@@ -34,7 +34,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Likelihood:
+class MaximumAPosteriori:
     """The maximum a posteriori estimate of motion, path and points, with the normal equations there.
 
     blocks of the frames; noise of the frames' movements; observations with their final weights; variance of an
@@ -108,7 +108,9 @@ class _Given:
         return with_needed_modes(rotation, rotation.torque, self.tracks.time, density, information)
 
 
-def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
+def maximised(
+    tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds
+) -> MaximumAPosteriori:
     """The maximum, from the path of `pivot` and the fitted rotation, with as many modes of both noises as it needs.
 
     A tumble may tell the path far better than free attitudes do, and modes of which these see nothing.
@@ -135,7 +137,7 @@ def maximised(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: Path
     residual = best.found.cost / degrees_of_freedom(best.observations, best.unknowns)
     variance = pivot.lasting * (residual if options.sigma is None else options.sigma**2)
     linear = problem.priors.linear(best.found, best.state.values, max(variance, floor))
-    return Likelihood(
+    return MaximumAPosteriori(
         rotation=best.state.rotation,
         motion=best.state.motion,
         x=best.state.x,

@@ -39,7 +39,7 @@ from baryscope.estimator.ml.attached import AttachedAxes
 from baryscope.estimator.ml.either import with_other
 from baryscope.estimator.ml.iteration import ROUNDING, STAGE, turned_by
 from baryscope.estimator.ml.jacobians import Jacobians
-from baryscope.estimator.ml.maximum import Likelihood
+from baryscope.estimator.ml.maximum import MaximumAPosteriori
 from baryscope.estimator.ml.priors import DENSITY
 from baryscope.estimator.ml.products import product_errors
 from baryscope.estimator.ml.search import likely_tumbles
@@ -110,10 +110,10 @@ def _tumbling(
     found = _estimate_of(tracks, pivot, best, options)
     if other is None:
         return found
-    return with_other(found, _estimate_of(tracks, pivot, other.likelihood, options), other.probability)
+    return with_other(found, _estimate_of(tracks, pivot, other.maximum, options), other.probability)
 
 
-def _estimate_of(tracks: FeatureTracks, pivot: Pivot, best: Likelihood, options: PathOptions) -> Estimate:
+def _estimate_of(tracks: FeatureTracks, pivot: Pivot, best: MaximumAPosteriori, options: PathOptions) -> Estimate:
     """The estimate with a tumble, without the time it took."""
     errors, seen, itself = errors_of(tracks), best.sampled.position(best.x), best.sampled.itself
     origin = itself.position(best.x)
@@ -174,14 +174,14 @@ def _estimate_of(tracks: FeatureTracks, pivot: Pivot, best: Likelihood, options:
     )
 
 
-def _findings(best: Likelihood, pivot: Pivot) -> tuple[Finding, ...]:
+def _findings(best: MaximumAPosteriori, pivot: Pivot) -> tuple[Finding, ...]:
     """Those of `pivot`, but for what a tumble does not need: as many frames, and attitudes better than noise."""
     others = tuple(one for one in pivot.findings if not isinstance(one, UNCHECKED))
     return others + few_frames(best.observations.weight, best.unknowns)
 
 
 def _excess_residuals(
-    residual: FloatArray, best: Likelihood, pivot: Pivot, errors: SharedErrors | None
+    residual: FloatArray, best: MaximumAPosteriori, pivot: Pivot, errors: SharedErrors | None
 ) -> tuple[Finding, ...]:
     """A finding if the residuals (n, m, 3) of ml are greater than with free attitudes by more than noise explains.
 
@@ -210,7 +210,7 @@ def _excess_residuals(
 
 
 def _motion(
-    best: Likelihood, turn: Jacobians, attached: AttachedAxes, of_path: PredictedPath, time: FloatArray
+    best: MaximumAPosteriori, turn: Jacobians, attached: AttachedAxes, of_path: PredictedPath, time: FloatArray
 ) -> Motion:
     """Velocity, attitude and angular rate with their covariances, in attached axes.
 
@@ -230,7 +230,7 @@ def _motion(
 
 
 def _covariances(
-    best: Likelihood, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float
+    best: MaximumAPosteriori, turn: Jacobians, clusters: list[NDArray[np.intp]], distance: float
 ) -> tuple[FloatArray, list[FloatArray]]:
     """The covariances of y (q, q) and of the clusters' offsets (3, 3), without spurious information, with products.
 
@@ -270,7 +270,7 @@ def _spread(turn: Jacobians, attitude: FloatArray, covariance: FloatArray) -> Fl
     return np.asarray(own - crossed - np.swapaxes(crossed, 1, 2))
 
 
-def _covariance_of_unknowns(best: Likelihood, distance: float, variance: float) -> FloatArray:
+def _covariance_of_unknowns(best: MaximumAPosteriori, distance: float, variance: float) -> FloatArray:
     """The covariance (q, q) of y, for weights that are inverse variances.
 
     The uncertainty of the noise densities is that of the posterior, in which unobserved directions are not as wide.
@@ -284,7 +284,7 @@ def _covariance_of_unknowns(best: Likelihood, distance: float, variance: float) 
     return np.asarray(y)
 
 
-def _position_information(best: Likelihood) -> FloatArray:
+def _position_information(best: MaximumAPosteriori) -> FloatArray:
     """Each frame's information on its position for a known attitude, (n, 3, 3) in B, in the weights' units."""
     observations = best.observations
     if observations.precision is None:
@@ -293,7 +293,7 @@ def _position_information(best: Likelihood) -> FloatArray:
     return np.asarray(np.swapaxes(best.motion.attitude, 1, 2) @ total @ best.motion.attitude)
 
 
-def _torque_density(best: Likelihood, options: PathOptions) -> float:
+def _torque_density(best: MaximumAPosteriori, options: PathOptions) -> float:
     """The expected density of the torque noise ahead, rad²/s³."""
     if not isinstance(options.torque_noise, str):
         return options.torque_noise
@@ -301,7 +301,7 @@ def _torque_density(best: Likelihood, options: PathOptions) -> float:
     return 0.0 if index is None else float(best.posterior.expectation[index])
 
 
-def _details(best: Likelihood, attached: AttachedAxes, slip: float) -> TumbleDetails:
+def _details(best: MaximumAPosteriori, attached: AttachedAxes, slip: float) -> TumbleDetails:
     """The rotational state at the epoch, with standard deviations in attached axes; slip: of the position."""
     rotation, found = best.rotation, best.posterior
     index = best.priors.own.index(DENSITY)

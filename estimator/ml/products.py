@@ -6,12 +6,12 @@ from baryscope.estimator.adjustment.products import are_negligible, independent,
 from baryscope.estimator.ml.iteration import turned_by
 from baryscope.estimator.ml.jacobians import Jacobians
 from baryscope.estimator.ml.likelihood import Model, equations
-from baryscope.estimator.ml.maximum import Likelihood
+from baryscope.estimator.ml.maximum import MaximumAPosteriori
 from baryscope.estimator.tracks import FloatArray
 
 
 def product_errors(
-    best: Likelihood, turn: Jacobians, y: FloatArray, spread: FloatArray, offset: FloatArray
+    best: MaximumAPosteriori, turn: Jacobians, y: FloatArray, spread: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Errors (q, k) of y and (3 m, k) of the points, in SI units, by k independent causes of variance 1.
 

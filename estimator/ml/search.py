@@ -15,7 +15,7 @@ from baryscope.estimator.adjustment.degrees_of_freedom import least_variance
 from baryscope.estimator.adjustment.evidence import cost as excess_of
 from baryscope.estimator.ml.initial_tumble import Tumble, fit_tumbles
 from baryscope.estimator.ml.iteration import ROUNDING, STAGE
-from baryscope.estimator.ml.maximum import Likelihood, maximised
+from baryscope.estimator.ml.maximum import MaximumAPosteriori, maximised
 from baryscope.estimator.ml.relabelling import relabelled
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.found import Pivot
@@ -33,16 +33,16 @@ ALIKE = 1e-3  # squared distance of rate and inertia of two fits, in units of th
 
 
 @dataclass(frozen=True, eq=False)
-class Other:
+class AlternativeTumble:
     """Another model of the tumble than the likeliest one, and its posterior probability, at most a half."""
 
-    likelihood: Likelihood
+    maximum: MaximumAPosteriori
     probability: float
 
 
 def likeliest_tumble(
     tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
-) -> tuple[FeatureTracks, Pivot, Likelihood]:
+) -> tuple[FeatureTracks, Pivot, MaximumAPosteriori]:
     """The maximum of the likelihood, and tracks and solution of `pivot` with a column for each point, if labels do not.
 
     torques: the orbits whose gravity gradient may act, None for none. By attitudes alone it is told which does.
@@ -56,7 +56,7 @@ def likeliest_tumble(
 
 def likely_tumbles(
     tracks: FeatureTracks, solved: Pivot, torques: tuple[Orbit | None, ...], options: PathOptions, done: Rounds
-) -> tuple[FeatureTracks, Pivot, Likelihood, Other | None]:
+) -> tuple[FeatureTracks, Pivot, MaximumAPosteriori, AlternativeTumble | None]:
     """The same by all observations, and the other model if it is likely, too.
 
     Raises:
@@ -68,7 +68,7 @@ def likely_tumbles(
         return tracks, pivot, best, None
     if _distance(*tumbles) < ALIKE:
         other = replace(best, rotation=replace(best.rotation, orbit=tumbles[1].rotation.orbit))
-        return tracks, pivot, best, Other(other, float(expit(-excess / 2)))
+        return tracks, pivot, best, AlternativeTumble(other, float(expit(-excess / 2)))
     try:
         other = _maximum(tracks, pivot, tumbles[1], options, done)
     except ComputationError:
@@ -78,7 +78,7 @@ def likely_tumbles(
     if not best.converged or (excess := _excess(best, other)) < 0:
         best, other, excess = other, best, _excess(other, best)
     likely = best.converged and other.converged and (probability := float(expit(-excess / 2))) > UNLIKELY
-    return tracks, pivot, best, Other(other, probability) if likely else None
+    return tracks, pivot, best, AlternativeTumble(other, probability) if likely else None
 
 
 def _fitted(
@@ -99,7 +99,7 @@ def _distance(one: Tumble, other: Tumble) -> float:
     return float(apart @ one.information @ apart)
 
 
-def _excess(best: Likelihood, other: Likelihood) -> float:
+def _excess(best: MaximumAPosteriori, other: MaximumAPosteriori) -> float:
     """−2 ln of the odds of another model, for the same weights of the observations and the same noise."""
     weight = np.minimum(best.observations.weight, other.observations.weight)
     variance = min(best.variance, other.variance)
@@ -107,7 +107,7 @@ def _excess(best: Likelihood, other: Likelihood) -> float:
     return costs[1] - costs[0]
 
 
-def _cost(found: Likelihood, weight: FloatArray, variance: float) -> float:
+def _cost(found: MaximumAPosteriori, weight: FloatArray, variance: float) -> float:
     """−2 ln p(observations | model), up to a constant, for weights (n, m) and the variance of one of weight 1."""
     own = found.observations.weight
     squares = np.where(weight > 0, found.found.squares / np.where(own > 0, own, 1.0), 0.0)
@@ -118,7 +118,9 @@ def _cost(found: Likelihood, weight: FloatArray, variance: float) -> float:
     return by_data + weak + excess_of(linear, priors.own, found.posterior.theta)
 
 
-def _maximum(tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds) -> Likelihood:
+def _maximum(
+    tracks: FeatureTracks, pivot: Pivot, tumble: Tumble, options: PathOptions, done: Rounds
+) -> MaximumAPosteriori:
     """The maximum of the likelihood from a fit to attitudes.
 
     Raises:
