@@ -20,7 +20,7 @@ from baryscope.estimator.dynamics.seen import as_seen
 from baryscope.estimator.findings import Finding
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, linearised
 from baryscope.estimator.pivot.lost_bodies import LOST
-from baryscope.estimator.pivot.offset_prior import Holding
+from baryscope.estimator.pivot.offset_prior import OffsetRegularisation
 from baryscope.estimator.pivot.reduced import stepped
 from baryscope.estimator.pivot.tie_points import TiePoints
 from baryscope.estimator.registration.body import Body
@@ -54,8 +54,8 @@ class Pivot:
     factor on the given covariances; residual_variance: that from the residuals; lasting: how many frames have the same
     errors of the features; posterior of x and of the hyperparameters of its prior; path_unknowns: the number of
     unknowns of x that the observations determine.
-    holding: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step, in the
-    weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
+    regularisation: what the bodies' offsets are held by, and offsets (k, 3, 3): by which information in the last step,
+    in the weights' units. stereo: whether the given covariances are those of a stereo rig at the measured points.
     slip: standard deviation of white noise of the position, m. tie_points between bodies that share features, and those
     refused as the labels belong to different points; shift (n, 3, 3): the covariance of the frames' shifts, over the
     variance; findings against the models.
@@ -74,7 +74,7 @@ class Pivot:
     path_unknowns: float
     converged: bool
     rounds: int
-    holding: Holding
+    regularisation: OffsetRegularisation
     offsets: FloatArray
     stereo: bool
     slip: float
@@ -92,7 +92,7 @@ class Pivot:
     @property
     def known_offsets(self) -> FloatArray:
         """The information (k, 3, 3) of the prior of the bodies' offsets, in the weights' units."""
-        return self.holding.known(self.variance)
+        return self.regularisation.known(self.variance)
 
     @cached_property
     def problem(self) -> Linearised:

@@ -178,12 +178,12 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
     """
     orbit, trajectory = told, trajectory_of(options.trajectory, told)
     span = (float(tracks.time[0]), float(tracks.time[-1]))
-    given = _Given.of(tracks, trajectory.path(orbit, *span))
-    registered = given.registered
+    data = _ProblemData.of(tracks, trajectory.path(orbit, *span))
+    registered = data.registered
     slips = options.process_noise == "auto" and trajectory.kind == "polynomial"
     for highest in SMOOTH_DEGREES:
         path = chosen_path(options, orbit, *span, errors_of(tracks), highest)
-        start = replace(given.start(path), slips=slips)
+        start = replace(data.start(path), slips=slips)
         found = _refined(start, options)
         if not _is_cut_short(found):
             break
@@ -209,7 +209,7 @@ def solve_pivot(tracks: FeatureTracks, told: Orbit | None, options: PathOptions)
 
 
 @dataclass(frozen=True, eq=False)
-class _Given:
+class _ProblemData:
     """What is there before a path is chosen.
 
     The tracks, and inliers (n, m) among them; all observations, measured, and those of the registered bodies in their
@@ -225,7 +225,7 @@ class _Given:
     lasting: float
 
     @classmethod
-    def of(cls, tracks: FeatureTracks, path: Path) -> "_Given":
+    def of(cls, tracks: FeatureTracks, path: Path) -> "_ProblemData":
         """That of tracks, whose frames have to be enough for a path.
 
         Raises:

@@ -48,7 +48,7 @@ def radius_of_many(points: FloatArray) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
+class OffsetRegularisation:
     """What the offsets of k bodies are held by.
 
     prior (k,): its information on each coordinate, 1/m²; firm (k, 3, 3): what has the prior's effect beside spurious
@@ -60,11 +60,11 @@ class Holding:
     times: int = 0
 
     @classmethod
-    def of(cls, bodies: Sequence[Body]) -> "Holding":
+    def of(cls, bodies: Sequence[Body]) -> "OffsetRegularisation":
         """The prior of bodies."""
         return cls(a_priori_information(bodies))
 
-    def of_prior_alone(self) -> "Holding":
+    def of_prior_alone(self) -> "OffsetRegularisation":
         """What holds the offsets by their prior, for good."""
         return replace(self, firm=None, times=MOST_TIMES)
 
@@ -86,7 +86,7 @@ class Holding:
         covariance: FloatArray,
         held: FloatArray,
         spurious: Callable[[], Sequence[FloatArray]],
-    ) -> "Holding | None":
+    ) -> "OffsetRegularisation | None":
         """What holds them firmly enough, where spurious information matters and that is not about what does; else None.
 
         covariance (3 k, 3 k) of the offsets that were held by information held (k, 3, 3), and spurious information
@@ -102,7 +102,7 @@ class Holding:
 
 
 @dataclass(frozen=True, eq=False)
-class Plain:
+class PriorOnlySolution:
     """A solution with offsets that are held by their prior alone: bodies, x (p,), and the weighted squares there.
 
     spurious (k, 3, 3): the spurious information on the bodies' offsets.
@@ -116,7 +116,7 @@ class Plain:
     @classmethod
     def of(
         cls, bodies: tuple[Body, ...], x: FloatArray, cost: float, spurious: Callable[[], Sequence[FloatArray]]
-    ) -> "Plain":
+    ) -> "PriorOnlySolution":
         """That with spurious information (3, 3) on each body's offset."""
         return cls(bodies, x, cost, np.array(spurious()))
 

@@ -26,7 +26,7 @@ from baryscope.estimator.pivot.few_features import with_few_features
 from baryscope.estimator.pivot.found import LastStep, Pivot, spurious_of_known
 from baryscope.estimator.pivot.free_attitudes import MOST_HALVINGS, Linearised, StepStart, linearised
 from baryscope.estimator.pivot.lost_bodies import brought_back_bodies, without_scraps, without_untold_features
-from baryscope.estimator.pivot.offset_prior import CONTRADICTED, Holding, Plain
+from baryscope.estimator.pivot.offset_prior import CONTRADICTED, OffsetRegularisation, PriorOnlySolution
 from baryscope.estimator.pivot.reduced import scaled, stepped
 from baryscope.estimator.pivot.tie_points import tie_bodies
 from baryscope.estimator.registration.body import Body, places_of
@@ -106,8 +106,8 @@ class _Refinement:
 
     Given, and looked at again once the steps have converged: lasting, how many frames have the same errors; slip, the
     variance of a position that slips, m²; told: the variance for which shift (n, 3, 3), the frames' own, was told;
-    holding: what holds the offsets, and offsets (k, 3, 3) by which information; plain: the solution before they were
-    held against spurious information. Lost bodies are brought back once, and frames of few features join once.
+    regularisation: what holds the offsets, and offsets (k, 3, 3) by which information; prior_only: the solution before
+    they were held against spurious information. Lost bodies are brought back once, and frames of few features once.
 
     here: from where a step led, while it may be too long, and how often it was halved. Of the last step there are the
     problem, the solution, the variance `together` of what all frames tell for it, its cost, and its decrease, `last`;
@@ -127,8 +127,8 @@ class _Refinement:
         self.inliers, self.simple, self.scan = start.inliers, start.first_prior, True
         self.lasting, self.slip, self.told = start.lasting, 0.0, np.nan
         self.shift: FloatArray | None = None
-        self.holding = Holding.of(start.bodies)
-        self.plain: Plain | None = None
+        self.regularisation = OffsetRegularisation.of(start.bodies)
+        self.prior_only: PriorOnlySolution | None = None
         self.brought_back, self.extended = False, False
         self.here: StepStart | None = None
         self.halvings, self.rounds, self.most, self.converged = 0, 0, MAX_ROUNDS, False
@@ -162,7 +162,7 @@ class _Refinement:
         self.told = lasting * max(sigma**2 if sigma else self.variance, self.floor)
         self.shift = _shift(start.errors, self._origin(), self.slip, self.told)
         of_frame = max(start.variance if np.isnan(self.variance) else self.variance, self.floor)
-        self.offsets = self.holding.information(of_frame, lasting)
+        self.offsets = self.regularisation.information(of_frame, lasting)
         return linearised(self.bodies, self.observations, self.sampled, self.x, self.shift, self.offsets)
 
     def _leads_uphill(self, problem: Linearised) -> bool:
@@ -186,7 +186,7 @@ class _Refinement:
         self.theta = improved(scaled(problem, self.together), prior, None if self.scan else self.theta)
         self.solution = stepped(problem, prior, self.theta, self.together)
         self._move(self.solution.bodies, self.solution.x)
-        if self.holding.firm is None:  # else what holds the offsets tells some
+        if self.regularisation.firm is None:  # else what holds the offsets tells some
             self.path_unknowns = float(np.vdot(self.solution.covariance, problem.matrix))
         dof = degrees_of_freedom(self.bodies, self.observations, self.path_unknowns)
         self.variance = (self.cost + problem.noise_cost) / dof
@@ -254,7 +254,7 @@ class _Refinement:
     def _leave_untold_features(self) -> bool:
         """Whether features of which all observations are rejected leave their bodies."""
         before = self.observations.weight
-        left = self._take(None if self.plain is not None else without_untold_features(self.bodies, before))
+        left = self._take(None if self.prior_only is not None else without_untold_features(self.bodies, before))
         self.inliers = self.inliers & ~((before > 0) & (self.observations.weight == 0))
         return left
 
@@ -299,24 +299,26 @@ class _Refinement:
         together, simple = self.lasting * self.least, self.simple is not None
         # Steps that become longer lead to a place that the tracks do tell.
         at_rest = self.last.steady and not self.faster and not simple
-        wandering = self.holding.firm is None and at_rest and self.rounds >= WANDERING
-        contradicted = self.plain is not None and self.cost > self.plain.cost + CONTRADICTED * together
+        wandering = self.regularisation.firm is None and at_rest and self.rounds >= WANDERING
+        contradicted = self.prior_only is not None and self.cost > self.prior_only.cost + CONTRADICTED * together
         if not (self.converged or wandering or contradicted):
             return
-        if self.plain is not None and self.plain.is_told(self.problem.bodies, self.cost, together, self._spurious):
-            plain, self.plain = self.plain, None
-            self.holding = self.holding.of_prior_alone()
+        if self.prior_only is not None and self.prior_only.is_told(
+            self.problem.bodies, self.cost, together, self._spurious
+        ):
+            prior_only, self.prior_only = self.prior_only, None
+            self.regularisation = self.regularisation.of_prior_alone()
             self._go_on_for(MAX_ROUNDS)
-            self._move(plain.bodies, np.pad(plain.x, (0, self.path.size - len(plain.x))))
+            self._move(prior_only.bodies, np.pad(prior_only.x, (0, self.path.size - len(prior_only.x))))
         # Not before: far from the solution, and with outliers, what is told may seem spurious.
         elif self.converged or wandering:
             covariance = self.solution.offset_covariance
-            firmer = self.holding.firmer(self.least, self.lasting, covariance, self.offsets, self._spurious)
+            firmer = self.regularisation.firmer(self.least, self.lasting, covariance, self.offsets, self._spurious)
             if firmer is None:
                 return
-            if self.holding.firm is None:
-                self.plain = Plain.of(self.bodies, self.x, self.cost, self._spurious)
-            self.holding = firmer
+            if self.regularisation.firm is None:
+                self.prior_only = PriorOnlySolution.of(self.bodies, self.x, self.cost, self._spurious)
+            self.regularisation = firmer
             self._go_on_for(FIRM_ROUNDS)
 
     def found(self) -> Pivot:
@@ -349,7 +351,7 @@ class _Refinement:
             path_unknowns=self.path_unknowns,
             converged=self.converged,
             rounds=self.rounds,
-            holding=self.holding,
+            regularisation=self.regularisation,
             offsets=self.offsets,
             stereo=self.stereo is not None,
             slip=float(np.sqrt(self.slip)),

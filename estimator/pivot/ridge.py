@@ -87,7 +87,7 @@ def with_ridges(found: Pivot, covariance: JointCovariance) -> JointCovariance:
     wide = _wide_directions(found, covariance, square)
     if not len(wide.widths):
         return covariance
-    few, size, columns = _Few.of(found, wide), len(found.solution.x), []
+    few, size, columns = _SubsampledSolution.of(found, wide), len(found.solution.x), []
     for index, width in enumerate(wide.widths):
         for departure in few.departures(index):
             length = np.sqrt(max(float(departure[-size:] @ square @ departure[-size:]), 0.0))
@@ -109,7 +109,7 @@ def _wide_directions(found: Pivot, covariance: JointCovariance, square: FloatArr
 
 
 @dataclass(frozen=True, eq=False)
-class _Few:
+class _SubsampledSolution:
     """A solution with some of its frames, each with the weight of those it stands for."""
 
     found: Pivot
@@ -120,7 +120,7 @@ class _Few:
     shift: FloatArray | None
 
     @classmethod
-    def of(cls, found: Pivot, wide: _Directions) -> "_Few":
+    def of(cls, found: Pivot, wide: _Directions) -> "_SubsampledSolution":
         """Those of a solution."""
         few = subsampled(found.bodies, found.observations, SUBSAMPLE_FRAMES)
         observations, count = few.standing_for_all()

@@ -49,12 +49,12 @@ def with_oblateness(
     wider = chosen_path(options, oblate, path.begin, path.end, start.errors)
     assert isinstance(wider, Disturbed)  # noqa: S101  as that with the other orbit is
     fresh = _start_on(wider.with_modes(path.count), found, found.solution.x, start)
-    doubt = _Doubt.of(found, as_seen(fresh.path, fresh.sampled, start.errors, fresh.x), fresh.x)
-    if doubt.gain >= DECISIVE:
+    test = _ScoreTest.of(found, as_seen(fresh.path, fresh.sampled, start.errors, fresh.x), fresh.x)
+    if test.gain >= DECISIVE:
         other = _refined(fresh, found, options)
         if other is not None and _is_likelier(other, found, start):
             return other, fresh, oblate
-    if doubt.gain <= -DECISIVE or doubt.displacement < NOTICEABLE:
+    if test.gain <= -DECISIVE or test.displacement < NOTICEABLE:
         return found, start, orbit
     either = perhaps_oblate(orbit, oblate, found.position, (path.begin, path.end), options.acceleration)
     own, others = np.split(found.solution.x, [either.base.size])
@@ -97,7 +97,7 @@ def _is_likelier(other: Pivot, found: Pivot, start: InitialSolution) -> bool:
 
 
 @dataclass(frozen=True)
-class _Doubt:
+class _ScoreTest:
     """Whether a path is another one, to first order, with the solution's weights.
 
     gain: what −2 ln p is less by on the other path; displacement: of the answer, squared in its covariance, where it is
@@ -108,7 +108,7 @@ class _Doubt:
     displacement: float
 
     @classmethod
-    def of(cls, found: Pivot, sampled: SampledPath, x: FloatArray) -> "_Doubt":
+    def of(cls, found: Pivot, sampled: SampledPath, x: FloatArray) -> "_ScoreTest":
         """That of a path sampled at the unknowns x (p,), near that of a solution.
 
         The shift from the one to the other, all of it or none, is an unknown. Of many frames some are looked at, each

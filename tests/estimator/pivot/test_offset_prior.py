@@ -10,8 +10,8 @@ from baryscope.estimator.options import PathOptions
 from baryscope.estimator.pivot.method import estimate_by_pivot
 from baryscope.estimator.pivot.offset_prior import (
     RADII,
-    Holding,
-    Plain,
+    OffsetRegularisation,
+    PriorOnlySolution,
     a_priori_information,
     against_spurious,
     radius_of_many,
@@ -46,18 +46,18 @@ def test_the_radius_is_that_of_which_few_features_are_a_sample(count):
 
 def test_it_holds_firmly_where_the_tracks_tell_less_than_ten_thousand_times_as_much():
     """And once what held is not about what is wanted; the spurious information is not asked for in vain."""
-    holding, none = Holding(np.array([4.0])), np.zeros((1, 3, 3))
+    regularisation, none = OffsetRegularisation(np.array([4.0])), np.zeros((1, 3, 3))
 
     def spurious():
         return [np.diag([0.0, 0.0, 9e4])]
 
-    assert holding.firmer(1.0, 1.0, np.diag([1e-9, 1e-9, 2e-5]), none, lambda: pytest.fail("asked")) is None
+    assert regularisation.firmer(1.0, 1.0, np.diag([1e-9, 1e-9, 2e-5]), none, lambda: pytest.fail("asked")) is None
     covariance = np.diag([1e-9, 1e-9, 3e-5])
-    firm = holding.firmer(1.0, 1.0, covariance, none, spurious)
+    firm = regularisation.firmer(1.0, 1.0, covariance, none, spurious)
     assert firm is not None
     assert firm.firm is not None
     np.testing.assert_allclose(firm.information(2.0, 5.0), 2 * firm.firm)
-    np.testing.assert_allclose(holding.information(2.0, 5.0), 10 * 4.0 * np.eye(3)[None])
+    np.testing.assert_allclose(regularisation.information(2.0, 5.0), 10 * 4.0 * np.eye(3)[None])
     held = np.diag(np.linalg.inv(np.linalg.inv(covariance) + firm.information(1.0, 1.0)[0]))
     assert firm.firmer(1.0, 1.0, np.diag(held), firm.information(1.0, 1.0), spurious) is None
 
@@ -137,13 +137,15 @@ def test_squares_that_noise_makes_greater_tell_no_offset(more, told):
     The slope matters where frames and features are many, as in `population case --seed 94 --index 68`.
     """
     points = np.random.default_rng(0).normal(size=(5, 3))
-    plain = Plain.of((body(30, points),), np.zeros(3), 1000.0, lambda: [np.diag([9.0, 9.0, 2.0])])
+    prior_only = PriorOnlySolution.of((body(30, points),), np.zeros(3), 1000.0, lambda: [np.diag([9.0, 9.0, 2.0])])
     held = [body(30, points - [0.0, 0.0, 2.0])]
-    assert plain.is_told(held, 1000.0 + more, 0.5, lambda: [np.diag([20.0, 20.0, 2.0])]) is told
-    assert not plain.is_told(held, 1100.0, 0.5, lambda: [np.diag([14.0, 14.0, 1.0])])  # attitudes that are no noisier
+    assert prior_only.is_told(held, 1000.0 + more, 0.5, lambda: [np.diag([20.0, 20.0, 2.0])]) is told
+    assert not prior_only.is_told(
+        held, 1100.0, 0.5, lambda: [np.diag([14.0, 14.0, 1.0])]
+    )  # attitudes that are no noisier
 
 
 def test_a_prior_that_is_alone_stays_so():
-    holding = Holding(np.array([4.0]), np.ones((1, 3, 3)), 1).of_prior_alone()
-    np.testing.assert_allclose(holding.information(0.5, 2.0), 4.0 * np.eye(3)[None])
-    assert holding.firmer(1.0, 1.0, np.eye(3), np.zeros((1, 3, 3)), lambda: [np.eye(3)]) is None
+    regularisation = OffsetRegularisation(np.array([4.0]), np.ones((1, 3, 3)), 1).of_prior_alone()
+    np.testing.assert_allclose(regularisation.information(0.5, 2.0), 4.0 * np.eye(3)[None])
+    assert regularisation.firmer(1.0, 1.0, np.eye(3), np.zeros((1, 3, 3)), lambda: [np.eye(3)]) is None

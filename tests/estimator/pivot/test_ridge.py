@@ -77,7 +77,7 @@ def held_at(found: Pivot, axis: FloatArray, place: float) -> FloatArray:
         points = body.points + y[3 : 3 + 3 * features].reshape(-1, 3)
         attitude = body.attitude @ Rotation.from_rotvec(y[3 + 3 * features :].reshape(-1, 3)).as_matrix()
         off = weight * (seen.position - x - y[:3] - points @ np.swapaxes(attitude, 1, 2))
-        prior = np.sqrt(found.holding.prior) * points.mean(axis=0)
+        prior = np.sqrt(found.regularisation.prior) * points.mean(axis=0)
         return np.concatenate([off.ravel(), prior, [1e3 * (axis @ y[:3] - place)]])
 
     start = np.zeros(3 + 3 * features + 3 * frames)
