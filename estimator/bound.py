@@ -16,7 +16,7 @@ from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.camera.rig import Rig
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.dynamics.rotation import RATE_AND_INERTIA, Attitudes, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -206,7 +206,7 @@ def _predicted(path: Path, of_x: FloatArray, known: _Known, time: FloatArray) ->
 
 def _richer(path: Path, found: Equations) -> Path | None:
     """The path with all modes of process noise that the observations could tell from none; None if it has them."""
-    if not isinstance(path, Disturbed) or path.density is None:
+    if not isinstance(path, ProcessNoisePath) or path.density is None:
         return None
     told = path.density * (path.end - path.begin) ** 3 * float(found.sizes[-3:].mean()) / UNTOLD
     count = min(int(np.ceil(told**0.25 / np.pi)), MOST_MODES)

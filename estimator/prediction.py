@@ -20,7 +20,7 @@ from baryscope.estimator.dynamics.growth import path_growth
 from baryscope.estimator.dynamics.inertia import of_a_body
 from baryscope.estimator.dynamics.onward import going_on, untold_of
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import Disturbed, free_modes, noise_in, wave_numbers
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, free_modes, noise_in, wave_numbers
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.geometry.gauge import attached_turn
 from baryscope.estimator.geometry.so3 import cross_matrices
@@ -192,7 +192,7 @@ def grown_outside(path: Path, noise: tuple[float, float], begin: float, end: flo
     return np.asarray(grown + untold_firings(path, begin, end, time))
 
 
-def _of_higher_modes(path: Disturbed, density: float, time: FloatArray) -> FloatArray:
+def _of_higher_modes(path: ProcessNoisePath, density: float, time: FloatArray) -> FloatArray:
     """The covariance (n, 6, 6) by modes of process noise that are too many to be estimated: their prior's."""
     span, every = path.end - path.begin, (1 + BEYOND) * path.count
     position, slope = free_modes((time - path.begin) / span, every)

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import Extended, parts_of
+from baryscope.estimator.dynamics.extended import ExtendedPath, parts_of
 from baryscope.estimator.dynamics.forces import longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Motion, Panels
 from baryscope.estimator.dynamics.paths import Path
@@ -72,7 +72,7 @@ class FoundBurn:
 
 
 @dataclass(frozen=True, eq=False)
-class Burned(Extended):
+class BurnedPath(ExtendedPath):
     """A path with unknown burns of the chaser over first … last in s: the unknowns of `base`, then five of each burn.
 
     Those are the change of velocity times the span, and the changes of middle and duration times the speed, all in m.
@@ -223,9 +223,9 @@ def burn_axes(orbit: Orbit | None, time: FloatArray) -> FloatArray:
     return np.tile(np.eye(3), (len(time), 1, 1)) if orbit is None else lvlh_axes(target_states(orbit, time))
 
 
-def burned_in(path: Path) -> Burned | None:
+def burned_in(path: Path) -> BurnedPath | None:
     """The part of a path that has unknown burns, if one has."""
-    return next((one for one in parts_of(path) if isinstance(one, Burned)), None)
+    return next((one for one in parts_of(path) if isinstance(one, BurnedPath)), None)
 
 
 def burns_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[FoundBurn, ...]:

@@ -29,7 +29,7 @@ def named_factors(
 
 
 @dataclass(frozen=True, eq=False)
-class Extended:
+class ExtendedPath:
     """A path that adds something to another, `base`, whose name and gravity gradient it has.
 
     Its unknowns are those of the base, then its own.
@@ -59,17 +59,17 @@ class Extended:
 def parts_of(path: Path) -> Iterator[Path]:
     """The path, that which it is based on, and so on."""
     yield path
-    while isinstance(path, Extended):
+    while isinstance(path, ExtendedPath):
         path = path.base
         yield path
 
 
 def based_on(path: Path, base: Path) -> Path:
-    """The path with all that is added to it, but with another one that is no `Extended` path at its base."""
-    return replace(path, base=based_on(path.base, base)) if isinstance(path, Extended) else base
+    """The path with all that is added to it, but with another one that is no `ExtendedPath` path at its base."""
+    return replace(path, base=based_on(path.base, base)) if isinstance(path, ExtendedPath) else base
 
 
 def factors_of(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[Factor, ...]:
     """The factors of all forces on a path, and the camera's errors, from its x (p,) and the covariance (p, p)."""
-    parts = reversed([one for one in parts_of(path) if isinstance(one, Extended)])
+    parts = reversed([one for one in parts_of(path) if isinstance(one, ExtendedPath)])
     return tuple(factor for one in parts for factor in one.factors(x, of_x))

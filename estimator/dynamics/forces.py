@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors, parts_of
+from baryscope.estimator.dynamics.extended import ExtendedPath, Factor, named_factors, parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, Acceleration, Motion, are_within, forced
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
@@ -58,7 +58,7 @@ class Force:
 
 
 @dataclass(frozen=True, eq=False)
-class Forced(Extended):
+class ForcedPath(ExtendedPath):
     """A path with the response to a force: the unknowns of `base`, and those of the force.
 
     A force's unknown is the rms displacement it causes over begin … end, in m. The response begins at rest in the
@@ -123,7 +123,7 @@ class Forced(Extended):
 
 
 @dataclass(frozen=True, eq=False)
-class Thrusted(Extended):
+class ThrustedPath(ExtendedPath):
     """A polynomial path on which the chaser's known acceleration acts: it departs from `base` by the response.
 
     The response begins at rest in the middle of begin … end. orbit: for LVLH axes.
@@ -158,9 +158,9 @@ class Thrusted(Extended):
         return self.base.rate_at(time).moved(self._forced.response(time).velocity(time)[:, :, 0])
 
     @cached_property
-    def _forced(self) -> Forced:
+    def _forced(self) -> ForcedPath:
         """The path with the acceleration's response as an unknown."""
-        return Forced(self.base, thrust_of(self.known, self.orbit, self.begin, self.end), self.begin, self.end)
+        return ForcedPath(self.base, thrust_of(self.known, self.orbit, self.begin, self.end), self.begin, self.end)
 
 
 def thrust_of(known: KnownAcceleration, orbit: Orbit | None, begin: float, end: float) -> Force:
@@ -202,7 +202,7 @@ def untold_firings(path: Path, begin: float, end: float, time: FloatArray) -> Fl
     Tracks from begin to end, s, tell nothing of them; between these it is zero. time (n,) in s.
     """
     found = np.zeros((len(time), 6, 6))
-    told = next((part for part in parts_of(path) if isinstance(part, PerturbedOrbit | Thrusted)), None)
+    told = next((part for part in parts_of(path) if isinstance(part, PerturbedOrbit | ThrustedPath)), None)
     first, last = min(begin, float(time.min())), max(end, float(time.max()))
     if told is None or told.known is None or told.known.firing == 0 or (first == begin and last == end):
         return found

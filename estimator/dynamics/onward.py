@@ -20,7 +20,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import based_on
-from baryscope.estimator.dynamics.paths import Path, Smooth
+from baryscope.estimator.dynamics.paths import Path, SmoothPath
 from baryscope.estimator.dynamics.sampled_path import IsotropicPath
 from baryscope.estimator.dynamics.trajectory import smooth_in
 
@@ -32,7 +32,7 @@ TIMES = 33  # in a half of the time span, at which the sizes of derivatives are 
 
 
 @dataclass(frozen=True, eq=False)
-class Onward(Smooth):
+class ExtrapolatedPath(SmoothPath):
     """A smooth path that goes on outside begin … end: x (q, 3) are its coefficients, with a covariance (3 q, 3 q)."""
 
     x: FloatArray
@@ -146,10 +146,10 @@ def going_on(path: Path, x: FloatArray, covariance: FloatArray) -> Path:
     if smooth is None:
         return path
     own = slice(0, smooth.size)
-    return based_on(path, Onward(smooth.degree, smooth.begin, smooth.end, x[own], covariance[own, own]))
+    return based_on(path, ExtrapolatedPath(smooth.degree, smooth.begin, smooth.end, x[own], covariance[own, own]))
 
 
 def untold_of(path: Path, time: FloatArray) -> FloatArray:
     """The covariance (n, 6, 6) of position and velocity at times (n,) by what is not told of how a path goes on."""
     smooth = smooth_in(path)
-    return smooth.untold(time) if isinstance(smooth, Onward) else np.zeros((len(time), 6, 6))
+    return smooth.untold(time) if isinstance(smooth, ExtrapolatedPath) else np.zeros((len(time), 6, 6))

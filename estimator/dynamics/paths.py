@@ -119,7 +119,7 @@ class Polynomial:
 
 
 @dataclass(frozen=True)
-class Smooth(Polynomial):
+class SmoothPath(Polynomial):
     """A smooth path: Chebyshev polynomials up to a high degree whose coefficients decrease as those of orbits do.
 
     A wave of x rad in half the time span has coefficients ±2 Jⱼ(x): as large up to j = x, and beyond, less than any

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.extended import Extended, parts_of
+from baryscope.estimator.dynamics.extended import ExtendedPath, parts_of
 from baryscope.estimator.dynamics.linear_motion import ARC, Motion, are_within, forced, highest_frequency
 from baryscope.estimator.dynamics.paths import FIXED, Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
@@ -32,7 +32,7 @@ OMITTED = 0.01  # of the variance: more than that of the modes left out
 
 
 @dataclass(frozen=True, eq=False)
-class Disturbed(Extended):
+class ProcessNoisePath(ExtendedPath):
     """A path with white acceleration noise: the unknowns of `base` and, in m, three of each of `count` modes.
 
     begin … end in s: the time over which the noise acts. A mode's coefficient is the rms displacement it causes.
@@ -62,7 +62,7 @@ class Disturbed(Extended):
         own = Prior(offset, np.ones((len(offset), 1)), (unknown,))
         return self.base.prior.joined(own if self.density is None else own.fixed(DENSITY, float(np.log(self.density))))
 
-    def with_modes(self, count: int) -> "Disturbed":
+    def with_modes(self, count: int) -> "ProcessNoisePath":
         """The path with another number of modes."""
         return replace(self, count=count)
 
@@ -139,23 +139,23 @@ def disturbed(path: Path, noise: Density, begin: float, end: float, known: float
     """
     end = max(end, begin + SHORTEST)
     if noise == "auto" and path.name != FIXED:
-        return Disturbed(path, begin, end, least=known)
+        return ProcessNoisePath(path, begin, end, least=known)
     density = known + (0.0 if isinstance(noise, str) else noise)
-    return Disturbed(path, begin, end, density=density) if density > 0 else path
+    return ProcessNoisePath(path, begin, end, density=density) if density > 0 else path
 
 
-def noise_in(path: Path) -> Disturbed | None:
+def noise_in(path: Path) -> ProcessNoisePath | None:
     """The part of a path that has process noise, if one has."""
-    return next((one for one in parts_of(path) if isinstance(one, Disturbed)), None)
+    return next((one for one in parts_of(path) if isinstance(one, ProcessNoisePath)), None)
 
 
-def enriched(path: Path, theta: FloatArray, sampled: SampledPath, of_x: FloatArray) -> Disturbed | None:
+def enriched(path: Path, theta: FloatArray, sampled: SampledPath, of_x: FloatArray) -> ProcessNoisePath | None:
     """The path with twice as many modes of process noise; None if it has none, or what it leaves out does not matter.
 
     theta: hyperparameters, of which the density is the last unless it is given; sampled: the path at the tracks' times;
     of_x (p, p): the covariance of its unknowns.
     """
-    if not isinstance(path, Disturbed) or path.count >= MOST_MODES:
+    if not isinstance(path, ProcessNoisePath) or path.count >= MOST_MODES:
         return None
     density = path.density if path.density is not None else float(np.exp(theta[-1]))
     typical = float(np.median(np.trace(sampled.covariance(of_x), axis1=1, axis2=2))) / 3

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.camera.shared import SharedErrors
-from baryscope.estimator.dynamics.extended import Extended, Factor, named_factors, parts_of
+from baryscope.estimator.dynamics.extended import ExtendedPath, Factor, named_factors, parts_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPath(Extended):
+class SeenPath(ExtendedPath):
     """The unknowns of `base`, then the k constant errors of a camera, which do not move the path."""
 
     camera: SharedErrors

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.extended import parts_of
-from baryscope.estimator.dynamics.forces import Forced, Thrusted, constant_of, firings_of, thrust_of
-from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, Smooth
+from baryscope.estimator.dynamics.forces import ForcedPath, ThrustedPath, constant_of, firings_of, thrust_of
+from baryscope.estimator.dynamics.paths import FIXED, Path, Polynomial, SmoothPath
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.estimator.dynamics.seen import SeenPath
@@ -38,8 +38,8 @@ class Trajectory:
             if not orbit.j2 and orbit.ephemeris is None and acceleration is None:
                 return RelativeOrbit(orbit, (begin + end) / 2)
             return PerturbedOrbit(orbit, (begin + end) / 2, acceleration)
-        path = Smooth(self.highest, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
-        return path if acceleration is None else Thrusted(path, acceleration, orbit, begin, end)
+        path = SmoothPath(self.highest, begin, end) if self.degree is None else Polynomial(self.degree, begin, end)
+        return path if acceleration is None else ThrustedPath(path, acceleration, orbit, begin, end)
 
 
 def chosen_path(
@@ -62,11 +62,11 @@ def chosen_path(
     if errors is not None and len(errors.deviations):
         path = SeenPath(path, errors)
     if known is not None and known.scale > 0:
-        path = Forced(path, thrust_of(known, orbit, begin, end), begin, end)
+        path = ForcedPath(path, thrust_of(known, orbit, begin, end), begin, end)
     if known is not None and known.firing > 0 and (known.firings(begin, end) >= 0).any():
-        path = Forced(path, firings_of(known, orbit, begin, end), begin, end)
+        path = ForcedPath(path, firings_of(known, orbit, begin, end), begin, end)
     if options.constant_acceleration != "none":
-        path = Forced(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
+        path = ForcedPath(path, constant_of(options.constant_acceleration, orbit, begin, end), begin, end)
     return disturbed(path, options.process_noise, begin, end, 0.0 if known is None else known.noise)
 
 
@@ -76,9 +76,9 @@ def highest_degree(path: Path) -> int:
     return SMOOTH_DEGREES[0] if smooth is None else smooth.degree
 
 
-def smooth_in(path: Path) -> Smooth | None:
+def smooth_in(path: Path) -> SmoothPath | None:
     """The part of a path that is smooth, if one is; its hyperparameters are the first."""
-    return next((part for part in parts_of(path) if isinstance(part, Smooth)), None)
+    return next((part for part in parts_of(path) if isinstance(part, SmoothPath)), None)
 
 
 def trajectory_of(text: str | None, orbit: Orbit | None) -> Trajectory:

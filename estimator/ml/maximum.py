@@ -15,7 +15,7 @@ from baryscope.estimator.camera.shared import SharedErrors
 from baryscope.estimator.dynamics.blocks import Blocks
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import Disturbed, enriched
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, enriched
 from baryscope.estimator.dynamics.rotation import Attitudes, Rotation
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen, errors_in
@@ -159,7 +159,7 @@ def maximised(
 
 def _richer_path(problem: Problem, best: Iterate) -> Path | None:
     """The path with as many modes of process noise as it needs; None if it has them."""
-    if not isinstance(problem.path, Disturbed):
+    if not isinstance(problem.path, ProcessNoisePath):
         return None
     linear = problem.priors.linear(best.found, best.state.values, best.variance)
     of_all, first = conditional(linear, problem.priors.own, best.theta)[1], best.state.rotation.size

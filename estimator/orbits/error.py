@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
+from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
@@ -67,4 +67,4 @@ def with_orbit_error(
     path: Path, orbit: Orbit, position: Callable[[FloatArray], FloatArray], begin: float, end: float
 ) -> Path:
     """The path with an error of the orbit among its unknowns; arguments as for `orbit_error`."""
-    return Forced(path, orbit_error(orbit, position, begin, end), begin, end)
+    return ForcedPath(path, orbit_error(orbit, position, begin, end), begin, end)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import parts_of
-from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
+from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import EstimatedOrbit
@@ -22,7 +22,7 @@ SHAPE = slice(3, 6)  # among the elements
 
 
 @dataclass(frozen=True, eq=False)
-class OnEstimatedOrbit(Forced):
+class EstimatedOrbitPath(ForcedPath):
     """Relative motion on an orbit near one of given elements: how it departs from these are unknowns, the force's.
 
     elements: at the middle of begin … end, about which the path is linear in the departure. A change of the gravity
@@ -57,7 +57,7 @@ class OnEstimatedOrbit(Forced):
         return slice(self.base.size, self.size)
 
 
-def on_estimated_orbit(elements: LocalElements, x: FloatArray, begin: float, end: float) -> OnEstimatedOrbit:
+def on_estimated_orbit(elements: LocalElements, x: FloatArray, begin: float, end: float) -> EstimatedOrbitPath:
     """The relative motion on the orbit of elements at the middle of begin … end in s, and on those near it.
 
     x (6,): of the motion on it about which a change of the gravity gradient acts. It goes on outside begin … end, where
@@ -82,12 +82,12 @@ def on_estimated_orbit(elements: LocalElements, x: FloatArray, begin: float, end
 
     deviations = np.ones(len(NAMES))  # of rad, of the logarithm of the mean motion, and of the eccentricity
     force = Force(acceleration, NAMES, "1", deviations, longest_on(orbit, begin, end), np.zeros(0))
-    return OnEstimatedOrbit(motion, force, begin, end, elements)
+    return EstimatedOrbitPath(motion, force, begin, end, elements)
 
 
-def estimated_orbit_in(path: Path) -> OnEstimatedOrbit | None:
+def estimated_orbit_in(path: Path) -> EstimatedOrbitPath | None:
     """The part of a path that is a motion on an orbit that the tracks tell, if one is; its unknowns are the first."""
-    return next((part for part in parts_of(path) if isinstance(part, OnEstimatedOrbit)), None)
+    return next((part for part in parts_of(path) if isinstance(part, EstimatedOrbitPath)), None)
 
 
 def estimated_orbit(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[EstimatedOrbit, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.dynamics.extended import parts_of
-from baryscope.estimator.dynamics.forces import Force, Forced, longest_on
+from baryscope.estimator.dynamics.forces import Force, ForcedPath, longest_on
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit
 from baryscope.estimator.orbits.error import perturbing_accelerations
@@ -27,7 +27,7 @@ NAME = "share of the Earth's J2, above a half"
 
 
 @dataclass(frozen=True, eq=False)
-class PerhapsOblate(Forced):
+class EstimatedOblatenessPath(ForcedPath):
     """Relative motion on an orbit with half of J2: its share above that is an unknown, the force's.
 
     orbit: that with half of it; j2: all of it.
@@ -43,7 +43,7 @@ def perhaps_oblate(
     position: Callable[[FloatArray], FloatArray],
     span: tuple[float, float],
     known: KnownAcceleration | None = None,
-) -> PerhapsOblate:
+) -> EstimatedOblatenessPath:
     """The relative motion on an orbit with an unknown share of J2, over a span (begin, end) in s.
 
     plain, oblate: the orbit without J2 and with it; position: times (k,) in s → the path (k, 3) in C, m, on which the
@@ -57,9 +57,9 @@ def perhaps_oblate(
 
     half = replace(oblate, j2=HALF * oblate.j2)
     force = Force(acceleration, (NAME,), "1", np.array([HALF]), longest_on(oblate, *span), np.zeros(0))
-    return PerhapsOblate(PerturbedOrbit(half, sum(span) / 2, known), force, *span, half, oblate.j2)
+    return EstimatedOblatenessPath(PerturbedOrbit(half, sum(span) / 2, known), force, *span, half, oblate.j2)
 
 
-def perhaps_oblate_in(path: Path) -> PerhapsOblate | None:
+def perhaps_oblate_in(path: Path) -> EstimatedOblatenessPath | None:
     """The part of a path that may be under J2 or not, if one is; its unknowns are the first."""
-    return next((part for part in parts_of(path) if isinstance(part, PerhapsOblate)), None)
+    return next((part for part in parts_of(path) if isinstance(part, EstimatedOblatenessPath)), None)

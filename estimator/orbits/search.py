@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from baryscope.estimator.adjustment.evidence import Linear, cost
-from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.orbits.elements import LocalElements, places_on_orbit
 from baryscope.models.errors import ComputationError, InputError
@@ -55,7 +55,7 @@ class OrbitFit:
     prior_cost: float
 
 
-def likeliest_orbit(linear: Linear, smooth: Smooth, theta: FloatArray) -> OrbitFit | None:
+def likeliest_orbit(linear: Linear, smooth: SmoothPath, theta: FloatArray) -> OrbitFit | None:
     """The likeliest orbit for what the tracks tell of the coefficients (p,) of a smooth path; None if none is told.
 
     theta (h,): the hyperparameters of the smooth path's prior.
@@ -104,13 +104,13 @@ class _Motion:
 class _Search:
     """The residuals root c − target (k,) of coefficients c (p,); rest: their squares at the linearisation."""
 
-    smooth: Smooth
+    smooth: SmoothPath
     root: FloatArray
     target: FloatArray
     rest: float
 
     @classmethod
-    def of(cls, linear: Linear, smooth: Smooth) -> "_Search":
+    def of(cls, linear: Linear, smooth: SmoothPath) -> "_Search":
         """Those of what the tracks tell."""
         values, axes = np.linalg.eigh(linear.information)
         told = values > WEAK * values[-1]
@@ -194,7 +194,7 @@ class _Search:
         return True
 
 
-def _starts(smooth: Smooth, x: FloatArray) -> Iterator[LocalElements]:
+def _starts(smooth: SmoothPath, x: FloatArray) -> Iterator[LocalElements]:
     """Orbits that accelerations on a path tell."""
     half = (smooth.end - smooth.begin) / 2
     at = np.linspace(-INNER, INNER, PLACES)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, held, maximise, solved
 from baryscope.estimator.adjustment.subsample import Subsample
-from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, Burned, burn_axes
+from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
 from baryscope.estimator.dynamics.linear_motion import LinearMotion, Panels
 from baryscope.estimator.dynamics.paths import Path
@@ -228,9 +228,9 @@ class BurnEquations:
     def _gram(self) -> FloatArray:
         return np.asarray(self._weighted.T @ self._weighted)
 
-    def burned(self, burns: tuple[Burn, ...], about: FloatArray | None = None) -> Burned:
-        """The path with burns; about: see `Burned`."""
-        return Burned(self.base, self.orbit, burns, float(self.edges[0]), float(self.edges[-1]), about)
+    def burned(self, burns: tuple[Burn, ...], about: FloatArray | None = None) -> BurnedPath:
+        """The path with burns; about: see `BurnedPath`."""
+        return BurnedPath(self.base, self.orbit, burns, float(self.edges[0]), float(self.edges[-1]), about)
 
     def prior(self, burns: tuple[Burn, ...]) -> Prior:
         """That of offsets, path and burns."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.evidence import Linear, cost, maximise
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
-from baryscope.estimator.dynamics.burns import UNKNOWNS, Burned, burned_in, burns_of
+from baryscope.estimator.dynamics.burns import UNKNOWNS, BurnedPath, burned_in, burns_of
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import UnknownBurn
 from baryscope.estimator.options import PathOptions
@@ -45,7 +45,7 @@ def with_unknown_burns(
     path, none = start.path, (found, start)
     if options.unknown_burns == "none" or path.name not in PATHS:
         return none
-    if not isinstance(path, Disturbed) or path.density is not None:
+    if not isinstance(path, ProcessNoisePath) or path.density is not None:
         return none
     if not (found.has(DENSITY) or _left_out(found, start) > LEFT_OUT or _follows_rotation(found)):
         return none
@@ -107,13 +107,13 @@ def unknown_burns(path: Path, x: FloatArray, of_x: FloatArray) -> tuple[UnknownB
 def _start(start: InitialSolution, registered: Registered, fit: BurnFit, orbit: Orbit | None) -> InitialSolution:
     """The start of the refinement from the search's solution."""
     path = start.path
-    assert isinstance(path, Disturbed)  # noqa: S101  as `with_unknown_burns` has seen
+    assert isinstance(path, ProcessNoisePath)  # noqa: S101  as `with_unknown_burns` has seen
     offsets, rest = np.split(fit.mean, [3 * len(registered.bodies)])
     both = zip(registered.bodies, offsets.reshape(-1, 3), strict=True)
     bodies = tuple(replace(body, points=body.points + offset) for body, offset in both)
     of_base = rest[: path.base.size]
     about = None if fit.bend is None else of_base
-    burned = Burned(path.base, orbit, fit.burns, path.begin, path.end, about)
+    burned = BurnedPath(path.base, orbit, fit.burns, path.begin, path.end, about)
     wider = replace(path, base=burned)
     x = np.concatenate([of_base, burned.values, np.zeros(3 * path.count)])
     return replace(start, path=wider, sampled=wider.at(start.time), bodies=bodies, x=x, weight=None, first_prior=None)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.dynamics.trajectory import smooth_in
 from baryscope.estimator.findings import FollowsRotation
 from baryscope.estimator.observability import UNOBSERVABLE, Observability
@@ -32,7 +32,7 @@ def with_needed_noise(found: Pivot, start: InitialSolution, options: PathOptions
     need it. Without it they come near the right ones.
     """
     path = start.path
-    if not isinstance(path, Disturbed) or path.density is not None or smooth_in(path) is not None:
+    if not isinstance(path, ProcessNoisePath) or path.density is not None or smooth_in(path) is not None:
         return found
     if not (found.converged and found.has(DENSITY)) or found.shown_spurious_share < SPURIOUS:
         return found

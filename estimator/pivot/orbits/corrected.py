@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.forces import Forced, constant_of
+from baryscope.estimator.dynamics.forces import ForcedPath, constant_of
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
-from baryscope.estimator.dynamics.process_noise import DENSITY, Disturbed
+from baryscope.estimator.dynamics.process_noise import DENSITY, ProcessNoisePath
 from baryscope.estimator.findings import WrongOrbit
 from baryscope.estimator.options import PathOptions
 from baryscope.estimator.orbits.error import NAMES, ORBIT_ERROR, with_orbit_error
@@ -26,7 +26,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
     blame, and where it would lead to is far from the path.
     """
     path = found.path
-    if orbit is None or path.name != "relative-orbit" or not isinstance(path, Disturbed):
+    if orbit is None or path.name != "relative-orbit" or not isinstance(path, ProcessNoisePath):
         return found
     if not found.has(DENSITY):
         return found
@@ -36,7 +36,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
     if corrected is None or not corrected.has(ORBIT_ERROR):
         return found
     constant = constant_of("lvlh", orbit, path.begin, path.end)
-    pushed = _refined_on(Forced(path.base, constant, path.begin, path.end), path, found, start, options)
+    pushed = _refined_on(ForcedPath(path.base, constant, path.begin, path.end), path, found, start, options)
     if pushed is None:
         return corrected
     variance = min(corrected.variance, pushed.variance)
@@ -44,7 +44,7 @@ def with_corrected_orbit(found: Pivot, orbit: Orbit | None, start: InitialSoluti
 
 
 def _refined_on(
-    base: Path, path: Disturbed, found: Pivot, start: InitialSolution, options: PathOptions
+    base: Path, path: ProcessNoisePath, found: Pivot, start: InitialSolution, options: PathOptions
 ) -> Pivot | None:
     """The solution on a base that has unknowns beside those of the path's own; None if there is none."""
     wider = replace(path, base=base)

@@ -11,7 +11,7 @@ from baryscope.estimator.dynamics.extended import based_on
 from baryscope.estimator.dynamics.interpolated_path import interpolated
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Prior
-from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import orbit_in
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.dynamics.seen import as_seen
@@ -43,11 +43,16 @@ def with_oblateness(
     do not tell it from none, but the answer depends on it, its share is an unknown.
     """
     path, oblate = found.path, None if orbit is None else orbit.with_earths_j2()
-    if oblate is None or path.name != "relative-orbit" or not isinstance(path, Disturbed) or path.density is not None:
+    if (
+        oblate is None
+        or path.name != "relative-orbit"
+        or not isinstance(path, ProcessNoisePath)
+        or path.density is not None
+    ):
         return found, start, orbit
     assert orbit is not None  # noqa: S101  as it has an oblate one beside it
     wider = chosen_path(options, oblate, path.begin, path.end, start.errors)
-    assert isinstance(wider, Disturbed)  # noqa: S101  as that with the other orbit is
+    assert isinstance(wider, ProcessNoisePath)  # noqa: S101  as that with the other orbit is
     fresh = _start_on(wider.with_modes(path.count), found, found.solution.x, start)
     test = _ScoreTest.of(found, as_seen(fresh.path, fresh.sampled, start.errors, fresh.x), fresh.x)
     if test.gain >= DECISIVE:

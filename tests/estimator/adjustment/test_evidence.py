@@ -14,7 +14,7 @@ from baryscope.estimator.adjustment.evidence import (
     objective,
     ranges,
 )
-from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -95,7 +95,7 @@ def test_a_range_that_would_begin_above_its_end_is_that_end():
 
 def test_rounds_of_a_few_iterations_come_to_the_maximum():
     """Of a smooth path's law, from far: none is less likely than the one before."""
-    prior, rng = Smooth(12, 0.0, 1.0).prior, np.random.default_rng(4)
+    prior, rng = SmoothPath(12, 0.0, 1.0).prior, np.random.default_rng(4)
     H = rng.normal(size=(80, 39))
     x = np.repeat(0.5 ** np.arange(13), 3) * rng.normal(size=39)
     linear = Linear(H.T @ H, H.T @ (H @ x + 0.1 * rng.normal(size=80)), np.zeros(39))

@@ -8,7 +8,7 @@ import pytest
 from baryscope.estimator.adjustment import integration
 from baryscope.estimator.adjustment.evidence import BELOW, NO_EFFECT, Linear, conditional, cost, maximise, ranges
 from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
-from baryscope.estimator.dynamics.paths import LONGEST, Smooth
+from baryscope.estimator.dynamics.paths import LONGEST, SmoothPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 
 PRIOR = Prior.none(2).joined(Prior(np.linspace(0, -3, 12), np.ones((12, 1)), (Hyperparameter("scale"),)))
@@ -181,7 +181,7 @@ def test_scatter_widens_what_the_observations_do_not_tell():
 def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
     """Coefficients of a path of which the second and third may be nothing: a maximum at the bounds of the law too."""
     rng = np.random.default_rng(7)
-    path = Smooth(5, 0.0, 1.0)
+    path = SmoothPath(5, 0.0, 1.0)
     prior = replace(path.prior, scatter=0.0)
     H = rng.normal(size=(24, path.size)) * np.repeat([1.0, 3.0, 1.0, 0.3, 0.1, 0.1], 3)
     x = np.zeros((6, 3))
@@ -198,7 +198,7 @@ def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
 
 def test_a_smooth_path_of_which_nothing_is_told_is_longer_than_any():
     """As information of the offset takes all of the path's: its first coefficient has no range left."""
-    prior = Smooth(4, 0.0, 1.0).prior
+    prior = SmoothPath(4, 0.0, 1.0).prior
     information = np.diag(np.repeat([1.0, 0.0], [3, 12]))
     linear = Linear(information, np.zeros(15), np.zeros(15))
     assert np.ptp(ranges(linear, prior)[0]) == 0

@@ -6,7 +6,7 @@ import pytest
 from baryscope.estimator.adjustment.integration import Posterior
 from baryscope.estimator.adjustment.path_noise import process_noise_of
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.models.orbit import Orbit
@@ -24,14 +24,14 @@ def displacement(path, sampled, x):
 
 def test_modes_beside_a_straight_line_are_all_departure():
     """They are orthogonal to it, of mean square 1 on each axis."""
-    path = Disturbed(Polynomial(1, 0.0, 6000.0), 0.0, 6000.0, 4, density=1e-12)
+    path = ProcessNoisePath(Polynomial(1, 0.0, 6000.0), 0.0, 6000.0, 4, density=1e-12)
     x = np.random.default_rng(0).normal(size=path.size)
     assert displacement(path, path.at(TIME), x) == pytest.approx(np.linalg.norm(x[6:]), rel=2e-3)
 
 
 def test_what_the_model_could_do_as_well_is_no_departure():
     """Motions of the model added to the modes change nothing; on an orbit they would be most of it."""
-    path = Disturbed(RelativeOrbit(Orbit(7.15e6, 0.01, 1.7), 3000.0), 0.0, 6000.0, 4, density=1e-12)
+    path = ProcessNoisePath(RelativeOrbit(Orbit(7.15e6, 0.01, 1.7), 3000.0), 0.0, 6000.0, 4, density=1e-12)
     sampled, rng = path.at(TIME), np.random.default_rng(1)
     x = rng.normal(size=path.size)
     jacobian = sampled.jacobian.copy()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.burns import Burn, Burned, burns_of
+from baryscope.estimator.dynamics.burns import Burn, BurnedPath, burns_of
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from burning import path_with_burns
 from synthetic import Orbit
@@ -18,7 +18,7 @@ BURNS = [(100.3, 130.0, (0.01, 0.02, -0.03)), (300.0, 302.5, (-0.01, 0.0, 0.02))
 
 def burned(burns):
     own = tuple(Burn(begin, end, np.array(change), 0.1, (2.0, 3.0)) for begin, end, change in burns)
-    return Burned(RelativeOrbit(ORBIT, 0.0), ORBIT, own, TIME[0], TIME[-1])
+    return BurnedPath(RelativeOrbit(ORBIT, 0.0), ORBIT, own, TIME[0], TIME[-1])
 
 
 def moved(path):
@@ -35,7 +35,7 @@ def test_the_path_a_kilometre_away():
     time = np.arange(0.0, 5000.0, 100.0)
     big = [(100.0, 130.0, (0.05, 0.08, -0.03)), (2000.0, 2030.0, (0.03, -0.06, 0.04))]
     own = tuple(Burn(begin, end, np.array(change), 0.1, (2.0, 3.0)) for begin, end, change in big)
-    path = Burned(RelativeOrbit(ORBIT, 0.0), ORBIT, own, time[0], time[-1], RHO)
+    path = BurnedPath(RelativeOrbit(ORBIT, 0.0), ORBIT, own, time[0], time[-1], RHO)
     x, true = np.concatenate([RHO, path.values]), path_with_burns(time, big)
     linear = replace(path, about=None).at(time).position(x)
     assert np.linalg.norm(true, axis=1).max() > 1000

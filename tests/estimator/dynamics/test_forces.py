@@ -8,9 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.extended import factors_of
-from baryscope.estimator.dynamics.forces import Forced, constant_of, lasting, untold_firings
+from baryscope.estimator.dynamics.forces import ForcedPath, constant_of, lasting, untold_firings
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.estimator.dynamics.trajectory import chosen_path
 from baryscope.estimator.options import PathOptions
@@ -106,7 +106,7 @@ def test_a_constant_acceleration(axes):
             return np.zeros(3) if behind else -true[0] * towards
 
     com = flown(lambda t, now, r, v: np.zeros(3), [], push)
-    path = Forced(PerturbedOrbit(OBLATE, 1200.0), constant_of(axes, OBLATE, 0.0, 2400.0), 0.0, 2400.0)
+    path = ForcedPath(PerturbedOrbit(OBLATE, 1200.0), constant_of(axes, OBLATE, 0.0, 2400.0), 0.0, 2400.0)
     sampled = path.at(TIME)
     x = np.zeros(path.size)
     for _ in range(4):
@@ -135,7 +135,7 @@ def test_unknowns_are_displacements_with_the_priors_of_their_factors():
     known = KnownAcceleration([0.0, 300.0], [[1e-3, 0, 0], [0, 1e-3, 0]], scale=0.02, noise=1e-10)
     options = PathOptions(acceleration=known, constant_acceleration="lvlh")
     path = chosen_path(options, OBLATE, 0.0, 2400.0)
-    assert isinstance(path, Disturbed)
+    assert isinstance(path, ProcessNoisePath)
     assert [one.lower for one in path.prior.hyperparameters] == [pytest.approx(np.log(1e-10))]
     assert path.base.size == 6 + 1 + 3
     columns = path.base.at(np.linspace(0, 2400, 65)).jacobian[:, :, 6:]
@@ -146,7 +146,7 @@ def test_unknowns_are_displacements_with_the_priors_of_their_factors():
     assert [one.unit for one in factors] == ["1", "m/s²", "m/s²", "m/s²"]
     np.testing.assert_allclose([one.deviation for one in factors], [0.02, 1e-4, 1e-4, 1e-4])
     given = chosen_path(replace(options, process_noise=2e-10), OBLATE, 0.0, 2400.0)
-    assert isinstance(given, Disturbed)
+    assert isinstance(given, ProcessNoisePath)
     assert given.density == pytest.approx(3e-10)
 
 

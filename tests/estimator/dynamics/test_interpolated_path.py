@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.forces import Forced, constant_of
+from baryscope.estimator.dynamics.forces import ForcedPath, constant_of
 from baryscope.estimator.dynamics.interpolated_path import InterpolatedPath, interpolated
-from baryscope.estimator.dynamics.paths import Polynomial, Smooth
+from baryscope.estimator.dynamics.paths import Polynomial, SmoothPath
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.relative_motion import PerturbedOrbit, RelativeOrbit
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -32,13 +32,13 @@ def wrong(path, orbit):
 
 CASES = {
     "fixed": (Polynomial(0, -100.0, 5900.0), 1e-11),
-    "polynomial": (Smooth(20, -100.0, 5900.0), 1e-11),
+    "polynomial": (SmoothPath(20, -100.0, 5900.0), 1e-11),
     "orbit": (RelativeOrbit(ORBIT, MIDDLE), 1e-9),
     "eccentric": (RelativeOrbit(ECCENTRIC, MIDDLE), 1e-9),
     "J2": (PerturbedOrbit(OBLATE, MIDDLE), 1e-10),
     "orbit error": (wrong(RelativeOrbit(ORBIT, MIDDLE), ORBIT), 1e-9),
     "eccentric, orbit error": (wrong(PerturbedOrbit(ECCENTRIC, MIDDLE), ECCENTRIC), 1e-9),
-    "drag": (Forced(RelativeOrbit(ECCENTRIC, MIDDLE), constant_of("lvlh", ECCENTRIC, *SPAN), *SPAN), 1e-9),
+    "drag": (ForcedPath(RelativeOrbit(ECCENTRIC, MIDDLE), constant_of("lvlh", ECCENTRIC, *SPAN), *SPAN), 1e-9),
 }
 
 

@@ -5,13 +5,13 @@ import pytest
 from numpy.polynomial import Chebyshev
 
 from baryscope.estimator.dynamics.onward import going_on, untold_of
-from baryscope.estimator.dynamics.paths import Polynomial, Smooth
-from baryscope.estimator.dynamics.process_noise import Disturbed
+from baryscope.estimator.dynamics.paths import Polynomial, SmoothPath
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath
 
 BEGIN, END, DEGREE = 100.0, 300.0, 80
 SPAN = END - BEGIN
 OUTSIDE = np.array([BEGIN - SPAN, BEGIN - 10.0, END, END + 10.0, END + SPAN])
-SMOOTH = Smooth(DEGREE, BEGIN, END)
+SMOOTH = SmoothPath(DEGREE, BEGIN, END)
 
 
 def coefficients(path, degree):
@@ -77,7 +77,7 @@ def test_other_paths_go_on_as_they_are():
 
 
 def test_what_is_added_to_a_smooth_path_stays():
-    path = Disturbed(SMOOTH, BEGIN, END, density=1e-9)
+    path = ProcessNoisePath(SMOOTH, BEGIN, END, density=1e-9)
     x = np.append(coefficients(parabola, 2), np.zeros(3 * path.count))
     x[SMOOTH.size] = 0.1  # of the first mode, whose value is 2 and whose slope is 2 β tanh(β/2), β = 4.7300, at its end
     found = going_on(path, x, 1e-24 * np.eye(path.size))

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Chebyshev
 from scipy.special import jv
 
-from baryscope.estimator.dynamics.paths import DECAY, FREQUENCY, OVERTONES, Polynomial, Smooth
+from baryscope.estimator.dynamics.paths import DECAY, FREQUENCY, OVERTONES, Polynomial, SmoothPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.dynamics.trajectory import Trajectory, trajectory_of
@@ -84,7 +84,7 @@ def test_trajectories_by_name():
     assert trajectory_of("fixed", orbit) == trajectory_of("polynomial:0", None) == Trajectory("polynomial", 0)
     assert trajectory_of("polynomial:20", None) == Trajectory("polynomial", 20)
     assert trajectory_of("polynomial", orbit) == Trajectory("polynomial")
-    assert isinstance(Trajectory("polynomial").path(None, 0.0, 1.0), Smooth)
+    assert isinstance(Trajectory("polynomial").path(None, 0.0, 1.0), SmoothPath)
     assert Trajectory("polynomial", 0).path(orbit, 0.0, 1.0).name == "fixed"
     relative = trajectory_of("relative-orbit", orbit).path(orbit, 10.0, 30.0)
     assert isinstance(relative, RelativeOrbit)
@@ -109,7 +109,7 @@ def test_impossible_trajectories_are_refused():
 
 def test_a_coefficient_that_is_not_told_loosens_the_law_for_all_higher_ones():
     """By e each, up to e⁶, in its own coordinate."""
-    prior = Smooth(9, 0.0, 1.0).prior
+    prior = SmoothPath(9, 0.0, 1.0).prior
     untold = np.zeros((10, 3))
     untold[3:, 0] = 1.0
     untold[9, 1] = 0.5
@@ -121,7 +121,7 @@ def test_a_coefficient_that_is_not_told_loosens_the_law_for_all_higher_ones():
 
 def deviations(theta, degree=24):
     """Those of the coefficients of a smooth path by its law, in the first coordinate."""
-    return 1 / np.sqrt(Smooth(degree, 0.0, 1.0).prior.precision(np.array(theta))[3::3])
+    return 1 / np.sqrt(SmoothPath(degree, 0.0, 1.0).prior.precision(np.array(theta))[3::3])
 
 
 @pytest.mark.parametrize("x", [0.03, 0.3, 3.3, 11.7])
@@ -195,7 +195,7 @@ def test_the_law_has_no_jump_from_a_rate_to_a_frequency():
 def test_the_law_has_its_derivatives(theta):
     """With other unknowns and hyperparameters before and after it."""
     noise = Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale"),))
-    prior, at = noise.joined(Smooth(12, 0.0, 1.0).prior).joined(noise), np.array([0.4, *theta, -0.7])
+    prior, at = noise.joined(SmoothPath(12, 0.0, 1.0).prior).joined(noise), np.array([0.4, *theta, -0.7])
     own, steps = ~prior.free, 1e-6 * np.eye(5)
     expected = [np.log(prior.precision(at - h)[own] / prior.precision(at + h)[own]) / 2e-6 for h in steps]
     np.testing.assert_allclose(prior.derivatives(at)[~prior.free], np.transpose(expected), atol=1e-6)
@@ -204,7 +204,7 @@ def test_the_law_has_its_derivatives(theta):
 
 def test_a_fixed_hyperparameter_and_fewer_unknowns_leave_the_other_variances_as_they_are():
     noise = Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale"),))
-    prior, at = noise.joined(Smooth(5, 0.0, 1.0).prior).joined(noise), np.array([0.4, 0.5, -0.6, 0.7, -0.8])
+    prior, at = noise.joined(SmoothPath(5, 0.0, 1.0).prior).joined(noise), np.array([0.4, 0.5, -0.6, 0.7, -0.8])
     for name in ("scale", "first coefficient", FREQUENCY, OVERTONES):
         index = prior.index(name)
         fixed = prior.fixed(name, at[index])
@@ -218,6 +218,6 @@ def test_a_fixed_hyperparameter_and_fewer_unknowns_leave_the_other_variances_as_
 
 def test_only_a_smooth_path_has_a_scattered_law():
     noise = Prior.known(np.ones(2))
-    both = Smooth(2, 0.0, 1.0).prior.joined(noise).scattered(np.ones(11))
+    both = SmoothPath(2, 0.0, 1.0).prior.joined(noise).scattered(np.ones(11))
     np.testing.assert_allclose(both.offset[3:], [1, 1, 1, 2, 2, 2, 0, 0])
     assert noise.scattered(np.ones(2)) is noise

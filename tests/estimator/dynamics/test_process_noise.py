@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from baryscope.estimator.dynamics.paths import Polynomial
-from baryscope.estimator.dynamics.process_noise import Disturbed, disturbed, enriched, free_modes, wave_numbers
+from baryscope.estimator.dynamics.process_noise import ProcessNoisePath, disturbed, enriched, free_modes, wave_numbers
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.models.lvlh import lvlh_attitude, lvlh_rate
 from baryscope.models.orbit import EARTH_MU, Orbit
@@ -28,13 +28,13 @@ def test_modes_are_orthonormal_to_each_other_and_to_straight_lines():
 
 def test_the_variance_is_that_of_integrated_white_noise():
     """Of what is left of q ∫∫ dW after straight lines are removed: the mean over time is q T³/420."""
-    path = Disturbed(Polynomial(1, 0.0, 20.0), 0.0, 20.0, 60)
+    path = ProcessNoisePath(Polynomial(1, 0.0, 20.0), 0.0, 20.0, 60)
     variance = np.exp(path.prior.offset[6::3]) * 3e-4
     assert variance.sum() + path.omitted_variance(3e-4) == pytest.approx(3e-4 * 20.0**3 / 420, rel=1e-3)
 
 
 def test_modes_are_doubled_until_what_is_left_out_is_a_hundredth_of_the_variance():
-    path, time = Disturbed(Polynomial(1, 0.0, 20.0), 0.0, 20.0), np.linspace(0.0, 20.0, 50)
+    path, time = ProcessNoisePath(Polynomial(1, 0.0, 20.0), 0.0, 20.0), np.linspace(0.0, 20.0, 50)
     theta, of_x = np.array([np.log(3e-4)]), np.zeros((path.size, path.size))
     of_x[range(3), range(3)] = 1e-5  # of the mean of the path
     sampled, counts = path.at(time), []
@@ -49,7 +49,7 @@ def test_modes_are_doubled_until_what_is_left_out_is_a_hundredth_of_the_variance
 @pytest.mark.parametrize("eccentricity", [0.0, 0.3])
 def test_the_motion_on_an_orbit_obeys_the_linearised_equation(eccentricity):
     orbit = Orbit(1.1e7, eccentricity, 1.0, 0.3, 0.4, -1.0)
-    path = Disturbed(RelativeOrbit(orbit, 0.0), 0.0, 6000.0, 3)
+    path = ProcessNoisePath(RelativeOrbit(orbit, 0.0), 0.0, 6000.0, 3)
     time = np.linspace(0.0, 6000.0, 40)
     found, rate = path.at(time).jacobian[:, :, 6:], path.rate_at(time).jacobian[:, :, 6:]
 
@@ -105,7 +105,7 @@ def test_a_force_that_lasts_shows_amid_the_modes(count):
     time = begin + np.linspace(0, span, 2001)
     terms = np.column_stack([np.ones_like(time), time - begin, free_modes((time - begin) / span, count)[0]])
     x = np.linalg.lstsq(terms, np.outer((time - begin) ** 2 / 2, acceleration), rcond=None)[0][2:].ravel()
-    path = Disturbed(Polynomial(0, begin, begin + span), begin, begin + span, count)
+    path = ProcessNoisePath(Polynomial(0, begin, begin + span), begin, begin + span, count)
     expected = acceleration @ acceleration / 3
     assert path.lasting_variance(np.append(np.zeros(3), x), 0.0) == pytest.approx(expected, rel=0.1)
     white = density / (span / 2)

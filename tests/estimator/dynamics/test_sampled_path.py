@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.dynamics.process_noise import disturbed
 from baryscope.estimator.dynamics.sampled_path import IsotropicPath, SampledPath
 
 TIME = np.sort(np.random.default_rng(0).uniform(-5.0, 95.0, 200))
 X = np.random.default_rng(1).normal(size=3 * 14)
 FRAMES = {"all": slice(0, 200), "a part": slice(40, 90), "some": np.flatnonzero(np.arange(200) % 7 < 2)}
-PATH = disturbed(Smooth(1, -5.0, 95.0), "auto", -5.0, 95.0)
+PATH = disturbed(SmoothPath(1, -5.0, 95.0), "auto", -5.0, 95.0)
 
 
 @pytest.fixture(params=["plain", "moved", "few"])

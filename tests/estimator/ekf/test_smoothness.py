@@ -5,7 +5,7 @@ import pytest
 
 from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise
 from baryscope.estimator.adjustment.integration import posterior
-from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.smoothness import Smoothness
 from baryscope.estimator.ekf.solution import Parameters, Prior
@@ -15,7 +15,7 @@ BEFORE, AFTER = 5, 9  # parameters before and after the path's
 
 @pytest.fixture(scope="module")
 def path():
-    return Smooth(4, 0.0, 10.0).prior
+    return SmoothPath(4, 0.0, 10.0).prior
 
 
 @pytest.mark.parametrize("variance", [1.0, 1e-4])

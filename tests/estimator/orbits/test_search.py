@@ -6,7 +6,7 @@ from numpy.polynomial import chebyshev
 from scipy.linalg import solve_triangular
 
 from baryscope.estimator.adjustment.evidence import Linear, maximise
-from baryscope.estimator.dynamics.paths import Smooth
+from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.orbits.search import likeliest_orbit
 from baryscope.models.ephemeris.trajectory import target_states
 from baryscope.models.orbit import Orbit
@@ -20,7 +20,7 @@ LOW, ELLIPSE = Written(), Written(semi_major_axis=24.4e6, eccentricity=0.7, anom
 
 def seen(position, span, sigma, seed=0, frames=400, degree=40):
     """What noisy positions over 0 … span tell of the coefficients of a smooth path, at their least squares."""
-    smooth, time = Smooth(degree, 0.0, span), np.linspace(0.0, span, frames)
+    smooth, time = SmoothPath(degree, 0.0, span), np.linspace(0.0, span, frames)
     noisy = position(time) + sigma * np.random.default_rng(seed).standard_normal((frames, 3))
     terms = chebyshev.chebvander(2 * time / span - 1, degree)
     x = np.linalg.lstsq(terms, noisy, rcond=None)[0].ravel()

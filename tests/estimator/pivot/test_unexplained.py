@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import chi2
 
 import free_paths
-from baryscope.estimator.dynamics.forces import Forced, constant_of
+from baryscope.estimator.dynamics.forces import ForcedPath, constant_of
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.findings import Departure, FollowsRotation, UntoldOblateness, WrongOrbit
 from baryscope.estimator.methods import estimate
@@ -94,7 +94,7 @@ def test_a_constant_acceleration_is_not_blamed_on_the_orbit():
 def test_a_force_that_is_not_told():
     """2e-6 m/s² of drag, as at 400 km."""
     force = constant_of("lvlh", ORBIT, TIME[0], TIME[-1])
-    path = Forced(RelativeOrbit(ORBIT, 299.0), force, TIME[0], TIME[-1])
+    path = ForcedPath(RelativeOrbit(ORBIT, 299.0), force, TIME[0], TIME[-1])
     x = np.concatenate([X, [0, -2e-6, 0] * path._displacement])
     com = path.at(TIME).position(x)
     found = estimate(tracks_of(com), orbit=ORBIT)
