@@ -48,7 +48,7 @@ ROUNDING = 1e-7  # of the distance: residuals that are rounding
 
 
 @dataclass(frozen=True, eq=False)
-class _Ground:
+class _RestFrame:
     """The axes W in which the centre is at rest: LVLH, or those of C.
 
     path: their name as that of the path's model; R_C_W (n, 3, 3), or (1, 3, 3) where W is C; rate (n, 1): how fast W
@@ -60,7 +60,7 @@ class _Ground:
     rate: FloatArray
 
     @classmethod
-    def of(cls, orbit: Orbit | None, time: FloatArray) -> "_Ground":
+    def of(cls, orbit: Orbit | None, time: FloatArray) -> "_RestFrame":
         """LVLH of the orbit at n times, s; without one, C."""
         if orbit is None:
             return cls("fixed", np.eye(3)[None], np.zeros((len(time), 1)))
@@ -128,7 +128,7 @@ def estimate_by_score(tracks: FeatureTracks, orbit: Orbit | None, options: PathO
     if options.trajectory not in (None, "fixed"):
         raise InputError(f"trajectory is {options.trajectory!r}, expected fixed: score finds a centre that is at rest")
     tracks.refuse_singular()
-    ground = _Ground.of(orbit if options.trajectory is None else None, tracks.time)
+    ground = _RestFrame.of(orbit if options.trajectory is None else None, tracks.time)
     position = ground.vectors(tracks.position)
     inliers = screen(
         position, tracks.seen, None if tracks.covariance is None else ground.covariances(tracks.covariance)

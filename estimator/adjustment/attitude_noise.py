@@ -41,7 +41,7 @@ ALIKE = 0.2  # rms distance between points of two bodies over their distance fro
 
 
 @dataclass(frozen=True, eq=False)
-class _Turning:
+class _AttitudeSeries:
     """Attitudes (n, 3, 3) of one set of axes, their covariances (n, 3, 3), rad², and times (n,) in sampling intervals.
 
     In time, not in frames, the rotation is smooth: cameras that look in bursts, or lose sight, have none between.
@@ -52,21 +52,21 @@ class _Turning:
     covariance: FloatArray
 
     @classmethod
-    def of(cls, body: Body, observations: Observations, time: FloatArray, variance: float) -> "_Turning":
+    def of(cls, body: Body, observations: Observations, time: FloatArray, variance: float) -> "_AttitudeSeries":
         """That of a body; time (n,) of all frames, s."""
         own = observations.features(body.features).frames(body.frames)
         information = attitude_information(own, body.attitude, body.points)
         passed = (time[body.frames] - time[0]) / sampling_interval(time)
         return cls(passed, body.attitude, attitude_covariances(information, variance))
 
-    def part(self, kept: IntArray) -> "_Turning":
+    def part(self, kept: IntArray) -> "_AttitudeSeries":
         """Some of the attitudes, by their indices (k,)."""
-        return _Turning(self.time[kept], self.attitude[kept], self.covariance[kept])
+        return _AttitudeSeries(self.time[kept], self.attitude[kept], self.covariance[kept])
 
-    def turned(self, into: FloatArray, variance: float) -> "_Turning":
+    def turned(self, into: FloatArray, variance: float) -> "_AttitudeSeries":
         """The same attitudes of other axes, into which a rotation (3, 3) of this variance, rad², leads from these."""
         covariance = into @ self.covariance @ into.T + variance * np.eye(3)
-        return _Turning(self.time, self.attitude @ into.T, covariance)
+        return _AttitudeSeries(self.time, self.attitude @ into.T, covariance)
 
 
 def strays(bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float) -> list[BoolArray]:
@@ -97,21 +97,21 @@ def strays(bodies: Sequence[Body], observations: Observations, time: FloatArray,
 
 def _together(
     bodies: Sequence[Body], observations: Observations, time: FloatArray, variance: float
-) -> Iterator[tuple[list[int], _Turning]]:
+) -> Iterator[tuple[list[int], _AttitudeSeries]]:
     """Groups of bodies by their indices, and the attitudes of the axes of the first, one body's after the other's."""
     left = sorted(range(len(bodies)), key=lambda index: -len(bodies[index].frames))
     while left:
         first, rest = left[0], []
-        group, parts = [first], [_Turning.of(bodies[first], observations, time, variance)]
+        group, parts = [first], [_AttitudeSeries.of(bodies[first], observations, time, variance)]
         for index in left[1:]:
             into = _into_axes(bodies[first], bodies[index], observations)
             if into is None:
                 rest.append(index)
             else:
                 group.append(index)
-                parts.append(_Turning.of(bodies[index], observations, time, variance).turned(*into))
+                parts.append(_AttitudeSeries.of(bodies[index], observations, time, variance).turned(*into))
         columns = zip(*((part.time, part.attitude, part.covariance) for part in parts), strict=True)
-        yield group, _Turning(*map(np.concatenate, columns))
+        yield group, _AttitudeSeries(*map(np.concatenate, columns))
         left = rest
 
 
@@ -137,7 +137,7 @@ def excess_noise(body: Body, observations: Observations, time: FloatArray, varia
 
     It is 1 where the rotation from frame to frame is too fast to be fitted.
     """
-    squared, tested = _departures(_Turning.of(body, observations, time, variance))
+    squared, tested = _departures(_AttitudeSeries.of(body, observations, time, variance))
     if not tested.any() or np.median(squared[tested]) > ROUGH * MEDIAN:
         return 1.0
     return max(float(squared[tested].mean()) / 3, 1.0)
@@ -178,7 +178,7 @@ def _flipped(time: FloatArray, attitude: FloatArray) -> BoolArray:
     return np.asarray(jumps & ~np.append(stays, False) & ~np.append(False, stays))
 
 
-def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:
+def _departures(turning: _AttitudeSeries) -> tuple[FloatArray, BoolArray]:
     """χ² (n,) of each attitude's departure from a rotation fitted to those near; and which have enough of these, (n,).
 
     The fit is of the lowest degree that describes most attitudes, as it has the least noise.
@@ -191,7 +191,7 @@ def _departures(turning: _Turning) -> tuple[FloatArray, BoolArray]:
     return found
 
 
-def _departures_from(turning: _Turning, degree: int) -> tuple[FloatArray, BoolArray]:
+def _departures_from(turning: _AttitudeSeries, degree: int) -> tuple[FloatArray, BoolArray]:
     """Those from fits of one degree, at ascending times.
 
     The rotation vectors from the attitude to the others, less a median rate, are a polynomial in time, by robust least

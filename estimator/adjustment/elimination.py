@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, pieces
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(eq=False)
-class Sums:
+class ReducedEquations:
     """Normal equations of one body after the elimination of its rotations: of the path (p, p) and of points (3 m, 3 m).
 
     path_points (p, 3 m) couples them; sizes: diagonals before the elimination; right-hand sides; noise_cost: the
@@ -41,7 +41,7 @@ class Sums:
     noise_cost: float = 0.0
 
     @classmethod
-    def zero(cls, p: int, q: int) -> "Sums":
+    def zero(cls, p: int, q: int) -> "ReducedEquations":
         """No frames."""
         return cls(
             np.zeros((p, p)), np.zeros((p, q)), np.zeros((q, q)), np.zeros(p), np.zeros(q), np.zeros(p), np.zeros(q)
@@ -78,7 +78,7 @@ class AllFrames:
     shift: FloatArray | None
 
 
-def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
+def eliminated(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
     """The body with the best attitudes for its points, its normal equations there, and the weighted squares (k, m).
 
     own: observations of its features in all frames.
@@ -93,12 +93,12 @@ def chunks_of(body: Body) -> Iterator[slice]:
     return (slice(first, first + size) for first in range(0, len(body.frames), size))
 
 
-def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
+def _with_weights(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
     """That of observations of the same weight along all axes, without shifts."""
     path, m = frames.path, len(body.features)
     arms = cross_matrices(body.points)
     attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
-    total = Sums.zero(path.size, 3 * m)
+    total = ReducedEquations.zero(path.size, 3 * m)
     weights, pairs, by_path = np.zeros(m), np.zeros((m, m, 6)), np.zeros((m, path.size, 3))
     for part in chunks_of(body):
         index = as_slice(body.frames[part])
@@ -138,11 +138,11 @@ def _coupling(weight: FloatArray, attitude: FloatArray, gain: FloatArray, arms: 
     return np.asarray(coupling.transpose(0, 3, 2, 1))
 
 
-def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, Sums, FloatArray]:
+def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body, ReducedEquations, FloatArray]:
     """That of observations with precisions, or of frames with shifts, which are eliminated by Woodbury's formula."""
     path, m = frames.path, len(body.features)
     attitudes, all_squares = np.empty_like(body.attitude), np.empty((len(body.frames), m))
-    total = Sums.zero(path.size, 3 * m)
+    total = ReducedEquations.zero(path.size, 3 * m)
     for part in chunks_of(body):
         index = as_slice(body.frames[part])
         here, origin = own.frames(index), frames.origin[index]
@@ -168,7 +168,7 @@ def _with_blocks(body: Body, own: Observations, frames: AllFrames) -> tuple[Body
             total.noise_cost += max(cost, 0.0)  # squares, if it were not for rounding
             turned = solved[-1].T - np.einsum("kil,klj,kj->ki", inverse, found.turn_shift, moved, optimize=True)
             there = origin + np.einsum("kij,kj->ki", R_C_B, moved)
-            squares = pieces(here, R_C_B @ exp_rotation(turned), there, body.points).squares
+            squares = normal_blocks(here, R_C_B @ exp_rotation(turned), there, body.points).squares
             rows = rows - np.einsum("kij,qjk->qik", known, gained)
         rows = np.einsum("kij,qjk->qik", np.asfortranarray(R_C_B), rows)
         R_B_C = np.swapaxes(R_C_B, 1, 2)

@@ -40,13 +40,13 @@ FINE_SCAN, FINE_SWEEPS = 101, 4  # values of a single one, and how often its ran
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
-    """Information A (p, p) on x (p,), and right-hand side (p,), both over the observations' variance."""
+class GaussianLikelihood:
+    """A likelihood of x (p,) in information form: A (p, p) and right-hand side (p,), both over their variance."""
 
     information: FloatArray
     rhs: FloatArray
     x: FloatArray
-    _parts: "dict[bytes, tuple[Linear, float]]" = field(default_factory=dict, init=False, repr=False)
+    _parts: "dict[bytes, tuple[GaussianLikelihood, float]]" = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def firmest(self) -> FloatArray:
@@ -59,7 +59,7 @@ class Linear:
         """Those of x, (p,)."""
         return self.x * self.x
 
-    def among(self, loose: BoolArray) -> "tuple[Linear, float]":
+    def among(self, loose: BoolArray) -> "tuple[GaussianLikelihood, float]":
         """The system of some unknowns (k,) where the others are zero, and what these add to xᵀP x − uᵀ(A + P)⁻¹u.
 
         The last one is kept, as most steps of a search ask for the same.
@@ -70,13 +70,13 @@ class Linear:
         if which not in self._parts:
             zeroed = np.where(loose, 0.0, self.x)
             turned = self.information @ zeroed
-            rest = Linear(self.information[loose][:, loose], (self.rhs + turned)[loose], self.x[loose])
+            rest = GaussianLikelihood(self.information[loose][:, loose], (self.rhs + turned)[loose], self.x[loose])
             self._parts.clear()
             self._parts[which] = rest, float(zeroed @ (turned + 2 * self.rhs))
         return self._parts[which]
 
 
-def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> FloatArray:
+def maximise(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None = None) -> FloatArray:
     """The hyperparameters (h,) of maximum marginal likelihood, from a start or from scans of their ranges.
 
     From a start (h,) only the maximum near it is found, but for those that are NaN there, whose ranges are scanned.
@@ -97,7 +97,7 @@ def maximise(linear: Linear, prior: Prior, start: FloatArray | None = None) -> F
     return _spared(linear, prior, best, bounds, scan=start is None)
 
 
-def improved(linear: Linear, prior: Prior, theta: FloatArray | None) -> FloatArray:
+def improved(linear: GaussianLikelihood, prior: Prior, theta: FloatArray | None) -> FloatArray:
     """Hyperparameters (h,) that are likelier than θ (h,), after a few iterations: for rounds that others follow.
 
     An optional one is not given up, even if it explains too little. Those of maximum likelihood, by scans, where θ is
@@ -110,7 +110,7 @@ def improved(linear: Linear, prior: Prior, theta: FloatArray | None) -> FloatArr
 
 
 def _minimised(
-    linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_ITERATIONS
+    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, most: int = MOST_ITERATIONS
 ) -> tuple[FloatArray, float]:
     """The hyperparameters (h,) of the minimum of −2 ln p near a start (h,), within bounds (h, 2), and −2 ln p there."""
     values: list[float] = []
@@ -125,7 +125,9 @@ def _minimised(
     return np.asarray(found.x), values[0] + float(found.fun)
 
 
-def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray, *, scan: bool) -> FloatArray:
+def _spared(
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray, bounds: FloatArray, *, scan: bool
+) -> FloatArray:
     """θ (h,) without the optional hyperparameters that are less likely than none: their range has more room below.
 
     scan: search the others' whole ranges for what is likeliest without one.
@@ -138,7 +140,7 @@ def _spared(linear: Linear, prior: Prior, theta: FloatArray, bounds: FloatArray,
 
 
 def likeliest_without(
-    linear: Linear, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray, *, scan: bool = True
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray, index: int, bounds: FloatArray, *, scan: bool = True
 ) -> tuple[FloatArray, float]:
     """The likeliest θ (h,) where one hyperparameter is at its lower bound, and its −2 ln p.
 
@@ -158,7 +160,7 @@ def likeliest_without(
     return without, least
 
 
-def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatArray:
+def _maximum_of_one(linear: GaussianLikelihood, prior: Prior, bounds: FloatArray) -> FloatArray:
     """The maximum for one hyperparameter that scales the variances of some unknowns, by one eigendecomposition.
 
     With λ the eigenvalues of these unknowns' information, scaled by the prior at θ = 0, and β the right-hand side along
@@ -183,7 +185,7 @@ def _maximum_of_one(linear: Linear, prior: Prior, bounds: FloatArray) -> FloatAr
     return np.array([scanned_minimum(value, bounds[0], bounds[1], FINE_SCAN, FINE_SWEEPS)[0]])
 
 
-def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) -> float:
+def complexity(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None = None) -> float:
     """−2 ln p at its minimum without the decrease uᵀ(A + P)⁻¹u, which is not to be had far from the solution.
 
     start (h,): hyperparameters from which the minimum is sought.
@@ -194,12 +196,12 @@ def complexity(linear: Linear, prior: Prior, start: FloatArray | None = None) ->
     return float(found.determinants + precision @ linear.squares + prior.penalty(theta)[0])
 
 
-def cost(linear: Linear, prior: Prior, theta: FloatArray) -> float:
+def cost(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> float:
     """−2 ln p of hyperparameters θ (h,), up to a constant."""
     return _minimum(linear, prior, held(linear, prior, theta)[0]).value + float(prior.penalty(theta)[0])
 
 
-def ranges(linear: Linear, prior: Prior) -> FloatArray:
+def ranges(linear: GaussianLikelihood, prior: Prior) -> FloatArray:
     """The bounds (h, 2) of the hyperparameters."""
     size = np.log(np.maximum(np.diag(linear.information), 1e-300))
     found = []
@@ -211,7 +213,9 @@ def ranges(linear: Linear, prior: Prior) -> FloatArray:
     return np.array(found).reshape(-1, 2)
 
 
-def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray, unknown: BoolArray) -> FloatArray:
+def _scanned(
+    linear: GaussianLikelihood, prior: Prior, bounds: FloatArray, start: FloatArray, unknown: BoolArray
+) -> FloatArray:
     """A start for the maximum: one unknown hyperparameter after the other, over its range, twice."""
     theta = start.copy()
     for _ in range(1 if unknown.sum() == 1 else SWEEPS):
@@ -226,7 +230,7 @@ def _scanned(linear: Linear, prior: Prior, bounds: FloatArray, start: FloatArray
     return theta
 
 
-def held(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
+def held(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tuple[FloatArray, BoolArray]:
     """The prior's precision (p,), at most FIRMEST times the information; and whose it is not, nor zero, (p,)."""
     precision = prior.precision(theta)
     return np.minimum(precision, linear.firmest), ~prior.free & (precision < linear.firmest)
@@ -260,7 +264,7 @@ def solved(information: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(dpotrs(cholesky(information), right, lower=True)[0])
 
 
-def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+def conditional(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean (p,) and covariance (p, p) of x for given hyperparameters."""
     precision = held(linear, prior, theta)[0]
     found = _minimum(linear, prior, precision)
@@ -273,7 +277,7 @@ def conditional(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[FloatA
     return mean, covariance
 
 
-def objective(linear: Linear, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
+def objective(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> tuple[float, FloatArray]:
     """−2 ln p up to a constant, and its gradient (h,)."""
     precision, moved = held(linear, prior, theta)
     found = _minimum(linear, prior, precision)
@@ -300,7 +304,7 @@ class _Minimum:
     factor: FloatArray
 
 
-def _minimum(linear: Linear, prior: Prior, precision: FloatArray) -> _Minimum:
+def _minimum(linear: GaussianLikelihood, prior: Prior, precision: FloatArray) -> _Minimum:
     """For the prior's precision (p,), which may be the firmest."""
     loose = precision < linear.firmest
     if not loose.any():  # LAPACK takes no empty matrix

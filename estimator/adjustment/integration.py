@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from baryscope.estimator.adjustment.evidence import (
     BELOW,
     NO_EFFECT,
-    Linear,
+    GaussianLikelihood,
     conditional,
     cost,
     held,
@@ -70,7 +70,7 @@ class Posterior:
         return min(float(low), best), max(float(high), best)
 
 
-def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
+def posterior(linear: GaussianLikelihood, prior: Prior, theta: FloatArray) -> Posterior:
     """The posterior of x, over the uncertainty of the hyperparameters about θ (h,), with the prior's scatter.
 
     One that has its unknowns for itself is integrated alone, others along the principal axes of −2 ln p, on a grid
@@ -130,7 +130,7 @@ def posterior(linear: Linear, prior: Prior, theta: FloatArray) -> Posterior:
 
 
 def _principal_steps(
-    linear: Linear, prior: Prior, theta: FloatArray, joint: BoolArray, bounds: FloatArray
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray, joint: BoolArray, bounds: FloatArray
 ) -> FloatArray:
     """Steps (k, h) along the principal axes of −2 ln p in k hyperparameters, joint (h,), of LATTICE_STEP deviations.
 
@@ -153,7 +153,7 @@ def _principal_steps(
 
 
 def _lattice(
-    linear: Linear, prior: Prior, theta: FloatArray, steps: FloatArray, bounds: FloatArray
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray, steps: FloatArray, bounds: FloatArray
 ) -> tuple[list[FloatArray], list[float]]:
     """θ (h,), and the points of a lattice of steps (k, h) about it, as far as −2 ln p is not much greater; and that."""
     points, costs = [theta], [cost(linear, prior, theta)]
@@ -180,7 +180,7 @@ def _neighbours(node: tuple[int, ...]) -> list[tuple[int, ...]]:
 
 
 def _along(
-    linear: Linear, prior: Prior, theta: FloatArray, step: FloatArray, bounds: FloatArray
+    linear: GaussianLikelihood, prior: Prior, theta: FloatArray, step: FloatArray, bounds: FloatArray
 ) -> tuple[list[FloatArray], list[float]]:
     """θ (h,), and points in steps (h,) either way as far as −2 ln p is not much greater, within bounds; and that."""
     points, costs = [theta], [cost(linear, prior, theta)]
@@ -207,7 +207,7 @@ class _Mixture:
     between: FloatArray
 
     @classmethod
-    def of(cls, linear: Linear, prior: Prior, points: list[FloatArray], weight: FloatArray) -> "_Mixture":
+    def of(cls, linear: GaussianLikelihood, prior: Prior, points: list[FloatArray], weight: FloatArray) -> "_Mixture":
         """That at the points; weights (k,) of sum 1."""
         means, within = [], np.zeros_like(linear.information)
         for share, at in zip(weight, points, strict=True):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
-from baryscope.estimator.adjustment.normal_equations import pieces
+from baryscope.estimator.adjustment.normal_equations import normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.registration.body import Body
 
@@ -63,7 +63,7 @@ def _whitened(body: Body, own: Observations, origin: FloatArray) -> FloatArray:
 
     Without their means in axes of the body, as which points that are not yet at their best would seem to last.
     """
-    found = pieces(own, body.attitude, origin, body.points)
+    found = normal_blocks(own, body.attitude, origin, body.points)
     turn, shift = found.best_pose()
     moved = body.points + shift[:, None] + np.cross(turn[:, None], body.points)
     residual = (own.position - origin[:, None]) @ body.attitude - moved

@@ -21,7 +21,7 @@ CHUNK_SIZE = 200_000  # numbers in the largest array of a chunk, so that it fits
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class NormalBlocks:
     """The blocks of the normal equations of n frames with m observations, for poses (φ, τ) in B and points b.
 
     turn, shift (n, 3, 3): the frames' blocks of φ and of τ; turn_shift (n, 3, 3) couples them. point (m, 3, 3): the
@@ -115,32 +115,34 @@ class Pieces:
         return np.asarray(np.einsum("kmij,kmjp->pmi", self._precision, moved, optimize=True).reshape(p, 3 * m))
 
 
-def pieces(observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray) -> Pieces:
+def normal_blocks(
+    observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray
+) -> NormalBlocks:
     """The blocks of the normal equations at attitude (n, 3, 3) R_C_B, origin (n, 3) in C, m, points (m, 3) in B, m."""
-    return _seen(observations, origin, points).pieces(attitude)
+    return _seen(observations, origin, points).normal_blocks(attitude)
 
 
 def at_best_attitudes(
     observations: Observations, attitude: FloatArray, origin: FloatArray, points: FloatArray
-) -> tuple[FloatArray, Pieces]:
+) -> tuple[FloatArray, NormalBlocks]:
     """The attitudes (n, 3, 3) after one Gauss–Newton step with points and origin fixed, and the blocks there.
 
-    Arguments as in `pieces`.
+    Arguments as in `normal_blocks`.
     """
     seen = _seen(observations, origin, points)
     best = attitude @ exp_rotation(seen.best_turns(attitude))
-    return best, seen.pieces(best)
+    return best, seen.normal_blocks(best)
 
 
-def _seen(observations: Observations, origin: FloatArray, points: FloatArray) -> "_Weighted | _Precise":
+def _seen(observations: Observations, origin: FloatArray, points: FloatArray) -> "_Isotropic | _Anisotropic":
     """The observations from origins (n, 3) in C of points (m, 3) in B."""
     if observations.precision is None:
-        return _Weighted.of(observations, origin, points)
-    return _Precise.of(observations, observations.precision, origin, points)
+        return _Isotropic.of(observations, origin, points)
+    return _Anisotropic.of(observations, observations.precision, origin, points)
 
 
 @dataclass(frozen=True, eq=False)
-class _Weighted:
+class _Isotropic:
     """Observations of the same weight along all axes, from the centre of mass, and what holds for all attitudes.
 
     offset d (n, m, 3) in C; total Σ w d (n, 3) and moments Σ w b dᵀ (n, 3, 3); turn (n, 3, 3): the block of φ in B.
@@ -156,7 +158,7 @@ class _Weighted:
     turn: FloatArray
 
     @classmethod
-    def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Weighted":
+    def of(cls, observations: Observations, origin: FloatArray, points: FloatArray) -> "_Isotropic":
         """Those of points (m, 3) in B, for origins (n, 3) in C."""
         w, arms = np.asfortranarray(observations.weight), cross_matrices(points)
         offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
@@ -169,12 +171,12 @@ class _Weighted:
         rhs = _cross_sums(self.moments, np.asfortranarray(attitude))
         return np.asarray(np.einsum("kij,kj->ki", symmetric_inverses(self.turn), rhs))
 
-    def pieces(self, attitude: FloatArray) -> Pieces:
-        """See `pieces`."""
+    def normal_blocks(self, attitude: FloatArray) -> NormalBlocks:
+        """See `normal_blocks`."""
         w, attitude = self.weight, np.asfortranarray(attitude)
         residual = np.einsum("kmj,kji->kmi", self.offset, attitude)
         residual -= self.points
-        return Pieces(
+        return NormalBlocks(
             turn=self.turn,
             turn_shift=_sums(w, self.arms),
             shift=(np.eye(3)[:, :, None] * w.sum(axis=1)).T,
@@ -190,8 +192,8 @@ class _Weighted:
 
 
 @dataclass(frozen=True, eq=False)
-class _Precise:
-    """Observations with precisions, from the centre of mass: as `_Weighted`, precision w P (n, m, 3, 3) in C."""
+class _Anisotropic:
+    """Observations with precisions, from the centre of mass: as `_Isotropic`, precision w P (n, m, 3, 3) in C."""
 
     weight: FloatArray
     points: FloatArray
@@ -202,7 +204,7 @@ class _Precise:
     @classmethod
     def of(
         cls, observations: Observations, precision: FloatArray, origin: FloatArray, points: FloatArray
-    ) -> "_Precise":
+    ) -> "_Anisotropic":
         """Those of points (m, 3) in B, for origins (n, 3) in C."""
         w = np.asfortranarray(observations.weight)
         offset = np.asfortranarray(observations.position) - np.asfortranarray(origin)[:, None]
@@ -215,11 +217,11 @@ class _Precise:
         turn = np.einsum("kmij,mlj->kil", self._levers(precision), self.arms)
         return np.asarray(np.einsum("kij,kj->ki", symmetric_inverses(turn), self._torques(weighted)))
 
-    def pieces(self, attitude: FloatArray) -> Pieces:
-        """See `pieces`."""
+    def normal_blocks(self, attitude: FloatArray) -> NormalBlocks:
+        """See `normal_blocks`."""
         precision, residual, weighted = self._in_body(np.asfortranarray(attitude))
         levers = self._levers(precision)
-        return Pieces(
+        return NormalBlocks(
             turn=np.einsum("kmij,mlj->kil", levers, self.arms),
             turn_shift=levers.sum(axis=1),
             shift=precision.sum(axis=1),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baryscope.estimator.adjustment.autocorrelation import growth_by_lasting
-from baryscope.estimator.adjustment.normal_equations import pieces
+from baryscope.estimator.adjustment.normal_equations import normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.scan import scanned_minimum
 from baryscope.estimator.registration.body import Body
@@ -82,7 +82,7 @@ def position_variance(
 def _of_frames(body: Body, observations: Observations, origin: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The information (n, 3, 3) on each frame's shift, its rotation unknown, and the right-hand side (n, 3), in C."""
     own = observations.frames(body.frames).features(body.features)
-    information, rhs = pieces(own, body.attitude, origin[body.frames], body.points).shift_alone()
+    information, rhs = normal_blocks(own, body.attitude, origin[body.frames], body.points).shift_alone()
     information = body.attitude @ information @ np.swapaxes(body.attitude, 1, 2)
     return information, (body.attitude @ rhs[:, :, None])[:, :, 0]
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from baryscope.estimator.adjustment.normal_equations import attitude_covariances, pieces
+from baryscope.estimator.adjustment.normal_equations import attitude_covariances, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.sampled_path import SampledPath
 from baryscope.estimator.geometry.extent import rms_radius
@@ -244,7 +244,9 @@ class NoisyAttitudes:
         """
         every = max(1, len(body.frames) // FRAMES)
         frames, attitude = body.frames[::every], body.attitude[::every]
-        found = pieces(observations.frames(frames).features(body.features), attitude, origin[frames], body.points)
+        found = normal_blocks(
+            observations.frames(frames).features(body.features), attitude, origin[frames], body.points
+        )
         known, _ = found.shift_alone()
         if shift is not None:
             noise = np.swapaxes(attitude, 1, 2) @ shift[frames] @ attitude

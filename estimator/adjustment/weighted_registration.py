@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, pieces
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import REJECTED, Mixture, reweighted
 from baryscope.estimator.geometry.so3 import cross_matrices, exp_rotation
@@ -143,7 +143,7 @@ def _all_posed(body: Body, origin: FloatArray, own: Observations) -> _Fitted:
     """Body and origins (n, 3) after steps of the poses for the same points, and the weighted squares (n, m) there."""
     for _ in range(POSE_STEPS):
         body, origin = _posed(body, origin, own)
-    return body, origin, pieces(own, body.attitude, origin, body.points).squares
+    return body, origin, normal_blocks(own, body.attitude, origin, body.points).squares
 
 
 def _likelier_poses(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, FloatArray]:
@@ -166,7 +166,7 @@ def _likelier_poses(body: Body, origin: FloatArray, own: Observations) -> tuple[
         body, origin = _posed(body, origin, own)
         other, there = _posed(other, there, own)
     for one, place in ((body, origin), (other, there)):
-        costs.append(pieces(own, one.attitude, place, one.points).squares.sum(axis=1))
+        costs.append(normal_blocks(own, one.attitude, place, one.points).squares.sum(axis=1))
     better = costs[1] < costs[0] - CLEARLY
     attitude = np.where(better[:, None, None], other.attitude, body.attitude)
     return replace(body, attitude=attitude), np.where(better[:, None], there, origin)
@@ -174,7 +174,7 @@ def _likelier_poses(body: Body, origin: FloatArray, own: Observations) -> tuple[
 
 def _posed(body: Body, origin: FloatArray, own: Observations) -> tuple[Body, FloatArray]:
     """The body with its attitudes and origins (n, 3) after a step for the same points."""
-    turn, shift = pieces(own, body.attitude, origin, body.points).best_pose()
+    turn, shift = normal_blocks(own, body.attitude, origin, body.points).best_pose()
     turn *= np.minimum(1.0, MOST_TURN / np.maximum(np.linalg.norm(turn, axis=1), 1e-300))[:, None]
     origin = origin + np.einsum("kij,kj->ki", body.attitude, shift)
     return replace(body, attitude=body.attitude @ exp_rotation(turn)), origin
@@ -187,7 +187,7 @@ def _change_of_points(body: Body, origin: FloatArray, own: Observations) -> Floa
     size = max(64, CHUNK_SIZE // (18 * m))
     for first in range(0, len(body.frames), size):
         part = slice(first, first + size)
-        found = pieces(own.frames(part), body.attitude[part], origin[part], body.points)
+        found = normal_blocks(own.frames(part), body.attitude[part], origin[part], body.points)
         (block, own_rhs), coupling = found.of_poses(), found.poses_points()
         solved = np.linalg.pinv(block, hermitian=True) @ coupling
         for index, of_point in enumerate(found.point):

@@ -65,7 +65,7 @@ def parts_of(path: Path) -> Iterator[Path]:
 
 
 def based_on(path: Path, base: Path) -> Path:
-    """The path with all that is added to it, but with another one that is no `ExtendedPath` path at its base."""
+    """The path with all that is added to it, but with another one that is no `ExtendedPath` at its base."""
     return replace(path, base=based_on(path.base, base)) if isinstance(path, ExtendedPath) else base
 
 

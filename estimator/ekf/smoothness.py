@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, maximise
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
 from baryscope.estimator.ekf.linearised import INERTIA
@@ -21,7 +21,7 @@ class Smoothness:
     (q, s): what a change of x changes of all parameters; variance: of an observation of weight 1.
     """
 
-    linear: Linear
+    linear: GaussianLikelihood
     prior: PathPrior
     by_path: FloatArray
     variance: float
@@ -48,7 +48,7 @@ class Smoothness:
         by_path = np.zeros((len(path), len(x)))
         by_path[path], by_path[~path] = np.eye(len(x)), regression
         rhs = (pull[path] + regression.T @ pull[~path]) / variance
-        return cls(Linear(information / variance, rhs, x), of_path, by_path, variance)
+        return cls(GaussianLikelihood(information / variance, rhs, x), of_path, by_path, variance)
 
     def likeliest(self, hyperparameters: FloatArray) -> FloatArray:
         """The hyperparameters (h,), logarithms, of greatest likelihood: from given ones, or from scans."""

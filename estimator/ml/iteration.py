@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, held, maximise, ranges
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, held, maximise, ranges
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.adjustment.reweighting import NEGLIGIBLE, WEIGHT_CHANGE_TOLERANCE, reweighted
 from baryscope.estimator.adjustment.stereo import StereoNoise
@@ -206,7 +206,7 @@ def _reweighted(problem: Problem, at: Iterate, step: _Step) -> Iterate:
     return replace(at, state=step.state, observations=observations, found=found, variance=variance, converged=converged)
 
 
-def _start(linear: Linear, own: Prior, theta: FloatArray) -> FloatArray:
+def _start(linear: GaussianLikelihood, own: Prior, theta: FloatArray) -> FloatArray:
     """The hyperparameters to start their search from, away from lower bounds, where the likelihood is flat.
 
     theta: those that are known, the last of them.

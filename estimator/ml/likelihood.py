@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, Pieces, pieces
+from baryscope.estimator.adjustment.normal_equations import CHUNK_SIZE, NormalBlocks, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.blocks import PAIRS
 from baryscope.estimator.dynamics.rotation import Attitudes
@@ -208,7 +208,7 @@ class _OfFrames:
     """The equations of n frames in their movements (φ, τ) in B, and what couples these with the points.
 
     turn, turn_shift, shift (n, 3, 3); turn_rhs, shift_rhs (n, 3); turn_points, shift_points (n, 3, 3 m), or None, where
-    they are those of the pieces.
+    they are those of the blocks.
     """
 
     turn: FloatArray
@@ -220,8 +220,8 @@ class _OfFrames:
     shift_points: FloatArray | None = None
 
     @classmethod
-    def of(cls, found: Pieces, dense: bool) -> "_OfFrames":
-        """Those of pieces; dense: with what couples with the points."""
+    def of(cls, found: NormalBlocks, dense: bool) -> "_OfFrames":
+        """Those of blocks; dense: with what couples with the points."""
         points = (found.turn_points(), found.shift_points()) if dense else (None, None)
         return cls(found.turn, found.turn_shift, found.shift, found.turn_rhs, found.shift_rhs, *points)
 
@@ -229,7 +229,7 @@ class _OfFrames:
 def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> None:
     """Add the frames of a part."""
     attitude, dense = model.attitude[part], model.knots is not None and observations.precision is not None
-    found = pieces(observations.frames(part), attitude, model.origin[part], model.points)
+    found = normal_blocks(observations.frames(part), attitude, model.origin[part], model.points)
     sums.point += found.point
     sums.points_rhs += found.point_rhs
     if model.noise is None:
@@ -243,7 +243,7 @@ def _add(sums: _Sums, part: slice, observations: Observations, model: Model) -> 
         _add_by_knots(sums, model.knots.around(part), found, frames, attitude)
 
 
-def _under_noise(sums: _Sums, found: Pieces, noise: FloatArray) -> _OfFrames:
+def _under_noise(sums: _Sums, found: NormalBlocks, noise: FloatArray) -> _OfFrames:
     """The equations of frames that noise of a covariance (n, 6, 6) moves; adds what it takes from the points'."""
     (block, rhs), coupling = found.of_poses(), found.poses_points()
     size, gain = coupling.shape[2], _gain(block, noise)
@@ -257,7 +257,7 @@ def _under_noise(sums: _Sums, found: Pieces, noise: FloatArray) -> _OfFrames:
     return _OfFrames(*corners, rhs[:, :3], rhs[:, 3:], coupling[:, :3], coupling[:, 3:])
 
 
-def _add_every(sums: _Sums, part: slice, found: Pieces, frames: _OfFrames, model: Model) -> None:
+def _add_every(sums: _Sums, part: slice, found: NormalBlocks, frames: _OfFrames, model: Model) -> None:
     """Add the frames of a part by the Jacobians at every one of them."""
     turn, own = model.motion.turn_of(part), model.rotation_size
     R_B_C = np.swapaxes(model.attitude[part], 1, 2)
@@ -284,7 +284,9 @@ def _add_every(sums: _Sums, part: slice, found: Pieces, frames: _OfFrames, model
         sums.coupling[shifting] += by_shift @ frames.shift_points.reshape(by_shift.shape[1], -1)
 
 
-def _add_by_knots(sums: _Sums, around: KnotsAround, found: Pieces, frames: _OfFrames, attitude: FloatArray) -> None:
+def _add_by_knots(
+    sums: _Sums, around: KnotsAround, found: NormalBlocks, frames: _OfFrames, attitude: FloatArray
+) -> None:
     """Add the frames of a part by the Jacobians at the knots around them."""
     R = np.asfortranarray(attitude)
 
@@ -342,7 +344,7 @@ def _squares(observations: Observations, model: Model) -> tuple[FloatArray, floa
         attitude, own = model.attitude[part], observations.frames(part)
         residual = own.position - model.origin[part][:, None] - model.points @ np.swapaxes(attitude, 1, 2)
         if model.noise is not None:
-            found = pieces(own, attitude, model.origin[part], model.points)
+            found = normal_blocks(own, attitude, model.origin[part], model.points)
             block, rhs = found.of_poses()
             gain = _gain(block, model.noise.frames(part).of_poses(attitude, model.origin[part]))
             moved = np.einsum("kij,kj->ki", gain, rhs)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from baryscope.estimator.adjustment.evidence import Linear
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood
 from baryscope.estimator.dynamics.inertia import INERTIA_DEVIATION
 from baryscope.estimator.dynamics.paths import Path
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
@@ -63,10 +63,10 @@ class Priors:
         torque = np.zeros(0) if rotation.torque is None else rotation.torque.coefficients.ravel()
         return np.concatenate([np.zeros(3), np.tensordot(INERTIA_BASIS, rotation.inertia), torque, x])
 
-    def linear(self, found: Equations, values: FloatArray, variance: float) -> Linear:
+    def linear(self, found: Equations, values: FloatArray, variance: float) -> GaussianLikelihood:
         """The linear problem at unknowns (q,), with the weak priors; variance: of an observation of weight 1."""
         pull = self.information @ (values - self.mean)
-        return Linear(found.matrix / variance + self.information, found.rhs / variance - pull, values)
+        return GaussianLikelihood(found.matrix / variance + self.information, found.rhs / variance - pull, values)
 
     def cost(self, values: FloatArray, precision: FloatArray) -> float:
         """−2 ln p of unknowns (q,), up to a constant, for inverse variances (q,) of their own priors."""

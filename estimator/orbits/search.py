@@ -16,7 +16,7 @@ from numpy.polynomial.polynomial import polyfit
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from baryscope.estimator.adjustment.evidence import Linear, cost
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost
 from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.dynamics.relative_motion import RelativeOrbit
 from baryscope.estimator.orbits.elements import LocalElements, places_on_orbit
@@ -55,7 +55,7 @@ class OrbitFit:
     prior_cost: float
 
 
-def likeliest_orbit(linear: Linear, smooth: SmoothPath, theta: FloatArray) -> OrbitFit | None:
+def likeliest_orbit(linear: GaussianLikelihood, smooth: SmoothPath, theta: FloatArray) -> OrbitFit | None:
     """The likeliest orbit for what the tracks tell of the coefficients (p,) of a smooth path; None if none is told.
 
     theta (h,): the hyperparameters of the smooth path's prior.
@@ -110,7 +110,7 @@ class _Search:
     rest: float
 
     @classmethod
-    def of(cls, linear: Linear, smooth: SmoothPath) -> "_Search":
+    def of(cls, linear: GaussianLikelihood, smooth: SmoothPath) -> "_Search":
         """Those of what the tracks tell."""
         values, axes = np.linalg.eigh(linear.information)
         told = values > WEAK * values[-1]

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, held, maximise, solved
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, held, maximise, solved
 from baryscope.estimator.adjustment.subsample import Subsample
 from baryscope.estimator.dynamics.burns import UNKNOWNS, Burn, BurnedPath, burn_axes
 from baryscope.estimator.dynamics.forces import BROAD, longest_on
@@ -147,7 +147,7 @@ class BurnEquations:
         matrix, rhs, total = self._equations(burns, bend)
         prior, values, best = self._whole_prior(burns), 3 * len(self.rows), near if theta is None else theta
         for _ in range(rounds):
-            linear = Linear(matrix / variance, rhs / variance, np.zeros(len(rhs)))
+            linear = GaussianLikelihood(matrix / variance, rhs / variance, np.zeros(len(rhs)))
             best = _limited(linear, prior, best, limit.density) if theta is None else theta
             mean, covariance = conditional(linear, prior, best)
             score = cost(linear, prior, best) + total / variance + values * float(np.log(variance))
@@ -190,7 +190,7 @@ class BurnEquations:
         durations = np.arange(u, u + UNKNOWNS * len(burns)).reshape(-1, UNKNOWNS)[:, 4]
         x = fit.mean.copy()
         x[durations] = 0.0
-        precision = held(Linear(matrix / fit.variance, rhs, x), self._whole_prior(burns), fit.theta)[0]
+        precision = held(GaussianLikelihood(matrix / fit.variance, rhs, x), self._whole_prior(burns), fit.theta)[0]
         gone = durations
         if not self._noisy(fit):
             gone = np.append(durations, np.arange(len(x) - 3 * self.cells, len(x)))
@@ -319,7 +319,7 @@ def _smooth(orbit: Orbit | None, edges: FloatArray) -> FloatArray:
     return np.kron(np.array(shapes).T, np.eye(3))
 
 
-def _limited(linear: Linear, prior: Prior, start: FloatArray | None, most: float) -> FloatArray:
+def _limited(linear: GaussianLikelihood, prior: Prior, start: FloatArray | None, most: float) -> FloatArray:
     """The likeliest hyperparameters (h,), the last of which is limited."""
     theta = maximise(linear, prior, start)
     return theta if theta[-1] <= most else np.append(maximise(linear, prior.fixed(DENSITY, most), theta[:-1]), most)

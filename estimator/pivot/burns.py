@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, cost, maximise
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, cost, maximise
 from baryscope.estimator.adjustment.subsample import SUBSAMPLE_FRAMES, subsampled
 from baryscope.estimator.dynamics.burns import UNKNOWNS, BurnedPath, burned_in, burns_of
 from baryscope.estimator.dynamics.paths import Path
@@ -131,7 +131,7 @@ def _gains(found: Pivot) -> list[float]:
     ]
 
 
-def _cost_without(linear: Linear, prior: Prior, gone: NDArray[np.intp]) -> float:
+def _cost_without(linear: GaussianLikelihood, prior: Prior, gone: NDArray[np.intp]) -> float:
     """−2 ln p at its minimum if some unknowns are zero, beside that with them."""
     few, more = fixed_at(linear, gone, np.zeros(len(gone)))
     own = prior.of(np.setdiff1d(np.arange(len(linear.x)), gone))

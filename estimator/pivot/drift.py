@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import RIDGE, Linear, conditional, improved
-from baryscope.estimator.adjustment.normal_equations import pieces, turn_information
+from baryscope.estimator.adjustment.evidence import RIDGE, GaussianLikelihood, conditional, improved
+from baryscope.estimator.adjustment.normal_equations import normal_blocks, turn_information
 from baryscope.estimator.adjustment.observations import Observations
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.dynamics.sampled_path import SampledPath
@@ -61,7 +61,7 @@ class DriftEquations:
         least, total = ROUNDING * self.total, self.total - float(rhs[:d] @ inverse @ rhs[:d])
         variance, x, theta = max(self.noise**2, least), np.zeros(len(right)), None
         for _ in range(NOISE_ROUNDS):
-            linear = Linear(information / variance, right / variance, np.zeros_like(x))
+            linear = GaussianLikelihood(information / variance, right / variance, np.zeros_like(x))
             theta = improved(linear, prior, theta)
             x, covariance = conditional(linear, prior, theta)
             left = self.values - d - float(np.vdot(linear.information, covariance))
@@ -149,7 +149,7 @@ def frame_covariances(
 def _of_pose(body: Body, observations: Observations, offset: FloatArray) -> FloatArray:
     """The covariance of c_k − R_k d, τ + d × φ for small changes (φ, τ) of the pose, with precisions."""
     own = observations.frames(body.frames).features(body.features)
-    block, _ = pieces(own, body.attitude, np.zeros((len(body.frames), 3)), body.points).of_poses()
+    block, _ = normal_blocks(own, body.attitude, np.zeros((len(body.frames), 3)), body.points).of_poses()
     scale = 1 / np.sqrt(np.maximum(np.diagonal(block, axis1=1, axis2=2), 1e-300))
     block = block * scale[:, :, None] * scale[:, None] + RIDGE * np.eye(6)
     covariance = np.linalg.inv(block) * scale[:, :, None] * scale[:, None]

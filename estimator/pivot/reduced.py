@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from baryscope.estimator.adjustment.evidence import Linear, complexity, held, solved
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, complexity, held, solved
 from baryscope.estimator.dynamics.prior import Prior
 from baryscope.estimator.pivot.free_attitudes import Linearised, Solution, squares_of_used
 from baryscope.estimator.registration.noise import GATE
@@ -12,9 +12,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 
-def scaled(problem: Linearised, variance: float) -> Linear:
+def scaled(problem: Linearised, variance: float) -> GaussianLikelihood:
     """The reduced problem in the unknowns of the path, for a variance of an observation of weight 1."""
-    return Linear(problem.matrix / variance, problem.rhs / variance, problem.x)
+    return GaussianLikelihood(problem.matrix / variance, problem.rhs / variance, problem.x)
 
 
 def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: float) -> Solution:
@@ -22,17 +22,17 @@ def stepped(problem: Linearised, prior: Prior, theta: FloatArray, variance: floa
     return problem.step(variance * held(scaled(problem, variance), prior, theta)[0])
 
 
-def of_first(linear: Linear, prior: Prior, theta: FloatArray, count: int) -> Linear:
+def of_first(linear: GaussianLikelihood, prior: Prior, theta: FloatArray, count: int) -> GaussianLikelihood:
     """The problem in the first unknowns alone; the others (p - count,) have their prior for hyperparameters (h,)."""
     precision = held(linear, prior, theta)[0][count:]
     across = linear.information[count:, :count]
     pull = linear.rhs[count:] - precision * linear.x[count:]
     left = solved(linear.information[count:, count:] + np.diag(precision), np.column_stack([across, pull]))
     own = linear.information[:count, :count] - across.T @ left[:, :-1]
-    return Linear(own, linear.rhs[:count] - across.T @ left[:, -1], linear.x[:count])
+    return GaussianLikelihood(own, linear.rhs[:count] - across.T @ left[:, -1], linear.x[:count])
 
 
-def fixed_at(linear: Linear, fixed: IntArray, values: FloatArray) -> tuple[Linear, float]:
+def fixed_at(linear: GaussianLikelihood, fixed: IntArray, values: FloatArray) -> tuple[GaussianLikelihood, float]:
     """The problem in the others (p - k,) where some unknowns have values (k,), and what −2 ln p is greater by.
 
     fixed (k,): their indices.
@@ -41,7 +41,7 @@ def fixed_at(linear: Linear, fixed: IntArray, values: FloatArray) -> tuple[Linea
     change = values - linear.x[fixed]
     rhs = linear.rhs[kept] - linear.information[np.ix_(kept, fixed)] @ change
     more = float(change @ linear.information[np.ix_(fixed, fixed)] @ change) - 2 * float(linear.rhs[fixed] @ change)
-    return Linear(linear.information[np.ix_(kept, kept)], rhs, linear.x[kept]), more
+    return GaussianLikelihood(linear.information[np.ix_(kept, kept)], rhs, linear.x[kept]), more
 
 
 def bounded_cost(

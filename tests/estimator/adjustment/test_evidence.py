@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from baryscope.estimator.adjustment.evidence import (
-    Linear,
+    GaussianLikelihood,
     complexity,
     cost,
     held,
@@ -31,7 +31,7 @@ def test_the_objective_is_the_density_of_the_observations():
     """Of 60 observations given the free unknowns' wide prior; differences between two values of θ."""
     H, _, y = observed(0, 0.4)
     at = np.full(14, 0.2)
-    linear = Linear(H.T @ H, H.T @ (y - H @ at), at)
+    linear = GaussianLikelihood(H.T @ H, H.T @ (y - H @ at), at)
     wide, found, expected = 1e5, [], []
     for theta in (-2.0, 0.5):
         variances = np.concatenate([np.full(2, wide), np.exp(PRIOR.offset[2:] + theta)])
@@ -47,7 +47,7 @@ def test_unknowns_that_the_prior_fixes_are_zero(theta):
     two = Prior.none(2).joined(Prior(np.linspace(0, -3, 6), np.ones((6, 1)), (Hyperparameter("first"),)))
     two = two.joined(Prior(np.linspace(0, -3, 6), np.ones((6, 1)), (Hyperparameter("second"),)))
     H, x, y = observed(2, 1.0)
-    linear = Linear(H.T @ H, H.T @ (y - H @ x), x)
+    linear = GaussianLikelihood(H.T @ H, H.T @ (y - H @ x), x)
     wide, found, expected = 1e5, [], []
     for at in (np.zeros(2), np.array(theta)):
         variances = np.concatenate([np.full(2, wide), np.exp(two.offset[2:] + two.slopes[2:] @ at)])
@@ -65,7 +65,7 @@ def test_the_complexity_of_unknowns_that_the_prior_fixes_away_from_zero():
     H, x, y = observed(3, 1.0)
     y = y + 1e9
     prior = Prior.none(2).joined(Prior.known(np.concatenate([np.exp(np.linspace(0, -3, 6)), np.full(6, 1e-30)])))
-    linear = Linear(H.T @ H, H.T @ (y - H @ x), x)
+    linear = GaussianLikelihood(H.T @ H, H.T @ (y - H @ x), x)
     precision = held(linear, prior, np.zeros(0))[0]
     expected = np.linalg.slogdet(H.T @ H + np.diag(precision))[1] - np.log(precision[2:]).sum() + precision @ x**2
     assert complexity(linear, prior) == pytest.approx(expected, rel=1e-5)
@@ -73,7 +73,7 @@ def test_the_complexity_of_unknowns_that_the_prior_fixes_away_from_zero():
 
 def test_the_gradient_is_that_of_the_objective():
     H, _, y = observed(1, 2.0)
-    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
     ends = [objective(linear, PRIOR, np.array([0.3 + step]))[0] for step in (-1e-5, 1e-5)]
     assert objective(linear, PRIOR, np.array([0.3]))[1][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6)
 
@@ -88,7 +88,7 @@ def test_a_fixed_hyperparameter_is_none():
 def test_a_range_that_would_begin_above_its_end_is_that_end():
     """Observations that tell next to nothing, and a variance with an upper bound: case 94/26 without its orbit."""
     bounded = Prior.none(1).joined(Prior(np.zeros(2), np.ones((2, 1)), (Hyperparameter("scale", upper=1.0),)))
-    linear = Linear(np.diag([1.0, 1e-9, 1e-9]), np.zeros(3), np.zeros(3))
+    linear = GaussianLikelihood(np.diag([1.0, 1e-9, 1e-9]), np.zeros(3), np.zeros(3))
     assert ranges(linear, bounded).tolist() == [[pytest.approx(np.log(1e6)), pytest.approx(np.log(1e6))]]
     assert maximise(linear, bounded) == pytest.approx(np.array([np.log(1e6)]))
 
@@ -98,7 +98,7 @@ def test_rounds_of_a_few_iterations_come_to_the_maximum():
     prior, rng = SmoothPath(12, 0.0, 1.0).prior, np.random.default_rng(4)
     H = rng.normal(size=(80, 39))
     x = np.repeat(0.5 ** np.arange(13), 3) * rng.normal(size=39)
-    linear = Linear(H.T @ H, H.T @ (H @ x + 0.1 * rng.normal(size=80)), np.zeros(39))
+    linear = GaussianLikelihood(H.T @ H, H.T @ (H @ x + 0.1 * rng.normal(size=80)), np.zeros(39))
     theta = ranges(linear, prior).mean(axis=1)
     costs = [cost(linear, prior, theta)]
     for _ in range(8):
@@ -113,7 +113,10 @@ def test_what_is_not_known_of_a_start_is_sought_in_its_range():
     """With nothing known as without a start; with one of two at its maximum, the other is found."""
     H, _, y = observed(3, 0.4)
     halves = [Prior(np.zeros(6), np.ones((6, 1)), (Hyperparameter(name),)) for name in ("one", "other")]
-    prior, linear = Prior.none(2).joined(halves[0]).joined(halves[1]), Linear(H.T @ H, H.T @ y, np.zeros(14))
+    prior, linear = (
+        Prior.none(2).joined(halves[0]).joined(halves[1]),
+        GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14)),
+    )
     best = maximise(linear, prior)
     for start in (np.full(2, np.nan), np.array([best[0], np.nan]), np.array([np.nan, best[1]])):
         for search in (maximise, improved):

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from baryscope.estimator.adjustment import integration
-from baryscope.estimator.adjustment.evidence import BELOW, NO_EFFECT, Linear, conditional, cost, maximise, ranges
+from baryscope.estimator.adjustment.evidence import (
+    BELOW,
+    NO_EFFECT,
+    GaussianLikelihood,
+    conditional,
+    cost,
+    maximise,
+    ranges,
+)
 from baryscope.estimator.adjustment.integration import GRID_END, LEAST_EFFECT, NINETY, Posterior, posterior
 from baryscope.estimator.dynamics.paths import LONGEST, SmoothPath
 from baryscope.estimator.dynamics.prior import Hyperparameter, Prior
@@ -27,7 +35,7 @@ def test_the_posterior_covers_the_truth(variance):
     squares = []
     for seed in range(300):
         H, x, y = observed(seed, variance)
-        linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+        linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
         theta = maximise(linear, PRIOR)
         found = posterior(linear, PRIOR, theta)
         error = found.mean - x
@@ -42,7 +50,7 @@ def test_the_posterior_has_the_mean_over_the_hyperparameter():
     prior = Prior.none(2).joined(Prior(PRIOR.offset[2:], PRIOR.slopes[2:], (Hyperparameter("scale", optional=True),)))
     for seed in range(5):
         H, _, y = observed(seed, 0.01)
-        linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+        linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
         low, high = ranges(linear, prior)[0]
         grid = np.linspace(low + np.log(LEAST_EFFECT / NO_EFFECT), high, 4000)
         points, share = np.append(low, grid), np.append(BELOW, np.full(4000, grid[1] - grid[0]))
@@ -63,7 +71,7 @@ def test_what_is_optional_is_not_claimed_away(variance):
     squares = []
     for seed in range(400):
         H, x, y = observed(seed, variance)
-        linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+        linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
         found = posterior(linear, prior, maximise(linear, prior))
         error = (found.mean - x)[:2]
         squares.append(error @ np.linalg.solve(found.covariance[:2, :2], error))
@@ -76,7 +84,7 @@ def test_a_step_along_a_principal_axis_is_of_the_lattices_deviations():
     slopes = np.column_stack([np.ones(600), np.linspace(-1, 1, 600)])
     prior = Prior(np.zeros(600), slopes, (Hyperparameter("size", -10, 10), Hyperparameter("trend", -10, 10)))
     x = np.exp(slopes @ [0.5, 1.0] / 2) * np.random.default_rng(3).normal(size=600)
-    linear = Linear(100 * np.eye(600), 100 * x, np.zeros(600))
+    linear = GaussianLikelihood(100 * np.eye(600), 100 * x, np.zeros(600))
     theta, bounds = maximise(linear, prior), ranges(linear, prior)
     steps = integration._principal_steps(linear, prior, theta, np.ones(2, dtype=bool), bounds)
     assert np.linalg.matrix_rank(steps) == 2
@@ -86,7 +94,7 @@ def test_a_step_along_a_principal_axis_is_of_the_lattices_deviations():
 
 def test_without_hyperparameters_the_posterior_is_that_of_least_squares():
     H, _, y = observed(2, 1.0)
-    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
     found = posterior(linear, Prior.none(14), maximise(linear, Prior.none(14)))
     np.testing.assert_allclose(found.mean, np.linalg.lstsq(H, y, rcond=None)[0], rtol=1e-8)
     np.testing.assert_allclose(found.covariance, np.linalg.inv(H.T @ H), rtol=1e-8)
@@ -98,7 +106,7 @@ def test_an_optional_hyperparameter_without_an_effect_is_not_significant():
     found = []
     for seed in range(20):
         H, _, y = observed(seed, 1e-3)
-        linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+        linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
         theta = maximise(linear, unknown)
         if theta[0] == ranges(linear, unknown)[0, 0]:
             found.append(posterior(linear, unknown, theta).significance[0])
@@ -110,7 +118,7 @@ def test_rounding_that_makes_nothing_far_less_likely_leaves_it_likely(monkeypatc
     """Case 109/4 without its orbit: near the end of the range, where nothing has an effect, −2 ln p fell by 10⁹."""
     unknown = Prior.none(2).joined(Prior(PRIOR.offset[2:], PRIOR.slopes[2:], (Hyperparameter("scale", optional=True),)))
     H, _, y = observed(0, 1e-3)
-    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
     theta = ranges(linear, unknown)[:, 0] + 1e-6
     expected = conditional(linear, unknown, theta)[1]
     kept = integration.likeliest_without
@@ -137,7 +145,7 @@ def test_a_hyperparameter_that_rounding_has_put_below_its_bound_leaves_the_other
     H, _, y = observed(3, 0.4)
     halves = [Prior(np.zeros(6), np.ones((6, 1)), (Hyperparameter(name),)) for name in ("one", "other")]
     prior = Prior.none(2).joined(halves[0]).joined(halves[1])
-    linear = Linear(H.T @ H, H.T @ y, np.zeros(14))
+    linear = GaussianLikelihood(H.T @ H, H.T @ y, np.zeros(14))
     lowest = np.array([maximise(linear, prior)[0], ranges(linear, prior)[1, 0]])
     at, below = (posterior(linear, prior, lowest - [0.0, apart]) for apart in (0.0, 1e-9))
     assert np.ptp(at.interval[0]) > 0.1
@@ -151,7 +159,7 @@ def test_what_others_explain_is_not_due_to_an_optional_one():
     y = H @ rng.normal(size=8) + rng.normal(size=80)
     both = np.hstack([H, H])
     scales = tuple(Prior(np.zeros(8), np.ones((8, 1)), (Hyperparameter(n, optional=n == "b"),)) for n in "ab")
-    prior, linear = scales[0].joined(scales[1]), Linear(both.T @ both, both.T @ y, np.zeros(16))
+    prior, linear = scales[0].joined(scales[1]), GaussianLikelihood(both.T @ both, both.T @ y, np.zeros(16))
     bounds = ranges(linear, prior)
     start = np.array([bounds[0, 0], 0.0])  # all is due to the optional one
     for theta in (maximise(linear, prior, start), maximise(linear, prior, np.array([bounds[0, 0], np.nan]))):
@@ -169,7 +177,7 @@ def test_scatter_widens_what_the_observations_do_not_tell():
     rng = np.random.default_rng(6)
     H = np.hstack([10 * rng.normal(size=(60, 9)), 1e-3 * rng.normal(size=(60, 3))])
     law = Prior.none(1).joined(Prior(np.zeros(11), np.ones((11, 1)), (Hyperparameter("scale"),)))
-    linear = Linear(H.T @ H, H.T @ (H @ rng.normal(size=12) + rng.normal(size=60)), np.zeros(12))
+    linear = GaussianLikelihood(H.T @ H, H.T @ (H @ rng.normal(size=12) + rng.normal(size=60)), np.zeros(12))
     theta = maximise(linear, law)
     plain = np.diag(posterior(linear, law, theta).covariance)
     wider = np.diag(posterior(linear, replace(law, scatter=1.5), theta).covariance)
@@ -186,7 +194,7 @@ def test_a_smooth_path_is_averaged_over_its_whole_law(coefficients):
     H = rng.normal(size=(24, path.size)) * np.repeat([1.0, 3.0, 1.0, 0.3, 0.1, 0.1], 3)
     x = np.zeros((6, 3))
     x[1:4] = np.array(coefficients)[:, None] * rng.normal(size=(3, 3))
-    linear = Linear(H.T @ H, H.T @ (H @ x.ravel() + rng.normal(size=24)), np.zeros(path.size))
+    linear = GaussianLikelihood(H.T @ H, H.T @ (H @ x.ravel() + rng.normal(size=24)), np.zeros(path.size))
     theta = maximise(linear, prior)
     found, expected = posterior(linear, prior, theta).about_likeliest, over_grid(linear, prior, theta)
     ratio = np.sqrt(np.diag(found) / np.diag(expected))
@@ -200,7 +208,7 @@ def test_a_smooth_path_of_which_nothing_is_told_is_longer_than_any():
     """As information of the offset takes all of the path's: its first coefficient has no range left."""
     prior = SmoothPath(4, 0.0, 1.0).prior
     information = np.diag(np.repeat([1.0, 0.0], [3, 12]))
-    linear = Linear(information, np.zeros(15), np.zeros(15))
+    linear = GaussianLikelihood(information, np.zeros(15), np.zeros(15))
     assert np.ptp(ranges(linear, prior)[0]) == 0
     found = posterior(linear, prior, maximise(linear, prior))
     np.testing.assert_allclose(np.diag(found.covariance)[:3], 1.0, rtol=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from baryscope.estimator.adjustment.normal_equations import at_best_attitudes, pieces
+from baryscope.estimator.adjustment.normal_equations import at_best_attitudes, normal_blocks
 from baryscope.estimator.adjustment.observations import Observations, as_slice
 from baryscope.estimator.geometry.so3 import cross_matrices
 from baryscope.estimator.geometry.symmetric import symmetric_inverses
@@ -47,7 +47,7 @@ def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
     function = whitened(observations, attitude, origin, points)
     residual, J = function(np.zeros(6 * N + 3 * M)), differences(function, np.zeros(6 * N + 3 * M))
     matrix, rhs = J.T @ J, -J.T @ residual
-    found = pieces(observations, attitude, origin, points)
+    found = normal_blocks(observations, attitude, origin, points)
     turns, shifts, rest = np.arange(3 * N), np.arange(3 * N, 6 * N), np.arange(6 * N, 6 * N + 3 * M)
     exact = {"rtol": 0, "atol": 1e-8 * np.abs(matrix).max()}  # of central differences with steps of 1e-6
     for k in range(N):
@@ -76,7 +76,7 @@ def test_pieces_are_the_blocks_of_the_dense_normal_equations(full):
 def test_isotropic_weights_agree_with_precisions_that_are_multiples_of_the_identity():
     observations, attitude, origin, points = scene(full=False)
     same = Observations(observations.position, observations.weight, np.broadcast_to(np.eye(3), (N, M, 3, 3)))
-    one, two = (pieces(s, attitude, origin, points) for s in (observations, same))
+    one, two = (normal_blocks(s, attitude, origin, points) for s in (observations, same))
     for name in ("turn", "turn_shift", "shift", "point", "turn_rhs", "shift_rhs", "point_rhs", "squares"):
         np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(one.turn_points(), two.turn_points(), atol=1e-12)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baryscope.estimator.adjustment.evidence import Linear, conditional, cost, maximise
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, conditional, cost, maximise
 from baryscope.estimator.adjustment.integration import posterior
 from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.dynamics.prior import Prior as PathPrior
@@ -30,7 +30,7 @@ def test_elimination_changes_nothing(path, variance):
     before, after = (PathPrior.known(np.full(count, 2.0)) for count in (BEFORE, AFTER))
     everything = before.joined(path).joined(after)
     at = np.concatenate([rng.normal(size=BEFORE), x, rng.normal(size=AFTER)])
-    linear = Linear(information, information @ rng.normal(size=q), at)
+    linear = GaussianLikelihood(information, information @ rng.normal(size=q), at)
     theta = maximise(linear, everything)
     mean, covariance = conditional(linear, everything, theta)
     expected = posterior(linear, everything, theta).about_likeliest - covariance

@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.linalg import solve_triangular
 
-from baryscope.estimator.adjustment.evidence import Linear, maximise
+from baryscope.estimator.adjustment.evidence import GaussianLikelihood, maximise
 from baryscope.estimator.dynamics.paths import SmoothPath
 from baryscope.estimator.orbits.search import likeliest_orbit
 from baryscope.models.ephemeris.trajectory import target_states
@@ -24,7 +24,7 @@ def seen(position, span, sigma, seed=0, frames=400, degree=40):
     noisy = position(time) + sigma * np.random.default_rng(seed).standard_normal((frames, 3))
     terms = chebyshev.chebvander(2 * time / span - 1, degree)
     x = np.linalg.lstsq(terms, noisy, rcond=None)[0].ravel()
-    linear = Linear(np.kron(terms.T @ terms, np.eye(3)) / sigma**2, np.zeros(len(x)), x)
+    linear = GaussianLikelihood(np.kron(terms.T @ terms, np.eye(3)) / sigma**2, np.zeros(len(x)), x)
     return linear, smooth, maximise(linear, smooth.prior)
 
 
