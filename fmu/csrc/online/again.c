@@ -10,7 +10,7 @@ static void keep(Online *filter, const Level *level, const double moved[OF_MAP])
     if (filter->stages >= STAGES) filter->stages = -1.0;
     if (filter->stages >= 0.0) {
         Stage *stage = &filter->stage[(int)filter->stages++];
-        *stage = (Stage){.way = filter->leg};
+        *stage = (Stage){.transition = filter->since_node};
         copy(level->lag, stage->lag), copy(level->offset, stage->offset);
         copy(level->noise, stage->noise), copy(level->turn, stage->turn), copy(level->both, stage->both);
         for (int k = 0; k < 3; k++) stage->c[k] = level->c[k], stage->scale[k] = level->scale[k];
@@ -22,7 +22,7 @@ static void keep(Online *filter, const Level *level, const double moved[OF_MAP])
         }
         stage->bend = level->bend;
     }
-    start_way(&filter->leg);
+    start_transition(&filter->since_node);
 }
 
 /* What a node says if its map's offset was wrong by `wrong`, of the covariance P, in B: the error of the attitude moves
@@ -57,11 +57,11 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         take_member(&filter->bank[m], &member);
-        advance_member(&member, law_of((int)member.steady), &stage->way);
+        advance_member(&member, law_of((int)member.steady), &stage->transition);
         keep_member(&member, &filter->bank[m]);
     }
     seeming(level->offset, level->turn, level->noise, M);
-    update_members(filter, level, M, stage->way.span, &jump, &sound);
+    update_members(filter, level, M, stage->transition.span, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
     for (int m = 0; m < MEMBERS; m++)

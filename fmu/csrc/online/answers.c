@@ -59,8 +59,8 @@ static void go_ahead(const Online *filter, Ahead *ahead, double end, const Push 
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double T = (end - ahead->time) / count, from = ahead->time + s * T;
-        Way way;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, ahead->x, &ahead->now, &way);
+        Transition transition;
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, ahead->x, &ahead->now, &transition);
     }
     ahead->time = end;
 }

@@ -183,32 +183,32 @@ static void start_bank(Online *filter) {
 static double bent_by(int component, double T) { return component < 3 ? 0.5 * T * T : T; }
 
 /* Of `advance_member`, what the errors of the thrusters add: to x, and to A, the covariance of (r, v) then with all now. */
-static void push_member(const Member *member, const Way *way, const double by[6], double x[6], double A[6][ERRORS]) {
+static void push_member(const Member *member, const Transition *transition, const double by[6], double x[6], double A[6][ERRORS]) {
     for (int a = 0; a < 6; a++) {
         for (int b = THRUST; b < ERRORS; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
         for (int k = 0; k < 6; k++)
-            for (int b = THRUST; b < ERRORS; b++) A[a][b] += way->F[a][k] * member->P[k][b];
+            for (int b = THRUST; b < ERRORS; b++) A[a][b] += transition->F[a][k] * member->P[k][b];
         for (int k = 0; k < OF_THRUST; k++) {
-            x[a] += way->push[a][k] * member->x[THRUST + k];
-            for (int b = 0; b < ERRORS; b++) A[a][b] += way->push[a][k] * member->P[THRUST + k][b];
+            x[a] += transition->push[a][k] * member->x[THRUST + k];
+            for (int b = 0; b < ERRORS; b++) A[a][b] += transition->push[a][k] * member->P[THRUST + k][b];
         }
     }
 }
 
-/* The way, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
-static void advance_member(Member *member, Law law, const Way *way) {
+/* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
+static void advance_member(Member *member, Law law, const Transition *transition) {
     const int n = (int)member->errors;
-    const double T = way->span, (*F)[6] = way->F;
+    const double T = transition->span, (*F)[6] = transition->F;
     double x[6], by[6], A[6][ERRORS], across[6][6];
     for (int a = 0; a < 6; a++) {
         by[a] = n < MOTION ? 0.0 : bent_by(a, T);
-        x[a] = way->step[a] + by[a] * member->x[LEVEL + a % 3];
+        x[a] = transition->step[a] + by[a] * member->x[LEVEL + a % 3];
         for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k], across[k][a] = F[a][k];
         for (int b = 0; b < MOTION; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < MOTION; b++) A[a][b] += F[a][k] * member->P[k][b];
     }
-    if (n > MOTION) push_member(member, way, by, x, A);
+    if (n > MOTION) push_member(member, transition, by, x, A);
     for (int a = 0; a < 6; a++) {
         double s[6];
         member->x[a] = x[a];
@@ -216,7 +216,7 @@ static void advance_member(Member *member, Law law, const Way *way) {
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < 6; b++) s[b] += A[a][k] * across[k][b];
         for (int k = 0; k < OF_THRUST && n > MOTION; k++)
-            for (int b = 0; b < 6; b++) s[b] += A[a][THRUST + k] * way->push[b][k];
+            for (int b = 0; b < 6; b++) s[b] += A[a][THRUST + k] * transition->push[b][k];
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = a == b ? s[b] + ROUNDING * s[b] : s[b];
         for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
     }
@@ -224,22 +224,22 @@ static void advance_member(Member *member, Law law, const Way *way) {
     if (law.jerk > 0.0) add_wander(law.jerk, T, member->P);
 }
 
-/* The large filter, or its shadow: for them what the thrusters are wrong by is noise of each way. */
-static void advance_large(const Online *filter, Member *large, const Way *way) {
+/* The large filter, or its shadow: for them what the thrusters are wrong by is noise of each transition. */
+static void advance_large(const Online *filter, Member *large, const Transition *transition) {
     for (int k = THRUST; k < ERRORS; k++)
         for (int j = THRUST; j < ERRORS; j++) large->P[k][j] = 0.0;
-    advance_member(large, (Law){.white = filter->density}, way);
-    add_thrust(filter, way, &large->P[0][0], ERRORS);
+    advance_member(large, (Law){.white = filter->density}, transition);
+    add_thrust(filter, transition, &large->P[0][0], ERRORS);
 }
 
 /* All members of a bank of the filter. */
-static void advance_bank(const Online *filter, const Way *way, Kept bank[MEMBERS + 1]) {
+static void advance_bank(const Online *filter, const Transition *transition, Kept bank[MEMBERS + 1]) {
     Member member;
     for (int m = 0; m <= SHADOW; m++) {
         if (!is_alive(&bank[m])) continue;
         take_member(&bank[m], &member);
-        if (m == SHADOW) advance_large(filter, &member, way);
-        else advance_member(&member, law_of((int)member.steady), way);
+        if (m == SHADOW) advance_large(filter, &member, transition);
+        else advance_member(&member, law_of((int)member.steady), transition);
         keep_member(&member, &bank[m]);
     }
 }

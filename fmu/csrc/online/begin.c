@@ -149,7 +149,7 @@ static void begin(Online *filter, Frame *frame, const Path *path) {
     start_interval(filter);
     start_bank(filter);
     if (path) doubt_path(filter);
-    start_way(&filter->leg);
+    start_transition(&filter->since_node);
     filter->first = filter->bank[0];
     filter->again = FIRST_AGAIN * filter->widest;
 }

@@ -2,8 +2,8 @@
 
 static int size_of(const Online *filter) { return BODY + 3 * (int)filter->used; }
 
-/* (r, v) and its transition from one time to another, without a push of the chaser. */
-static void transition(const OnlineOptions *options, double begin, double end, double x[6], double F[6][6]) {
+/* (r, v) and its transition matrix F from one time to another, without a push of the chaser. */
+static void propagate(const OnlineOptions *options, double begin, double end, double x[6], double F[6][6]) {
     if (options->on_orbit != 0.0) {
         relative_step(begin, end, options->elements, x, F);
         return;
@@ -13,15 +13,15 @@ static void transition(const OnlineOptions *options, double begin, double end, d
     for (int k = 0; k < 3; k++) F[k][3 + k] = end - begin, x[k] += (end - begin) * x[3 + k];
 }
 
-static void start_way(Way *way) {
-    *way = (Way){0};
-    for (int i = 0; i < 6; i++) way->F[i][i] = 1.0;
+static void start_transition(Transition *transition) {
+    *transition = (Transition){0};
+    for (int i = 0; i < 6; i++) transition->F[i][i] = 1.0;
 }
 
 /* Count the transition from here. */
 static void start_interval(Online *filter) {
     for (int i = 0; i < 6; i++) filter->from[i] = filter->x[i];
-    start_way(&filter->way);
+    start_transition(&filter->transition);
 }
 
 static void multiplied(const double A[6][6], const double B[6][6], double C[6][6]) {
@@ -32,18 +32,18 @@ static void multiplied(const double A[6][6], const double B[6][6], double C[6][6
         }
 }
 
-/* A way goes on by another one. */
-static void go_on(Way *way, const Way *by) {
-    const Way before = *way;
-    multiplied(by->F, before.F, way->F);
+/* A transition, and another one after it. */
+static void append_transition(Transition *transition, const Transition *by) {
+    const Transition before = *transition;
+    multiplied(by->F, before.F, transition->F);
     for (int i = 0; i < 6; i++) {
-        way->step[i] = by->step[i] + dot(by->F[i], before.step) + dot(&by->F[i][3], &before.step[3]);
+        transition->step[i] = by->step[i] + dot(by->F[i], before.step) + dot(&by->F[i][3], &before.step[3]);
         for (int k = 0; k < OF_THRUST; k++) {
-            way->push[i][k] = by->push[i][k];
-            for (int j = 0; j < 6; j++) way->push[i][k] += by->F[i][j] * before.push[j][k];
+            transition->push[i][k] = by->push[i][k];
+            for (int j = 0; j < 6; j++) transition->push[i][k] += by->F[i][j] * before.push[j][k];
         }
     }
-    way->span += by->span;
+    transition->span += by->span;
 }
 
 /* In how many steps to go: the noise's covariance is that of a straight line, true for a small arc of the orbit. */
@@ -65,7 +65,7 @@ static void push_on(const OnlineOptions *options, double begin, double end, cons
     double T = (end - begin) / count;
     for (int s = 0; s < count; s++) {
         double F[6][6], x[6] = {0.0}, from[6], start = begin + s * T;
-        transition(options, start, s + 1 < count ? start + T : end, x, F);
+        propagate(options, start, s + 1 < count ? start + T : end, x, F);
         for (int i = 0; i < 6; i++) from[i] = moved[i];
         for (int i = 0; i < 6; i++) moved[i] = dot(F[i], from) + dot(&F[i][3], &from[3]);
         for (int k = 0; k < 3; k++) {
@@ -75,74 +75,74 @@ static void push_on(const OnlineOptions *options, double begin, double end, cons
     }
 }
 
-/* The way from the time of the covariances on. */
-static Way way_since(const Online *filter) {
-    Way way = filter->way;
+/* The transition from the time of the covariances on. */
+static Transition transition_since(const Online *filter) {
+    Transition transition = filter->transition;
     for (int i = 0; i < 6; i++) {
-        way.step[i] = filter->x[i] - (dot(way.F[i], filter->from) + dot(&way.F[i][3], &filter->from[3]));
-        for (int k = 0; k < OF_THRUST && filter->pushed != 0.0; k++) way.step[i] -= way.push[i][k] * filter->thrust[k];
+        transition.step[i] = filter->x[i] - (dot(transition.F[i], filter->from) + dot(&transition.F[i][3], &filter->from[3]));
+        for (int k = 0; k < OF_THRUST && filter->pushed != 0.0; k++) transition.step[i] -= transition.push[i][k] * filter->thrust[k];
     }
-    return way;
+    return transition;
 }
 
 /* Bring the covariances, and the bank, to the time of the state. */
 static void settle(Online *filter) {
     int n = size_of(filter);
     double A[6][MOST_ERRORS];
-    if (filter->way.span == 0.0) return;
-    const Way way = way_since(filter);
+    if (filter->transition.span == 0.0) return;
+    const Transition transition = transition_since(filter);
     for (int i = 0; i < 6; i++) {
         for (int j = 0; j < n; j++) A[i][j] = 0.0;
         for (int k = 0; k < 6; k++)
-            for (int j = 0; j < n; j++) A[i][j] += way.F[i][k] * filter->P[PLACE + k][j];
+            for (int j = 0; j < n; j++) A[i][j] += transition.F[i][k] * filter->P[PLACE + k][j];
     }
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < n; j++) filter->P[PLACE + i][j] = filter->P[j][PLACE + i] = A[i][j];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j <= i; j++) {
             double sum = 0.0;
-            for (int k = 0; k < 6; k++) sum += A[i][PLACE + k] * way.F[j][k];
+            for (int k = 0; k < 6; k++) sum += A[i][PLACE + k] * transition.F[j][k];
             if (i == j) sum += ROUNDING * sum;
             filter->P[PLACE + i][PLACE + j] = filter->P[PLACE + j][PLACE + i] = sum;
         }
-    add_noise(filter->density, way.span, &filter->P[PLACE][PLACE], MOST_ERRORS);
-    add_thrust(filter, &way, &filter->P[PLACE][PLACE], MOST_ERRORS);
-    advance_bank(filter, &way, filter->bank);
-    go_on(&filter->leg, &way);
-    filter->span += way.span;
+    add_noise(filter->density, transition.span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    add_thrust(filter, &transition, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    advance_bank(filter, &transition, filter->bank);
+    append_transition(&filter->since_node, &transition);
+    filter->span += transition.span;
     start_interval(filter);
 }
 
-/* What is known goes on by a way without a step. */
-static void carry_now(Now *now, const Way *way) {
+/* What is known goes on by a transition without a step. */
+static void carry_now(Now *now, const Transition *transition) {
     const int n = (int)now->errors;
     Member own = {.errors = n}, wider = {.errors = n};
     for (int a = 0; a < n; a++) {
         wider.x[a] = now->x[a];
         for (int b = 0; b < n; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
     }
-    advance_member(&own, (Law){.white = now->white}, way);
-    advance_member(&wider, (Law){.jerk = now->jerk}, way);
+    advance_member(&own, (Law){.white = now->white}, transition);
+    advance_member(&wider, (Law){.jerk = now->jerk}, transition);
     for (int a = 0; a < n; a++) {
         now->x[a] = wider.x[a];
         for (int b = 0; b < n; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
     }
 }
 
-/* The way since the node before. */
-static Way way_of_node(const Online *filter) {
-    const Way since = way_since(filter);
-    Way way = filter->leg;
-    go_on(&way, &since);
-    return way;
+/* The transition since the node before. */
+static Transition transition_of_node(const Online *filter) {
+    const Transition since = transition_since(filter);
+    Transition transition = filter->since_node;
+    append_transition(&transition, &since);
+    return transition;
 }
 
-/* (r, v) and what is known go on by one step, at the end of which there is a push, or NULL; the way is without its step. */
-static void step_on(const Online *filter, double begin, double end, const Push *push, double x[6], Now *now, Way *way) {
-    *way = (Way){.span = end - begin};
-    transition(&filter->options, begin, end, x, way->F);
-    if (push) pushed_by(filter, push, x, way->push);
-    if (now) carry_now(now, way);
+/* (r, v) and what is known go on by one step, at the end of which there is a push, or NULL; the transition is without its step. */
+static void step_on(const Online *filter, double begin, double end, const Push *push, double x[6], Now *now, Transition *transition) {
+    *transition = (Transition){.span = end - begin};
+    propagate(&filter->options, begin, end, x, transition->F);
+    if (push) pushed_by(filter, push, x, transition->push);
+    if (now) carry_now(now, transition);
 }
 
 /* The state at a later time, until which pushes have moved the chaser; the covariances follow where the noise's would no longer
@@ -154,10 +154,10 @@ static void advance(Online *filter, double end, const Push *push) {
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double from = begin + s * T;
-        Way way;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->now_valid != 0.0 ? &filter->now : NULL, &way);
-        go_on(&filter->way, &way);
-        if (!last || steps_between(&filter->options, end - filter->way.span, end) > 1) settle(filter);
+        Transition transition;
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->now_valid != 0.0 ? &filter->now : NULL, &transition);
+        append_transition(&filter->transition, &transition);
+        if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) settle(filter);
     }
     filter->time = end;
 }

@@ -220,10 +220,10 @@ static void add_congruent(double (*A)[3], const double S[3][3], double found[3][
 /* While the chaser is pushed, r at the mean time of the node's frames is not r - lag v: what errors of the thrusters add. */
 static void push_of_node(const Online *filter, const Sweep *sweep, double lag, Level *level) {
     if (filter->pushed == 0.0) return;
-    const Way way = way_of_node(filter);
+    const Transition transition = transition_of_node(filter);
     for (int a = 0; a < 3; a++)
         for (int k = 0; k < OF_THRUST; k++)
-            level->push[a][k] = sweep->push[a][k] - (way.push[a][k] - lag * way.push[3 + a][k]);
+            level->push[a][k] = sweep->push[a][k] - (transition.push[a][k] - lag * transition.push[3 + a][k]);
 }
 
 /* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */

@@ -52,9 +52,9 @@ static void gather(Online *filter, const Frame *frame, const Pose *pose) {
         node->variance += column[3 + k] / 3.0;
     }
     if (filter->pushed != 0.0) {
-        const Way way = way_of_node(filter);
+        const Transition transition = transition_of_node(filter);
         for (int k = 0; k < 3; k++)
-            for (int j = 0; j < OF_THRUST; j++) node->push[k][j] += way.push[k][j];
+            for (int j = 0; j < OF_THRUST; j++) node->push[k][j] += transition.push[k][j];
     }
     for (int i = 0; i < frame->count; i++) {
         int s = 0;

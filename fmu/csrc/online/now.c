@@ -42,11 +42,11 @@ static int take_level(Kept bank[MEMBERS], const Level *level, double M[3][3], do
 }
 
 /* The bank at the filter's time: the members that there are; others only are none. */
-static void bank_now(const Online *filter, const Way *way, Kept bank[MEMBERS + 1]) {
+static void bank_now(const Online *filter, const Transition *transition, Kept bank[MEMBERS + 1]) {
     for (int m = 0; m <= SHADOW; m++)
         if (is_alive(&filter->bank[m])) bank[m] = filter->bank[m];
         else bank[m].weight = -INFINITY;
-    if (way->span > 0.0) advance_bank(filter, way, bank);
+    if (transition->span > 0.0) advance_bank(filter, transition, bank);
 }
 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
@@ -100,12 +100,12 @@ static void look(const Online *filter, Now *now) {
         *now = filter->now;
         return;
     }
-    const Way way = way_since(filter);
+    const Transition transition = transition_since(filter);
     Member large = large_at(filter, filter->from);
-    bank_now(filter, &way, bank);
-    if (way.span > 0.0) advance_large(filter, &large, &way);
+    bank_now(filter, &transition, bank);
+    if (transition.span > 0.0) advance_large(filter, &large, &transition);
     int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &level, M);
-    if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, &way, bank);
+    if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->pushed != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     together(&large, bank, now);

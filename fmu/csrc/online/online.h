@@ -148,16 +148,16 @@ typedef struct {
 /* What moves the path in span s: x is step + F x + push e, e being what the thrusters are wrong by. */
 typedef struct {
     double span, step[6], F[6][6], push[6][OF_THRUST];
-} Way;
+} Transition;
 
 /* By what an acceleration has moved the chaser, (r, v) in C, and the axes in which its thrusters are fixed, R_C_D. */
 typedef struct {
     double moved[6], axes[3][3];
 } Push;
 
-/* A node as the bank was given it, and the way to it. */
+/* A node as the bank was given it, and the transition to it. */
 typedef struct {
-    Way way;
+    Transition transition;
     double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], bend; /* see Level */
     double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
@@ -221,7 +221,7 @@ typedef struct {
     double surprises; /* frames in a row with an attitude far from the foreseen one */
     double x[6];                       /* r, v at `time` */
     double from[6]; /* r, v at the time of the covariances */
-    Way way;        /* since then, but for its step */
+    Transition transition; /* since then, but for its step */
     double pushed;  /* 1: the chaser was, and thrusters may be wrong; by as much as the filter goes by, and the covariance */
     double thrust[OF_THRUST], of_thrust[OF_THRUST][OF_THRUST];
     double widest;        /* variance of the offset before the first frame, m2 */
@@ -244,7 +244,7 @@ typedef struct {
     Jump jump[JUMPS];
     double stages;     /* how many nodes since the first frame are kept, -1 if there were more */
     double again;      /* variance of the offset below which they are taken again, m2 */
-    Way leg;           /* since the last node */
+    Transition since_node; /* since the last node */
     Kept first;        /* of the bank at the first frame */
     double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
     double likely; /* errors of the member that it is of */

@@ -74,14 +74,14 @@ static void pushed_by(const Online *filter, const Push *push, double x[6], doubl
 }
 
 /* The covariance of (r, v) by that of what thrusters are wrong by, beyond what the filter goes by; added. */
-static void add_thrust(const Online *filter, const Way *way, double *P, int stride) {
+static void add_thrust(const Online *filter, const Transition *transition, double *P, int stride) {
     if (filter->pushed == 0.0) return;
     for (int i = 0; i < 6; i++) {
         double row[OF_THRUST] = {0.0};
         for (int a = 0; a < OF_THRUST; a++)
-            for (int b = 0; b < OF_THRUST; b++) row[b] += NODES_OF_A_FLIGHT * way->push[i][a] * filter->of_thrust[a][b];
+            for (int b = 0; b < OF_THRUST; b++) row[b] += NODES_OF_A_FLIGHT * transition->push[i][a] * filter->of_thrust[a][b];
         for (int j = 0; j < 6; j++)
-            for (int b = 0; b < OF_THRUST; b++) P[i * stride + j] += row[b] * way->push[j][b];
+            for (int b = 0; b < OF_THRUST; b++) P[i * stride + j] += row[b] * transition->push[j][b];
     }
 }
 
