@@ -257,11 +257,11 @@ static void write_tumble(const Model *model, double *values, double time)
     memcpy(values + AT_INERTIA, inertia, sizeof inertia);
 }
 
-static void write_features(const Online *filter, const Now *now, double *values)
+static void write_features(const Online *filter, const Posterior *posterior, double *values)
 {
     long long names[MOST_FEATURES];
     double places[MOST_FEATURES][3], covariances[MOST_FEATURES][9];
-    const int known = map_of(filter, now, names, places[0], covariances[0]);
+    const int known = map_of(filter, posterior, names, places[0], covariances[0]);
     memset(values + AT_BODY_FEATURES, 0, 3 * N_FEATURES * sizeof *values);
     memset(values + AT_BODY_COVARIANCES, 0, 6 * N_FEATURES * sizeof *values);
     memset(values + AT_BODY_KNOWN, 0, N_FEATURES * sizeof *values);
@@ -287,7 +287,7 @@ static bool write_outputs(const Model *model, double *values, double time)
     if (filter->frames == 0.0) return true;
     copy(model->axes, axes);
     start_ahead(filter, &ahead);
-    write_features(filter, &ahead.now, values);
+    write_features(filter, &ahead.posterior, values);
     while (ahead.time < time) {
         const double next = next_point(model, ahead.time, time);
         const Push push = push_between(model, ahead.time, next, axes);

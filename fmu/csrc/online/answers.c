@@ -13,8 +13,8 @@ static int are_within(double range, const double *values, int count) {
 
 /* By how much covariances are to be wider, where what was taken back is a good part of what is known: that itself is noisy, and
    if it was all that is known, nothing is left. */
-static double factor_of(const Online *filter, const Now *now) {
-    return noise_ratio(filter) * (now->seems > SEEMING && now->seems < 1.0 ? (1.0 - SEEMING) / (1.0 - now->seems) : 1.0);
+static double factor_of(const Online *filter, const Posterior *posterior) {
+    return noise_ratio(filter) * (posterior->seems > SEEMING && posterior->seems < 1.0 ? (1.0 - SEEMING) / (1.0 - posterior->seems) : 1.0);
 }
 
 /* Whether successive innovations surely agree: the path bends otherwise than any member of the bank takes it for. So they do
@@ -24,7 +24,7 @@ static int is_bent(const Online *filter) {
 }
 
 /* What a path of the covariance P is worth, whether the last frame fits or not. */
-static OnlineStatus worth_of(const Online *filter, const Now *now, double P[6][6]) {
+static OnlineStatus worth_of(const Online *filter, const Posterior *posterior, double P[6][6]) {
     double square = mean_square(filter->b, (int)filter->used), L[36];
     for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
@@ -32,22 +32,22 @@ static OnlineStatus worth_of(const Online *filter, const Now *now, double P[6][6
     if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
-    return now->seems < 1.0 ? TRACKING : STARTING;
+    return posterior->seems < 1.0 ? TRACKING : STARTING;
 }
 
-static OnlineStatus status_of(const Online *filter, const Now *now, double P[6][6]) {
-    return filter->lost > 0.0 ? LOST : worth_of(filter, now, P);
+static OnlineStatus status_of(const Online *filter, const Posterior *posterior, double P[6][6]) {
+    return filter->lost > 0.0 ? LOST : worth_of(filter, posterior, P);
 }
 
 /* What is known, on its way from the filter's time to later ones: r, v, and what the bank says. */
 typedef struct {
     double time, x[6];
-    Now now;
+    Posterior posterior;
 } Ahead;
 
 /* At the filter's time. */
 static void start_ahead(const Online *filter, Ahead *ahead) {
-    look(filter, &ahead->now);
+    find_posterior(filter, &ahead->posterior);
     ahead->time = filter->time;
     for (int i = 0; i < 6; i++) ahead->x[i] = filter->x[i];
 }
@@ -55,12 +55,12 @@ static void start_ahead(const Online *filter, Ahead *ahead) {
 /* To a later time, until which pushes have moved the chaser. */
 static void go_ahead(const Online *filter, Ahead *ahead, double end, const Push *push) {
     int count = end > ahead->time ? steps_between(&filter->options, ahead->time, end) : 0;
-    if (is_push(push)) begin_thrust(&filter->options, &ahead->now);
+    if (is_push(push)) begin_thrust(&filter->options, &ahead->posterior);
     for (int s = 0; s < count; s++) {
         const int last = s + 1 == count;
         double T = (end - ahead->time) / count, from = ahead->time + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, ahead->x, &ahead->now, &transition);
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, ahead->x, &ahead->posterior, &transition);
     }
     ahead->time = end;
 }
@@ -74,10 +74,10 @@ static void push_ahead(const Online *filter, Ahead *ahead, double end, const Onl
 }
 
 /* The covariance of (r, v) there. */
-static void claim(const Online *filter, const Now *now, double P[6][6]) {
-    double factor = factor_of(filter, now);
+static void claim(const Online *filter, const Posterior *posterior, double P[6][6]) {
+    double factor = factor_of(filter, posterior);
     for (int i = 0; i < 6; i++)
-        for (int j = 0; j < 6; j++) P[i][j] = factor * (now->own[i][j] + now->wider[i][j]);
+        for (int j = 0; j < 6; j++) P[i][j] = factor * (posterior->own[i][j] + posterior->wider[i][j]);
 }
 
 /* What a filter says of a time before its first frame: there is no path and no attitude. */
@@ -97,19 +97,19 @@ static void begin_state(const Online *filter, double time, OnlineState *state) {
 static void state_there(const Online *filter, const Ahead *ahead, OnlineState *state) {
     double P[6][6];
     begin_state(filter, ahead->time, state);
-    claim(filter, &ahead->now, P);
-    state->status = status_of(filter, &ahead->now, P);
+    claim(filter, &ahead->posterior, P);
+    state->status = status_of(filter, &ahead->posterior, P);
     for (int i = 0; i < 3; i++) {
-        state->r[i] = ahead->x[i] + ahead->now.x[i], state->v[i] = ahead->x[3 + i] + ahead->now.x[3 + i];
+        state->r[i] = ahead->x[i] + ahead->posterior.x[i], state->v[i] = ahead->x[3 + i] + ahead->posterior.x[3 + i];
         for (int j = 0; j < 3 && ahead->time == filter->registered; j++) state->R[i][j] = filter->attitude[i][j];
     }
     for (int i = 0; i < 6; i++)
         for (int j = 0; j < 6; j++) state->covariance[i][j] = 0.5 * (P[i][j] + P[j][i]);
-    for (int i = 0; i < OF_THRUST && ahead->now.errors == ERRORS; i++) {
-        state->thrust[i] = filter->thrust[i] + ahead->now.x[THRUST + i];
+    for (int i = 0; i < OF_THRUST && ahead->posterior.errors == ERRORS; i++) {
+        state->thrust[i] = filter->thrust[i] + ahead->posterior.x[THRUST + i];
         for (int j = 0; j < OF_THRUST; j++) {
-            const double known = ahead->now.own[THRUST + i][THRUST + j] + ahead->now.wider[THRUST + i][THRUST + j];
-            state->of_thrust[i][j] = factor_of(filter, &ahead->now) * known;
+            const double known = ahead->posterior.own[THRUST + i][THRUST + j] + ahead->posterior.wider[THRUST + i][THRUST + j];
+            state->of_thrust[i][j] = factor_of(filter, &ahead->posterior) * known;
         }
     }
 }
@@ -188,16 +188,16 @@ int online_point(const Online *filter, double time, const OnlineThrust *thrust, 
     online_tumble(filter, time, &tumble);
     if (slot < 0 || tumble.known == 0.0) return NO_SUCH;
     Ahead ahead;
-    Ties ties;
-    Known known;
+    FeatureCoupling coupling;
+    FeaturePosterior known;
     double P[6][6], arm[3], K[3][3], KC[3][3], RB[3][3], X[3][3], shift[3], arc[3][3];
     start_ahead(filter, &ahead);
     push_ahead(filter, &ahead, time, thrust);
-    const Now *now = &ahead.now;
-    tie(filter, now, &ties);
-    known_place(filter, now, &ties, slot, &known);
-    double factor = factor_of(filter, now);
-    claim(filter, now, P);
+    const Posterior *posterior = &ahead.posterior;
+    couple_features(filter, posterior, &coupling);
+    posterior_of_feature(filter, posterior, &coupling, slot, &known);
+    double factor = factor_of(filter, posterior);
+    claim(filter, posterior, P);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             X[i][j] = factor * known.with[i][j]; /* of r, then, and b */
@@ -209,7 +209,7 @@ int online_point(const Online *filter, double time, const OnlineThrust *thrust, 
     curve(arm, (const double(*)[3])tumble.turn, shift, arc);
     product(tumble.R, known.P, RB);
     for (int i = 0; i < 3; i++) {
-        position[i] = ahead.x[i] + now->x[i] + arm[i] + shift[i];
+        position[i] = ahead.x[i] + posterior->x[i] + arm[i] + shift[i];
         for (int j = 0; j <= i; j++)
             covariance[3 * i + j] = covariance[3 * j + i] =
                 0.5 * (P[i][j] + P[j][i]) + dot(X[i], tumble.R[j]) + dot(X[j], tumble.R[i]) + dot(RB[i], tumble.R[j]) +
@@ -219,13 +219,13 @@ int online_point(const Online *filter, double time, const OnlineThrust *thrust, 
 }
 
 /* The map, by what is known at any time from the filter's on; returns how many features it has. */
-static int map_of(const Online *filter, const Now *now, long long *names, double *positions, double *covariances) {
-    double factor = factor_of(filter, now);
-    Ties ties;
-    tie(filter, now, &ties);
+static int map_of(const Online *filter, const Posterior *posterior, long long *names, double *positions, double *covariances) {
+    double factor = factor_of(filter, posterior);
+    FeatureCoupling coupling;
+    couple_features(filter, posterior, &coupling);
     for (int f = 0; f < (int)filter->used; f++) {
-        Known known;
-        known_place(filter, now, &ties, f, &known);
+        FeaturePosterior known;
+        posterior_of_feature(filter, posterior, &coupling, f, &known);
         names[f] = filter->feature[f].name;
         for (int i = 0; i < 3; i++) {
             positions[3 * f + i] = known.b[i];
@@ -236,8 +236,8 @@ static int map_of(const Online *filter, const Now *now, long long *names, double
 }
 
 int online_features(const Online *filter, long long *names, double *positions, double *covariances) {
-    Now now;
+    Posterior posterior;
     if (filter->frames == 0.0) return 0;
-    look(filter, &now);
-    return map_of(filter, &now, names, positions, covariances);
+    find_posterior(filter, &posterior);
+    return map_of(filter, &posterior, names, positions, covariances);
 }

@@ -5,7 +5,7 @@ Some take it for straight, or the orbit that is told, with white acceleration of
 the mean of the logarithms of these, which changes as the evidence grows. One more member, its shadow, does the same: by what
 their mixture differs from the shadow, the large filter's estimate is corrected (mixture.c). Others take the path for bent, by
 an acceleration that wanders, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
-(now.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
+(posterior.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
 d being what the map's offset is wrong by, and s its size: where depths are far less precise than directions, as a stereo rig's
 are, a map that is too large is seen too far away, in all frames alike. Of the size a member knows what the large filter does. */
 

@@ -50,14 +50,14 @@ typedef struct {
 
 /* The path as it is known now; 0 where that is not to be trusted. */
 static int known_path(const Online *filter, Path *path) {
-    Now now;
+    Posterior posterior;
     double P[6][6], highest = -INFINITY;
     if (filter->frames == 0.0) return 0;
-    look(filter, &now);
-    double factor = factor_of(filter, &now);
+    find_posterior(filter, &posterior);
+    double factor = factor_of(filter, &posterior);
     for (int i = 0; i < 6; i++) {
-        path->x[i] = filter->x[i] + now.x[i];
-        for (int j = 0; j < 6; j++) path->P[i][j] = now.own[i][j] + now.wider[i][j], P[i][j] = factor * path->P[i][j];
+        path->x[i] = filter->x[i] + posterior.x[i];
+        for (int j = 0; j < 6; j++) path->P[i][j] = posterior.own[i][j] + posterior.wider[i][j], P[i][j] = factor * path->P[i][j];
     }
     for (int m = 0; m < STEADY; m++) highest = fmax(highest, filter->bank[m].weight);
     for (int m = 0; m < STEADY; m++) path->weight[m] = filter->bank[m].weight - highest;
@@ -68,7 +68,7 @@ static int known_path(const Online *filter, Path *path) {
         path->thrust[a] = filter->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) path->of_thrust[a][b] = filter->of_thrust[a][b];
     }
-    return worth_of(filter, &now, P) == TRACKING;
+    return worth_of(filter, &posterior, P) == TRACKING;
 }
 
 /* Nothing is known of the path: the centre of mass is somewhere about the centroid of a frame. */

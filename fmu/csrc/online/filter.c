@@ -114,18 +114,18 @@ static void settle(Online *filter) {
 }
 
 /* What is known goes on by a transition without a step. */
-static void carry_now(Now *now, const Transition *transition) {
-    const int n = (int)now->errors;
+static void propagate_posterior(Posterior *posterior, const Transition *transition) {
+    const int n = (int)posterior->errors;
     Member own = {.errors = n}, wider = {.errors = n};
     for (int a = 0; a < n; a++) {
-        wider.x[a] = now->x[a];
-        for (int b = 0; b < n; b++) own.P[a][b] = now->own[a][b], wider.P[a][b] = now->wider[a][b];
+        wider.x[a] = posterior->x[a];
+        for (int b = 0; b < n; b++) own.P[a][b] = posterior->own[a][b], wider.P[a][b] = posterior->wider[a][b];
     }
-    advance_member(&own, (Law){.white = now->white}, transition);
-    advance_member(&wider, (Law){.jerk = now->jerk}, transition);
+    advance_member(&own, (Law){.white = posterior->white}, transition);
+    advance_member(&wider, (Law){.jerk = posterior->jerk}, transition);
     for (int a = 0; a < n; a++) {
-        now->x[a] = wider.x[a];
-        for (int b = 0; b < n; b++) now->own[a][b] = own.P[a][b], now->wider[a][b] = wider.P[a][b];
+        posterior->x[a] = wider.x[a];
+        for (int b = 0; b < n; b++) posterior->own[a][b] = own.P[a][b], posterior->wider[a][b] = wider.P[a][b];
     }
 }
 
@@ -138,11 +138,11 @@ static Transition transition_of_node(const Online *filter) {
 }
 
 /* (r, v) and what is known go on by one step, at the end of which there is a push, or NULL; the transition is without its step. */
-static void step_on(const Online *filter, double begin, double end, const Push *push, double x[6], Now *now, Transition *transition) {
+static void step_on(const Online *filter, double begin, double end, const Push *push, double x[6], Posterior *posterior, Transition *transition) {
     *transition = (Transition){.span = end - begin};
     propagate(&filter->options, begin, end, x, transition->F);
     if (push) pushed_by(filter, push, x, transition->push);
-    if (now) carry_now(now, transition);
+    if (posterior) propagate_posterior(posterior, transition);
 }
 
 /* The state at a later time, until which pushes have moved the chaser; the covariances follow where the noise's would no longer
@@ -155,7 +155,7 @@ static void advance(Online *filter, double end, const Push *push) {
         const int last = s + 1 == count;
         double from = begin + s * T;
         Transition transition;
-        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->now_valid != 0.0 ? &filter->now : NULL, &transition);
+        step_on(filter, from, last ? end : from + T, last ? push : NULL, filter->x, filter->posterior_valid != 0.0 ? &filter->posterior : NULL, &transition);
         append_transition(&filter->transition, &transition);
         if (!last || steps_between(&filter->options, end - filter->transition.span, end) > 1) settle(filter);
     }

@@ -118,7 +118,7 @@ static double place_deviation(const Online *filter, const OnlineTumble *tumble, 
     double P[6][6], square = 0.0;
     start_ahead(filter, &ahead);
     push_ahead(filter, &ahead, time, &none);
-    claim(filter, &ahead.now, P);
+    claim(filter, &ahead.posterior, P);
     for (int k = 0; k < 3; k++)
         square += (P[k][k] + tumble->turn[k][k] * mean_square(filter->b, (int)filter->used)) / 3.0;
     return sqrt(square);
@@ -145,7 +145,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         return ACCEPTED;
     }
     int fits = is_expected(filter, &frame, &foreseen, &pose);
-    if (!fits) look_and_keep(filter);
+    if (!fits) keep_posterior(filter);
     advance(filter, time, push);
     if (is_better_first(filter, &frame)) {
         begin(filter, &frame, known_path(filter, &path) ? &path : NULL);
@@ -162,7 +162,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         else if (filter->lost >= HOPELESS) begin(filter, &frame, NULL);
         return ACCEPTED;
     }
-    filter->now_valid = 0.0;
+    filter->posterior_valid = 0.0;
     settle_names(filter, &frame);
     note_names(filter, &frame, names);
     filter->squares += pose.squares;

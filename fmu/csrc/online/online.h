@@ -171,7 +171,7 @@ typedef struct {
     double x[ERRORS], own[ERRORS][ERRORS], wider[ERRORS][ERRORS];
     double white, jerk; /* densities of white acceleration and jerk, m2/s3, m2/s5 */
     double seems;       /* what was taken back as noise, over what is known of the offset */
-} Now;
+} Posterior;
 
 /* Attitude (w, x, y, z) B to C, rate in B, coefficients of an inertia of trace 1; 1 if the gravity gradient acts. */
 typedef struct {
@@ -250,8 +250,8 @@ typedef struct {
     double likely; /* errors of the member that it is of */
     Stage stage[STAGES];
     Tumble tumble;
-    double now_valid; /* 1: `now` is what is known at `time`, as of the last frame */
-    Now now;
+    double posterior_valid; /* 1: `posterior` is what is known at `time`, as of the last frame */
+    Posterior posterior;
 } Online;
 
 typedef struct {

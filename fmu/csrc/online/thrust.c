@@ -96,10 +96,10 @@ static void add_thrust_of_node(const Online *filter, const Level *level, double 
 }
 
 /* Of thrusters that nothing has told of yet. */
-static void begin_thrust(const OnlineOptions *options, Now *now) {
-    if (options->thrust == 0.0 || now->errors == ERRORS) return;
-    now->errors = ERRORS;
-    for (int a = THRUST; a < ERRORS; a++) now->wider[a][a] = options->thrust * options->thrust;
+static void begin_thrust(const OnlineOptions *options, Posterior *posterior) {
+    if (options->thrust == 0.0 || posterior->errors == ERRORS) return;
+    posterior->errors = ERRORS;
+    for (int a = THRUST; a < ERRORS; a++) posterior->wider[a][a] = options->thrust * options->thrust;
 }
 
 /* A first push: from now on it matters what thrusters are wrong by. */
@@ -107,7 +107,7 @@ static void heed_thrust(Online *filter) {
     const double variance = filter->options.thrust * filter->options.thrust;
     if (!(variance > 0.0) || filter->pushed != 0.0) return;
     filter->pushed = 1.0;
-    begin_thrust(&filter->options, &filter->now);
+    begin_thrust(&filter->options, &filter->posterior);
     for (int a = 0; a < OF_THRUST; a++) filter->of_thrust[a][a] = variance;
     for (int m = 0; m <= SHADOW + 1; m++) {
         Kept *member = m > SHADOW ? &filter->first : &filter->bank[m];

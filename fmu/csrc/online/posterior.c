@@ -1,4 +1,4 @@
-/* What is known now, from all frames: those of the open node, which the filter has not taken yet, too. */
+/* The posterior: what is known now, from all frames: those of the open node, which the filter has not taken yet, too. */
 
 /* What the open node says, and M, what it only seems to show; 0 where it is not to be taken. A node with a jump, against the
    likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
@@ -42,7 +42,7 @@ static int take_level(Kept bank[MEMBERS], const Level *level, double M[3][3], do
 }
 
 /* The bank at the filter's time: the members that there are; others only are none. */
-static void bank_now(const Online *filter, const Transition *transition, Kept bank[MEMBERS + 1]) {
+static void propagated_bank(const Online *filter, const Transition *transition, Kept bank[MEMBERS + 1]) {
     for (int m = 0; m <= SHADOW; m++)
         if (is_alive(&filter->bank[m])) bank[m] = filter->bank[m];
         else bank[m].weight = -INFINITY;
@@ -51,39 +51,39 @@ static void bank_now(const Online *filter, const Transition *transition, Kept ba
 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
    those whose path does stand for themselves. */
-static void together(const Member *large, const Kept bank[MEMBERS + 1], Now *now) {
+static void combine(const Member *large, const Kept bank[MEMBERS + 1], Posterior *posterior) {
     double x[2][ERRORS], P[2][ERRORS][ERRORS], more[LEVEL][LEVEL], share[2], white = 0.0;
-    *now = (Now){.errors = fmax(large->errors, MOTION)};
-    const int n = (int)now->errors;
+    *posterior = (Posterior){.errors = fmax(large->errors, MOTION)};
+    const int n = (int)posterior->errors;
     for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) now->own[a][b] = large->P[a][b];
+        for (int b = 0; b < LEVEL; b++) posterior->own[a][b] = large->P[a][b];
     share[0] = mixture(bank, STRAIGHT, large, x[0], P[0], more);
     share[1] = mixed(bank, BENT, x[1], P[1]);
     for (int a = 0; a < LEVEL; a++) x[1][a] += bank[SHADOW].x[a] - large->x[a];
     double sum = share[0] + share[1];
-    for (int a = 0; a < n; a++) now->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
+    for (int a = 0; a < n; a++) posterior->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
     for (int a = 0; a < n; a++)
         for (int b = 0; b < n; b++) {
-            now->wider[a][b] = -now->own[a][b];
+            posterior->wider[a][b] = -posterior->own[a][b];
             for (int k = 0; k < 2; k++)
-                now->wider[a][b] += share[k] / sum * (P[k][a][b] + (x[k][a] - now->x[a]) * (x[k][b] - now->x[b]));
+                posterior->wider[a][b] += share[k] / sum * (P[k][a][b] + (x[k][a] - posterior->x[a]) * (x[k][b] - posterior->x[b]));
         }
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
         Law law = law_of((int)bank[m].steady);
         double part = exp(bank[m].weight) / sum;
-        white += part * log(law.white), now->jerk += part * law.jerk;
+        white += part * log(law.white), posterior->jerk += part * law.jerk;
     }
-    now->white = exp(white);
+    posterior->white = exp(white);
 }
 
 /* What was taken back as mere noise, over what is known of the offset, along the direction of which it is most. */
-static double seeming_part(const Online *filter, const Now *now) {
+static double seeming_part(const Online *filter, const Posterior *posterior) {
     double v[3] = {1.0, 0.7, 0.4}, size = 0.0;
     for (int round = 0; round < 30; round++) { /* the largest eigenvalue of P S */
         double u[3];
         times(filter->seeming, v, u);
-        for (int k = 0; k < 3; k++) v[k] = dot(&now->own[OFFSET + k][6], u) + dot(&now->wider[OFFSET + k][6], u);
+        for (int k = 0; k < 3; k++) v[k] = dot(&posterior->own[OFFSET + k][6], u) + dot(&posterior->wider[OFFSET + k][6], u);
         size = sqrt(dot(v, v));
         if (!(size > 0.0)) return 0.0;
         for (int k = 0; k < 3; k++) v[k] /= size;
@@ -92,72 +92,72 @@ static double seeming_part(const Online *filter, const Now *now) {
 }
 
 /* At the filter's time. */
-static void look(const Online *filter, Now *now) {
+static void find_posterior(const Online *filter, Posterior *posterior) {
     Kept bank[MEMBERS + 1];
     Level level;
     double M[3][3];
-    if (filter->now_valid != 0.0) {
-        *now = filter->now;
+    if (filter->posterior_valid != 0.0) {
+        *posterior = filter->posterior;
         return;
     }
     const Transition transition = transition_since(filter);
     Member large = large_at(filter, filter->from);
-    bank_now(filter, &transition, bank);
+    propagated_bank(filter, &transition, bank);
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
     int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &level, M);
-    if (taken && !take_level(bank, &level, M, filter->widest)) bank_now(filter, &transition, bank);
+    if (taken && !take_level(bank, &level, M, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->pushed != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
-    together(&large, bank, now);
-    now->seems = seeming_part(filter, now);
+    combine(&large, bank, posterior);
+    posterior->seems = seeming_part(filter, posterior);
 }
 
-/* Look now, and go on from what is seen, until another frame fits: far ahead of the open node there is no straight way back to it. */
-static void look_and_keep(Online *filter) {
-    look(filter, &filter->now);
-    filter->now_valid = 1.0;
+/* Find the posterior, and go on from what is seen, until another frame fits: far ahead of the open node there is no straight way back to it. */
+static void keep_posterior(Online *filter) {
+    find_posterior(filter, &filter->posterior);
+    filter->posterior_valid = 1.0;
 }
 
 /* A feature as it is known now: its place in B and the covariance, and how its error goes with (r, v). */
 typedef struct {
     double b[3], P[3][3], with[6][3];
-} Known;
+} FeaturePosterior;
 
 /* How the errors of features go with the large filter's of offset and scale, and the Cholesky factor of the covariance of these;
    `sure` is 0 where it has none. */
 typedef struct {
     double G[LEVEL][MOST_ERRORS], L[OF_MAP * OF_MAP];
     int sure;
-} Ties;
+} FeatureCoupling;
 
-static void tie(const Online *filter, const Now *now, Ties *ties) {
-    with_level(filter, size_of(filter), ties->G);
-    for (int k = 0; k < OF_MAP * OF_MAP; k++) ties->L[k] = now->own[OFFSET + k / OF_MAP][OFFSET + k % OF_MAP];
-    ties->sure = factored(OF_MAP, ties->L);
+static void couple_features(const Online *filter, const Posterior *posterior, FeatureCoupling *coupling) {
+    with_level(filter, size_of(filter), coupling->G);
+    for (int k = 0; k < OF_MAP * OF_MAP; k++) coupling->L[k] = posterior->own[OFFSET + k / OF_MAP][OFFSET + k % OF_MAP];
+    coupling->sure = factored(OF_MAP, coupling->L);
 }
 
 /* The bank says nothing of a feature but by offset and scale. So whatever is known of these, the feature's regression on them stays
    that of the large filter, H = G' own^-1: its place is corrected by H x, and its covariance is what it has besides, P - H own H',
    and H (own + wider) H'. Together with (r, v) that is definite as own + wider is, at any later time, too, as no time changes
    offset and scale. Where own is singular, features go with the offset. */
-static void known_place(const Online *filter, const Now *now, const Ties *ties, int slot, Known *known) {
+static void posterior_of_feature(const Online *filter, const Posterior *posterior, const FeatureCoupling *coupling, int slot, FeaturePosterior *known) {
     const int at = BODY + 3 * slot;
     double H[3][OF_MAP], M[OF_MAP][3];
     for (int i = 0; i < 3; i++) {
-        for (int a = 0; a < OF_MAP; a++) H[i][a] = ties->sure ? ties->G[OFFSET + a][at + i] : a == i;
-        if (ties->sure) solved(OF_MAP, ties->L, H[i]);
+        for (int a = 0; a < OF_MAP; a++) H[i][a] = coupling->sure ? coupling->G[OFFSET + a][at + i] : a == i;
+        if (coupling->sure) solved(OF_MAP, coupling->L, H[i]);
         known->b[i] = filter->b[slot][i];
-        for (int a = 0; a < OF_MAP; a++) known->b[i] += H[i][a] * now->x[OFFSET + a];
+        for (int a = 0; a < OF_MAP; a++) known->b[i] += H[i][a] * posterior->x[OFFSET + a];
         for (int a = 0; a < LEVEL; a++) {
             double sum = 0.0;
-            for (int b = 0; b < OF_MAP; b++) sum += (now->own[a][OFFSET + b] + now->wider[a][OFFSET + b]) * H[i][b];
+            for (int b = 0; b < OF_MAP; b++) sum += (posterior->own[a][OFFSET + b] + posterior->wider[a][OFFSET + b]) * H[i][b];
             *(a < OFFSET ? &known->with[a][i] : &M[a - OFFSET][i]) = sum;
         }
     }
     for (int i = 0; i < 3; i++)
         for (int j = 0; j <= i; j++) {
             double sum = filter->P[at + i][at + j];
-            for (int a = 0; a < OF_MAP; a++) sum += H[i][a] * (M[a][j] - ties->G[OFFSET + a][at + j]);
+            for (int a = 0; a < OF_MAP; a++) sum += H[i][a] * (M[a][j] - coupling->G[OFFSET + a][at + j]);
             known->P[i][j] = known->P[j][i] = i == j ? sum + ROUNDING * filter->P[at + i][at + i] : sum;
         }
 }
