@@ -118,27 +118,27 @@ static void with_centroid(const Online *filter, double G[3][MOST_ERRORS]) {
             for (int j = 0; j < n; j++) G[a][j] += filter->P[BODY + 3 * f + a][j] / used;
 }
 
-static int is_alive(const Kept *member) { return member->weight > -INFINITY; }
+static int is_alive(const PackedMember *member) { return member->weight > -INFINITY; }
 
 /* Of a coordinate of the offset, m2. */
-static double offset_variance(const Kept *member) {
-    return (kept(member, OFFSET, OFFSET) + kept(member, OFFSET + 1, OFFSET + 1) + kept(member, OFFSET + 2, OFFSET + 2)) / 3.0;
+static double offset_variance(const PackedMember *member) {
+    return (packed(member, OFFSET, OFFSET) + packed(member, OFFSET + 1, OFFSET + 1) + packed(member, OFFSET + 2, OFFSET + 2)) / 3.0;
 }
 
-static int is_bending(const Kept *member) { return law_of((int)member->steady).bend > 0.0; }
+static int is_bending(const PackedMember *member) { return law_of((int)member->steady).bend > 0.0; }
 
 /* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. One of
    which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
-static Kept going_on(const Kept *from, int steady) {
-    Kept member = *from;
+static PackedMember going_on(const PackedMember *from, int steady) {
+    PackedMember member = *from;
     double bend = law_of(steady).bend, square = dot(&from->x[LEVEL], &from->x[LEVEL]) / 3.0;
     if (from->errors != ERRORS) member.errors = bend > 0.0 ? MOTION : LEVEL;
     member.steady = steady;
     if ((bend > 0.0) == is_bending(from) && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
     for (int a = LEVEL; a < MOTION; a++) {
         member.x[a] = 0.0;
-        for (int b = 0; b < ERRORS; b++) member.P[pair(a, b)] = 0.0;
-        member.P[pair(a, a)] = bend * bend;
+        for (int b = 0; b < ERRORS; b++) member.P[packed_index(a, b)] = 0.0;
+        member.P[packed_index(a, a)] = bend * bend;
     }
     return member;
 }
@@ -169,8 +169,8 @@ static Member large_at(const Online *filter, const double x[6]) {
 /* All members as the large filter is, with the weights that they have; none has jumped. */
 static void start_bank(Online *filter) {
     const Member large = large_at(filter, filter->x);
-    Kept first;
-    keep_member(&large, &first);
+    PackedMember first;
+    pack_member(&large, &first);
     for (int m = 0; m < MEMBERS; m++) {
         double weight = m < count_of(filter) ? fmax(filter->bank[m].weight, UNLIKELY) : -INFINITY;
         filter->bank[m] = going_on(&first, m < STEADY ? m : 0);
@@ -233,14 +233,14 @@ static void advance_large(const Online *filter, Member *large, const Transition 
 }
 
 /* All members of a bank of the filter. */
-static void advance_bank(const Online *filter, const Transition *transition, Kept bank[MEMBERS + 1]) {
+static void advance_bank(const Online *filter, const Transition *transition, PackedMember bank[MEMBERS + 1]) {
     Member member;
     for (int m = 0; m <= SHADOW; m++) {
         if (!is_alive(&bank[m])) continue;
-        take_member(&bank[m], &member);
+        unpack_member(&bank[m], &member);
         if (m == SHADOW) advance_large(filter, &member, transition);
         else advance_member(&member, law_of((int)member.steady), transition);
-        keep_member(&member, &bank[m]);
+        pack_member(&member, &bank[m]);
     }
 }
 
@@ -289,11 +289,11 @@ static int update_member(Member *member, const Level *level) {
 /* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
    known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
    the other. */
-static void add_change(Kept *kept_member, const Level *level) {
-    const int n = (int)kept_member->errors;
+static void add_change(PackedMember *packed_member, const Level *level) {
+    const int n = (int)packed_member->errors;
     Member member;
     double more[OF_MAP][ERRORS], x[OF_MAP];
-    take_member(kept_member, &member);
+    unpack_member(packed_member, &member);
     for (int a = 0; a < OF_MAP; a++) {
         x[a] = 0.0;
         for (int b = 0; b < OF_MAP; b++) x[a] += level->follow[a][b] * member.x[OFFSET + b];
@@ -315,7 +315,7 @@ static void add_change(Kept *kept_member, const Level *level) {
         }
     for (int a = 0; a < OF_MAP; a++)
         for (int b = 0; b <= a; b++) member.P[OFFSET + a][OFFSET + b] = member.P[OFFSET + b][OFFSET + a] = more[a][b];
-    keep_member(&member, kept_member);
+    pack_member(&member, packed_member);
 }
 
 /* Of the map's size a member knows what the large filter does, unless it knows more: that it is right, but for a variance. */
@@ -340,14 +340,14 @@ static void know_scale_of_map(Online *filter) {
                             dot(filter->share[g][SCALE - OFFSET], &filter->P[BODY + 3 * f + k][BODY + 3 * g]);
     Member member;
     for (int m = 0; m <= SHADOW; m++) {
-        if (!is_alive(&filter->bank[m]) || !(kept(&filter->bank[m], SCALE, SCALE) > variance)) continue;
-        take_member(&filter->bank[m], &member);
+        if (!is_alive(&filter->bank[m]) || !(packed(&filter->bank[m], SCALE, SCALE) > variance)) continue;
+        unpack_member(&filter->bank[m], &member);
         know_scale(&member, variance);
-        keep_member(&member, &filter->bank[m]);
+        pack_member(&member, &filter->bank[m]);
     }
 }
 
-static int likeliest(const Kept bank[MEMBERS]) {
+static int likeliest(const PackedMember bank[MEMBERS]) {
     int best = 0;
     for (int m = 1; m < MEMBERS; m++)
         if (bank[m].weight > bank[best].weight) best = m;

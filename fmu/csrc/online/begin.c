@@ -105,7 +105,7 @@ static void resume_path(Online *filter, const Path *path) {
 static void doubt_path(Online *filter) {
     double more = TIMES * TIMES - 1.0;
     int best = likeliest(filter->bank);
-    Kept *member = &filter->bank[STEADY];
+    PackedMember *member = &filter->bank[STEADY];
     Jump *jump = &filter->jump[0];
     const double(*P)[MOST_ERRORS] = (const double(*)[MOST_ERRORS])filter->P;
     *member = filter->bank[best];
@@ -114,7 +114,7 @@ static void doubt_path(Online *filter) {
     for (int a = 0; a < SCALE; a++)
         for (int b = 0; b <= a; b++) {
             double sign = (a < OFFSET) == (b < OFFSET) ? 1.0 : -1.0; /* the offset's error is opposite */
-            member->P[pair(a, b)] += more * sign * P[PLACE + a % OFFSET][PLACE + b % OFFSET];
+            member->P[packed_index(a, b)] += more * sign * P[PLACE + a % OFFSET][PLACE + b % OFFSET];
         }
 }
 

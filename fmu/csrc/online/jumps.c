@@ -12,7 +12,7 @@ static int jumped(Online *filter, const Level *level, double span, double *jump)
     double e[3], L[9], B[3][ERRORS];
     int best = likeliest(filter->bank), found = -1;
     Member from;
-    take_member(&filter->bank[best], &from);
+    unpack_member(&filter->bank[best], &from);
     if (!(span > 0.0) || !innovation(&from, level, e, L, B)) return -1;
     double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
     whitened(L, e);
@@ -26,7 +26,7 @@ static int jumped(Online *filter, const Level *level, double span, double *jump)
     *jump = square / (3.0 * span * (span * span / 3.0 - lag * span + lag * lag));
     add_noise(*jump, span, &from.P[0][0], ERRORS);
     from.weight += JUMP;
-    keep_member(&from, &filter->bank[found]);
+    pack_member(&from, &filter->bank[found]);
     to->parent = best;
     return found;
 }
@@ -35,7 +35,7 @@ static int jumped(Online *filter, const Level *level, double span, double *jump)
    that, with the weights that they had then. */
 static void adopt(Online *filter) {
     const int best = likeliest(filter->bank);
-    const Kept from = filter->bank[best];
+    const PackedMember from = filter->bank[best];
     if (best < STEADY || filter->jump[best - STEADY].pending != 0.0) return;
     const double *before = filter->jump[best - STEADY].before;
     for (int m = 0; m < count_of(filter); m++) {
@@ -48,11 +48,11 @@ static void adopt(Online *filter) {
 
 /* Of the members from `begin` to `end`, without a jump: one far less likely than the best of them goes on from that, so that no
    evidence is older than it has to be; nor are all of them against the rest of the bank. */
-static void refresh(Kept bank[MEMBERS], int begin, int end, double highest) {
+static void refresh(PackedMember bank[MEMBERS], int begin, int end, double highest) {
     int best = begin;
     for (int m = begin; m < end; m++)
         if (bank[m].weight > bank[best].weight) best = m;
-    const Kept first = bank[best];
+    const PackedMember first = bank[best];
     double lift = fmax(highest + UNLIKELY - first.weight, 0.0);
     for (int m = begin; m < end; m++) {
         double weight = fmax(bank[m].weight, first.weight + UNLIKELY);
@@ -68,7 +68,7 @@ static void weigh_members(Online *filter) {
     refresh(filter->bank, 0, DENSITIES, highest);
     refresh(filter->bank, DENSITIES, count_of(filter), highest);
     for (int m = 0; m < MEMBERS; m++) {
-        Kept *member = &filter->bank[m];
+        PackedMember *member = &filter->bank[m];
         if (m >= STEADY && !(member->weight - highest > UNLIKELY)) member->weight = -INFINITY;
         if (!is_alive(member)) continue;
         member->weight -= highest;
@@ -88,10 +88,10 @@ static int update_members(Online *filter, const Level *level, double M[3][3], do
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
-        take_member(&filter->bank[m], &member);
+        unpack_member(&filter->bank[m], &member);
         *sound = update_member(&member, level) && *sound;
         take_back_of_member(&member, M, filter->widest);
-        keep_member(&member, &filter->bank[m]);
+        pack_member(&member, &filter->bank[m]);
     }
     return fresh;
 }
@@ -100,10 +100,10 @@ static int update_members(Online *filter, const Level *level, double M[3][3], do
    What they had before it was known that the path bends is forgotten then. */
 static void note_trend(Online *filter, const Level *level) {
     double e[3], L[9], B[3][ERRORS];
-    Kept best = filter->bank[likeliest(filter->bank)];
+    PackedMember best = filter->bank[likeliest(filter->bank)];
     Member member;
     add_change(&best, level);
-    take_member(&best, &member);
+    unpack_member(&best, &member);
     if (!innovation(&member, level, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
@@ -121,7 +121,7 @@ static double update_bank(Online *filter, const Level *level, double M[3][3], in
     note_trend(filter, level);
     int sound, parent = likeliest(filter->bank), fresh = update_members(filter, level, M, filter->span, &jump, &sound);
     int best = likeliest(filter->bank);
-    const Kept *first = &filter->bank[best];
+    const PackedMember *first = &filter->bank[best];
     const Jump *jumped = best < STEADY ? NULL : &filter->jump[best - STEADY];
     int clear = fresh >= 0 && filter->bank[parent].weight < first->weight - CLEAR;
     if (fresh >= 0) filter->jump[fresh - STEADY].pending = clear ? 0.0 : 1.0;
@@ -131,12 +131,12 @@ static double update_bank(Online *filter, const Level *level, double M[3][3], in
     Member shadow;
     Level of_shadow = *level;
     add_change(&filter->bank[SHADOW], level);
-    take_member(&filter->bank[SHADOW], &shadow);
+    unpack_member(&filter->bank[SHADOW], &shadow);
     add_noise(jump, filter->span, &shadow.P[0][0], ERRORS);
     add_thrust_of_node(filter, level, of_shadow.noise);
     sound = update_member(&shadow, &of_shadow) && sound;
     shadow.weight = 0.0;
-    keep_member(&shadow, &filter->bank[SHADOW]);
+    pack_member(&shadow, &filter->bank[SHADOW]);
     if (!sound) start_bank(filter), *late = 0;
     weigh_members(filter);
     return jump;

@@ -94,7 +94,7 @@ static void put_right(Online *filter, double factor) {
     int n = size_of(filter);
     for (int i = 0; i < n; i++) scale_block(filter->P[i], n, factor);
     for (int m = 0; m <= SHADOW; m++) {
-        Kept *member = &filter->bank[m];
+        PackedMember *member = &filter->bank[m];
         if (!is_alive(member)) continue;
         scale_block(member->P, PAIRS, factor);
         member->weight /= factor;

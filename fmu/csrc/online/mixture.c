@@ -4,8 +4,8 @@ typedef enum { ANY, STRAIGHT, BENT } Shape; /* of the path of a member */
 
 /* The mixture of the bank, of members of a shape, against the shadow: its mean, and its covariance. Returns the sum of their
    weights. */
-static double mixed(const Kept bank[MEMBERS + 1], Shape shape, double x[ERRORS], double P[ERRORS][ERRORS]) {
-    const Kept *shadow = &bank[SHADOW];
+static double mixed(const PackedMember bank[MEMBERS + 1], Shape shape, double x[ERRORS], double P[ERRORS][ERRORS]) {
+    const PackedMember *shadow = &bank[SHADOW];
     double weights[MEMBERS], sum = 0.0;
     for (int m = 0; m < MEMBERS; m++) {
         const int meant = is_alive(&bank[m]) && (shape == ANY || is_bending(&bank[m]) == (shape == BENT));
@@ -22,7 +22,7 @@ static double mixed(const Kept bank[MEMBERS + 1], Shape shape, double x[ERRORS],
         if (!(weights[m] > 0.0)) continue;
         for (int a = 0; a < ERRORS; a++) off[a] = bank[m].x[a] - shadow->x[a] - x[a];
         for (int a = 0; a < ERRORS; a++)
-            for (int b = 0; b <= a; b++) P[a][b] += part * (bank[m].P[pair(a, b)] + off[a] * off[b]);
+            for (int b = 0; b <= a; b++) P[a][b] += part * (bank[m].P[packed_index(a, b)] + off[a] * off[b]);
     }
     for (int a = 0; a < ERRORS; a++)
         for (int b = 0; b < a; b++) P[b][a] = P[a][b];
@@ -147,19 +147,19 @@ static int ordered(int a) { return (a + SCALE) % LEVEL; }
    the answer's is (1/D + 1/V - 1)^-1. Where the large filter knows less than its shadow, v > 1, there is no rest, and deviations
    are as many times wider, T. Where the mixture knows less than the shadow, d > 1, as after a jump, the large filter's covariance
    grows by as much, G, `more`, and it follows by as much as that is of the mixture's. */
-static double mixture(const Kept bank[MEMBERS + 1], Shape shape, const Member *large, double x[ERRORS],
+static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const Member *large, double x[ERRORS],
                       double P[ERRORS][ERRORS], double more[LEVEL][LEVEL]) {
     double S[LEVEL * LEVEL], back[LEVEL * LEVEL], N[LEVEL * LEVEL], off[LEVEL], lead[LEVEL], pull[LEVEL], step[LEVEL];
     double D[LEVEL][LEVEL], U[LEVEL][LEVEL], V[LEVEL][LEVEL], W[LEVEL][LEVEL], G[LEVEL][LEVEL], T[LEVEL][LEVEL];
     double known[LEVEL], rest[LEVEL], wider[LEVEL], growth[LEVEL], inverse[LEVEL], sum = mixed(bank, shape, x, P);
     double before[LEVEL], of_members[LEVEL][LEVEL];
-    const Kept *shadow = &bank[SHADOW];
+    const PackedMember *shadow = &bank[SHADOW];
     for (int a = 0; a < LEVEL; a++) {
         int i = ordered(a);
         pull[a] = x[i], step[a] = shadow->x[i] - large->x[i];
         for (int b = 0; b < LEVEL; b++) {
             int j = ordered(b);
-            S[LEVEL * a + b] = kept(shadow, i, j), D[a][b] = P[i][j], V[a][b] = large->P[i][j];
+            S[LEVEL * a + b] = packed(shadow, i, j), D[a][b] = P[i][j], V[a][b] = large->P[i][j];
             more[a][b] = 0.0;
         }
     }
@@ -210,7 +210,7 @@ static double mixture(const Kept bank[MEMBERS + 1], Shape shape, const Member *l
 static int is_elsewhere(const Online *filter) {
     double x[ERRORS], y[LEVEL], P[ERRORS][ERRORS], S[LEVEL * LEVEL], square = 0.0;
     mixed(filter->bank, ANY, x, P);
-    for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = kept(&filter->bank[SHADOW], k / LEVEL, k % LEVEL);
+    for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = packed(&filter->bank[SHADOW], k / LEVEL, k % LEVEL);
     if (!factored(LEVEL, S)) return 0;
     for (int k = 0; k < LEVEL; k++) y[k] = x[k];
     solved(LEVEL, S, y);
@@ -224,7 +224,7 @@ static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
     double x[ERRORS], D[ERRORS][ERRORS], more[LEVEL][LEVEL];
     Member large = large_at(filter, filter->x), shadow;
-    take_member(&filter->bank[SHADOW], &shadow);
+    unpack_member(&filter->bank[SHADOW], &shadow);
     for (int a = 0; a < OFFSET; a++) large.x[a] += dx[PLACE + a];
     for (int f = 0; f < (int)filter->used; f++)
         for (int a = 0; a < OF_MAP; a++) large.x[OFFSET + a] += dot(filter->share[f][a], &dx[BODY + 3 * f]);
@@ -240,7 +240,7 @@ static void take_mixture(Online *filter, double dx[]) {
         for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : OFFSET + (j - BODY) % 3];
     }
     of_level(filter, shadow.P);
-    keep_member(&shadow, &filter->bank[SHADOW]);
+    pack_member(&shadow, &filter->bank[SHADOW]);
     for (int j = 0; j < JUMPS; j++) filter->jump[j].pending = 0.0;
     adopt(filter);
 }

@@ -136,7 +136,7 @@ typedef struct {
     double errors, weight, steady;
     double x[ERRORS];
     double P[PAIRS];
-} Kept;
+} PackedMember;
 
 /* Of a member that has jumped. */
 typedef struct {
@@ -240,12 +240,12 @@ typedef struct {
     Series series[MOST_FEATURES];
     double b[MOST_FEATURES][3];
     double share[MOST_FEATURES][OF_MAP][3]; /* of a feature's error, in B, in the offset that the last node saw, and in the scale */
-    Kept bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
+    PackedMember bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
     Jump jump[JUMPS];
     double stages;     /* how many nodes since the first frame are kept, -1 if there were more */
     double again;      /* variance of the offset below which they are taken again, m2 */
     Transition since_node; /* since the last node */
-    Kept first;        /* of the bank at the first frame */
+    PackedMember first;        /* of the bank at the first frame */
     double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
     double likely; /* errors of the member that it is of */
     Stage stage[STAGES];

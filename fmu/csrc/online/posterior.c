@@ -2,7 +2,7 @@
 
 /* What the open node says, and M, what it only seems to show; 0 where it is not to be taken. A node with a jump, against the
    likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
-static int open_node(const Online *filter, const Kept *likely, Level *level, double M[3][3]) {
+static int open_node(const Online *filter, const PackedMember *likely, Level *level, double M[3][3]) {
     Frame frame;
     Pose pose;
     Sweep sweep;
@@ -21,28 +21,28 @@ static int open_node(const Online *filter, const Kept *likely, Level *level, dou
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) level->noise[a][b] += common[a][b];
     seeming(pose.R, level->turn, level->noise, M);
-    take_member(likely, &best);
+    unpack_member(likely, &best);
     if (!innovation(&best, level, e, L, B)) return 0;
     whitened(L, e);
     return !(dot(e, e) > GATE);
 }
 
 /* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
-static int take_level(Kept bank[MEMBERS], const Level *level, double M[3][3], double widest) {
+static int take_level(PackedMember bank[MEMBERS], const Level *level, double M[3][3], double widest) {
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
         add_change(&bank[m], level);
-        take_member(&bank[m], &member);
+        unpack_member(&bank[m], &member);
         if (!update_member(&member, level)) return 0;
         take_back_of_member(&member, M, widest);
-        keep_member(&member, &bank[m]);
+        pack_member(&member, &bank[m]);
     }
     return 1;
 }
 
 /* The bank at the filter's time: the members that there are; others only are none. */
-static void propagated_bank(const Online *filter, const Transition *transition, Kept bank[MEMBERS + 1]) {
+static void propagated_bank(const Online *filter, const Transition *transition, PackedMember bank[MEMBERS + 1]) {
     for (int m = 0; m <= SHADOW; m++)
         if (is_alive(&filter->bank[m])) bank[m] = filter->bank[m];
         else bank[m].weight = -INFINITY;
@@ -51,7 +51,7 @@ static void propagated_bank(const Online *filter, const Transition *transition, 
 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
    those whose path does stand for themselves. */
-static void combine(const Member *large, const Kept bank[MEMBERS + 1], Posterior *posterior) {
+static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], Posterior *posterior) {
     double x[2][ERRORS], P[2][ERRORS][ERRORS], more[LEVEL][LEVEL], share[2], white = 0.0;
     *posterior = (Posterior){.errors = fmax(large->errors, MOTION)};
     const int n = (int)posterior->errors;
@@ -93,7 +93,7 @@ static double seeming_part(const Online *filter, const Posterior *posterior) {
 
 /* At the filter's time. */
 static void find_posterior(const Online *filter, Posterior *posterior) {
-    Kept bank[MEMBERS + 1];
+    PackedMember bank[MEMBERS + 1];
     Level level;
     double M[3][3];
     if (filter->posterior_valid != 0.0) {

@@ -56,9 +56,9 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
     int sound;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
-        take_member(&filter->bank[m], &member);
+        unpack_member(&filter->bank[m], &member);
         advance_member(&member, law_of((int)member.steady), &stage->transition);
-        keep_member(&member, &filter->bank[m]);
+        pack_member(&member, &filter->bank[m]);
     }
     seeming(level->offset, level->turn, level->noise, M);
     update_members(filter, level, M, stage->transition.span, &jump, &sound);
@@ -72,25 +72,25 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
 }
 
 /* What the noise of the attitudes seems to show of the offset, as a part of what is known. */
-static double part_of(const Kept *member, double seems[3][3]) {
+static double part_of(const PackedMember *member, double seems[3][3]) {
     double trace = 0.0;
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) trace += kept(member, OFFSET + a, OFFSET + b) * seems[a][b];
+        for (int b = 0; b < 3; b++) trace += packed(member, OFFSET + a, OFFSET + b) * seems[a][b];
     return trace;
 }
 
 /* Take the first nodes again if all are kept and the offset is known so much better; 1 if the bank is another. */
 static int take_again(Online *filter) {
-    Kept before[MEMBERS];
+    PackedMember before[MEMBERS];
     Jump jumps[JUMPS];
-    const Kept known = filter->bank[likeliest(filter->bank)];
+    const PackedMember known = filter->bank[likeliest(filter->bank)];
     double wrong[STAGES][3], of_offset[3][3], seems[3][3] = {{0}}, density = filter->density;
     double variance = offset_variance(&known);
     int count = (int)filter->stages, sound = 1;
     if (count < 1 || !(variance < filter->again)) return 0;
     filter->again = AGAIN * variance;
     for (int a = 0; a < 3; a++) {
-        for (int b = 0; b < 3; b++) of_offset[a][b] = kept(&known, OFFSET + a, OFFSET + b);
+        for (int b = 0; b < 3; b++) of_offset[a][b] = packed(&known, OFFSET + a, OFFSET + b);
         for (int k = count - 1; k >= 0; k--)
             wrong[k][a] = filter->stage[k].moved[a] + (k + 1 < count ? wrong[k + 1][a] : known.x[OFFSET + a]);
     }

@@ -10,12 +10,12 @@ filter learns sizes from what it sees of the features alone. */
 #define NODES_OF_A_FLIGHT 1e5 /* those of a day, of a target that turns in 22 s */
 
 /* Where the covariance of two errors is kept. */
-static int pair(int a, int b) { return a < b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b; }
+static int packed_index(int a, int b) { return a < b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b; }
 
-static double kept(const Kept *member, int a, int b) { return member->P[pair(a, b)]; }
+static double packed(const PackedMember *member, int a, int b) { return member->P[packed_index(a, b)]; }
 
 /* A member, to work with it; of its covariance what is beyond MOTION only where it has such errors. */
-static void take_member(const Kept *from, Member *member) {
+static void unpack_member(const PackedMember *from, Member *member) {
     const int wide = from->errors > MOTION ? ERRORS : MOTION;
     const double *row = from->P;
     member->errors = from->errors, member->weight = from->weight, member->steady = from->steady;
@@ -24,7 +24,7 @@ static void take_member(const Kept *from, Member *member) {
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = row[b];
 }
 
-static void keep_member(const Member *member, Kept *to) {
+static void pack_member(const Member *member, PackedMember *to) {
     const int n = (int)member->errors;
     double *row = to->P;
     to->errors = n, to->weight = member->weight, to->steady = member->steady;
@@ -110,9 +110,9 @@ static void heed_thrust(Online *filter) {
     begin_thrust(&filter->options, &filter->posterior);
     for (int a = 0; a < OF_THRUST; a++) filter->of_thrust[a][a] = variance;
     for (int m = 0; m <= SHADOW + 1; m++) {
-        Kept *member = m > SHADOW ? &filter->first : &filter->bank[m];
+        PackedMember *member = m > SHADOW ? &filter->first : &filter->bank[m];
         member->errors = ERRORS;
-        for (int a = THRUST; a < ERRORS; a++) member->P[pair(a, a)] = variance;
+        for (int a = THRUST; a < ERRORS; a++) member->P[packed_index(a, a)] = variance;
     }
 }
 
@@ -209,11 +209,11 @@ static double all_graded(const Member *member, double variance, double factor, d
 /* A member becomes what all grades together say: mean and covariance of their mixture, and its likelihood. The bank itself goes on
    with what is told: from what exact thrusters say of the size of the map the large filter would learn it, tell the bank, and so
    confirm that they are exact. */
-static void grade(const OnlineOptions *options, double factor, Kept *one) {
+static void grade(const OnlineOptions *options, double factor, PackedMember *one) {
     double mean[OF_THRUST], M[OF_THRUST][OF_THRUST], before[ERRORS][OF_THRUST];
     Member member;
     if (one->errors != ERRORS) return;
-    take_member(one, &member);
+    unpack_member(one, &member);
     member.weight += all_graded(&member, options->thrust * options->thrust, factor, mean, M);
     for (int i = 0; i < ERRORS; i++)
         for (int a = 0; a < OF_THRUST; a++) before[i][a] = member.P[i][THRUST + a];
@@ -228,5 +228,5 @@ static void grade(const OnlineOptions *options, double factor, Kept *one) {
             for (int a = 0; a < OF_THRUST; a++) member.P[i][j] -= less[a] * before[j][a];
         for (int j = 0; j < i; j++) member.P[j][i] = member.P[i][j];
     }
-    keep_member(&member, one);
+    pack_member(&member, one);
 }

@@ -59,9 +59,9 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     turn_left(&dx[TURN], filter->R);
     take_back(filter, M);
     Member shadow;
-    take_member(&filter->bank[SHADOW], &shadow);
+    unpack_member(&filter->bank[SHADOW], &shadow);
     take_back_of_member(&shadow, M, filter->widest);
-    keep_member(&shadow, &filter->bank[SHADOW]);
+    pack_member(&shadow, &filter->bank[SHADOW]);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->seeming[i][j] += M[i][j];
     keep(filter, &bare, moved);
