@@ -63,14 +63,14 @@ static void add_wander(double jerk, double T, double P[ERRORS][ERRORS]) {
    of each feature's error. */
 static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]) {
     for (int j = 0; j < n; j++) {
-        for (int a = 0; a < 6; a++) G[a][j] = filter->P[PLACE + a][j];
+        for (int a = 0; a < 6; a++) G[a][j] = filter->P[POSITION + a][j];
         for (int a = OFFSET; a < LEVEL; a++) G[a][j] = 0.0;
     }
     for (int f = 0; f < (int)filter->used; f++)
         for (int a = 0; a < OF_MAP; a++)
             for (int k = 0; k < 3; k++) {
                 double part = filter->share[f][a][k], *to = G[OFFSET + a];
-                const double *row = filter->P[BODY + 3 * f + k];
+                const double *row = filter->P[FEATURES + 3 * f + k];
                 for (int j = 0; j < n; j++) to[j] += part * row[j];
             }
 }
@@ -79,9 +79,9 @@ static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]
 static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[ERRORS][ERRORS]) {
     for (int a = 0; a < LEVEL; a++)
         for (int b = 0; b <= a; b++) {
-            double sum = b < OFFSET ? G[a][PLACE + b] : 0.0;
+            double sum = b < OFFSET ? G[a][POSITION + b] : 0.0;
             for (int f = 0; f < (int)filter->used && b >= OFFSET; f++)
-                sum += dot(filter->share[f][b - OFFSET], &G[a][BODY + 3 * f]);
+                sum += dot(filter->share[f][b - OFFSET], &G[a][FEATURES + 3 * f]);
             P[a][b] = P[b][a] = sum;
         }
 }
@@ -89,7 +89,7 @@ static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], doub
 /* The large filter's covariance of (r, v, offset, scale). */
 static void of_level(const Online *filter, double P[ERRORS][ERRORS]) {
     double G[LEVEL][MOST_ERRORS];
-    with_level(filter, BODY + 3 * (int)filter->used, G);
+    with_level(filter, FEATURES + 3 * (int)filter->used, G);
     among_level(filter, G, P);
 }
 
@@ -110,12 +110,12 @@ static void centroid_of_map(const Online *filter, double mean[3]) {
 
 /* What the error of the map's centroid is with all errors. */
 static void with_centroid(const Online *filter, double G[3][MOST_ERRORS]) {
-    int used = (int)filter->used, n = BODY + 3 * used;
+    int used = (int)filter->used, n = FEATURES + 3 * used;
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) G[a][j] = 0.0;
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
-            for (int j = 0; j < n; j++) G[a][j] += filter->P[BODY + 3 * f + a][j] / used;
+            for (int j = 0; j < n; j++) G[a][j] += filter->P[FEATURES + 3 * f + a][j] / used;
 }
 
 static int is_alive(const PackedMember *member) { return member->weight > -INFINITY; }
@@ -337,7 +337,7 @@ static void know_scale_of_map(Online *filter) {
         for (int k = 0; k < 3; k++)
             for (int g = 0; g < used; g++)
                 variance += filter->share[f][SCALE - OFFSET][k] *
-                            dot(filter->share[g][SCALE - OFFSET], &filter->P[BODY + 3 * f + k][BODY + 3 * g]);
+                            dot(filter->share[g][SCALE - OFFSET], &filter->P[FEATURES + 3 * f + k][FEATURES + 3 * g]);
     Member member;
     for (int m = 0; m <= SHADOW; m++) {
         if (!is_alive(&filter->bank[m]) || !(packed(&filter->bank[m], SCALE, SCALE) > variance)) continue;

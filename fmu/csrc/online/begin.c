@@ -77,8 +77,8 @@ static void guess_path(Online *filter, const Frame *frame) {
     double variance = options->offset * options->offset * mean_square(frame->y, frame->count);
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < frame->count; i++) filter->x[k] += frame->y[i][k] / frame->count;
-        filter->P[PLACE + k][PLACE + k] = variance;
-        filter->P[SPEED + k][SPEED + k] = options->speed * options->speed;
+        filter->P[POSITION + k][POSITION + k] = variance;
+        filter->P[VELOCITY + k][VELOCITY + k] = options->speed * options->speed;
     }
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = first_weight(filter, m);
     filter->density = DENSITY[0];
@@ -88,7 +88,7 @@ static void guess_path(Online *filter, const Frame *frame) {
 static void resume_path(Online *filter, const Path *path) {
     for (int i = 0; i < 6; i++) {
         filter->x[i] = path->x[i];
-        for (int j = 0; j < 6; j++) filter->P[PLACE + i][PLACE + j] = path->P[i][j];
+        for (int j = 0; j < 6; j++) filter->P[POSITION + i][POSITION + j] = path->P[i][j];
     }
     for (int m = 0; m < STEADY; m++) filter->bank[m].weight = path->weight[m];
     filter->density = path->density;
@@ -114,7 +114,7 @@ static void doubt_path(Online *filter) {
     for (int a = 0; a < SCALE; a++)
         for (int b = 0; b <= a; b++) {
             double sign = (a < OFFSET) == (b < OFFSET) ? 1.0 : -1.0; /* the offset's error is opposite */
-            member->P[packed_index(a, b)] += more * sign * P[PLACE + a % OFFSET][PLACE + b % OFFSET];
+            member->P[packed_index(a, b)] += more * sign * P[POSITION + a % OFFSET][POSITION + b % OFFSET];
         }
 }
 
@@ -132,7 +132,7 @@ static void begin(Online *filter, Frame *frame, const Path *path) {
     if (frame->count < 3 || !spread_out(frame)) return;
     if (path) resume_path(filter, path);
     else guess_path(filter, frame);
-    filter->widest = (filter->P[PLACE][PLACE] + filter->P[PLACE + 1][PLACE + 1] + filter->P[PLACE + 2][PLACE + 2]) / 3.0;
+    filter->widest = (filter->P[POSITION][POSITION] + filter->P[POSITION + 1][POSITION + 1] + filter->P[POSITION + 2][POSITION + 2]) / 3.0;
     filter->first_attitude = own_attitude(frame);
     for (int k = 0; k < 3; k++) filter->R[k][k] = 1.0;
     double exact[6][6] = {{0}};

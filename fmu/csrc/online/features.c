@@ -46,7 +46,7 @@ static void inform(Feature *feature, const Frame *frame, int i, const double arm
 static void forget(Online *filter, int slot) {
     int last = (int)filter->used - 1, n = size_of(filter);
     for (int k = 0; k < 3 && slot != last; k++) {
-        int from = BODY + 3 * last + k, to = BODY + 3 * slot + k;
+        int from = FEATURES + 3 * last + k, to = FEATURES + 3 * slot + k;
         filter->b[slot][k] = filter->b[last][k];
         for (int a = 0; a < OF_MAP; a++) filter->share[slot][a][k] = filter->share[last][a][k];
         for (int j = 0; j < n; j++) filter->P[to][j] = filter->P[from][j];
@@ -87,7 +87,7 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
     int slot = free_slot(filter, frame);
     if (slot < 0) return;
     const Passage *passage = &frame->passage[i];
-    int at = BODY + 3 * slot, n = size_of(filter);
+    int at = FEATURES + 3 * slot, n = size_of(filter);
     double arm[3], K[3][3], S[3][3], G[3][3], D[3][3], T[3][3], A[3][3], back[3][3], rows[3][MOST_ERRORS];
     double since = lag - passage->later;
     const double(*R)[3] = filter->R;
@@ -104,8 +104,8 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
         for (int j = 0; j < at; j++) {
             double sum = 0.0;
             for (int k = 0; k < 3; k++)
-                sum -= back[a][k] * (filter->P[SHIFT + k][j] + filter->P[PLACE + k][j] - since * filter->P[SPEED + k][j]) +
-                       G[a][k] * filter->P[TURN + k][j] + passage->swept * D[a][k] * filter->P[SWEEP + k][j];
+                sum -= back[a][k] * (filter->P[TRANSLATION + k][j] + filter->P[POSITION + k][j] - since * filter->P[VELOCITY + k][j]) +
+                       G[a][k] * filter->P[ATTITUDE + k][j] + passage->swept * D[a][k] * filter->P[RATE + k][j];
             rows[a][j] = sum;
         }
     for (int j = 0; j < n; j++)
@@ -116,8 +116,8 @@ static void add(Online *filter, const Frame *frame, int i, double lag, double V[
         for (int b = 0; b <= a; b++) {
             double sum = back[a][0] * T[0][b] + back[a][1] * T[1][b] + back[a][2] * T[2][b];
             for (int k = 0; k < 3; k++)
-                sum -= back[b][k] * (rows[a][SHIFT + k] + rows[a][PLACE + k] - since * rows[a][SPEED + k]) +
-                       G[b][k] * rows[a][TURN + k] + passage->swept * D[b][k] * rows[a][SWEEP + k];
+                sum -= back[b][k] * (rows[a][TRANSLATION + k] + rows[a][POSITION + k] - since * rows[a][VELOCITY + k]) +
+                       G[b][k] * rows[a][ATTITUDE + k] + passage->swept * D[b][k] * rows[a][RATE + k];
             filter->P[at + a][at + b] = filter->P[at + b][at + a] = a == b ? sum + ROUNDING * sum : sum;
         }
     filter->feature[slot] = (Feature){.name = frame->name[i], .last = filter->time};
@@ -130,16 +130,16 @@ static int recognised(const Online *filter, const Frame *frame, int i) {
     int found = -1;
     for (int f = 0; f < (int)filter->used; f++) {
         if (is_in(filter, frame, f) || filter->feature[f].sightings < TRUSTED) continue;
-        int at = BODY + 3 * f;
+        int at = FEATURES + 3 * f;
         double arm[3], e[3], S[3][3], inverse[3][3], J[9], weighted[3], K[3][3];
-        const int block[3] = {PLACE, TURN, at};
+        const int block[3] = {POSITION, ATTITUDE, at};
         times(filter->R, filter->b[f], arm);
         moved_by_turn(arm, K);
         for (int c = 0; c < 3; c++) e[c] = frame->y[i][c] - filter->x[c] - arm[c];
         for (int c = 0; c < 3; c++)
             for (int d = 0; d < 3; d++) {
-                double sum = frame->noise[i][c][d] + filter->P[SHIFT + c][SHIFT + d];
-                sum += filter->P[SHIFT + c][PLACE + d] + filter->P[PLACE + c][SHIFT + d];
+                double sum = frame->noise[i][c][d] + filter->P[TRANSLATION + c][TRANSLATION + d];
+                sum += filter->P[TRANSLATION + c][POSITION + d] + filter->P[POSITION + c][TRANSLATION + d];
                 for (int p = 0; p < 3; p++)
                     for (int q = 0; q < 3; q++)
                         for (int u = 0; u < 3; u++)
@@ -149,8 +149,8 @@ static int recognised(const Online *filter, const Frame *frame, int i) {
                                 sum += J[0] * filter->P[block[p] + u][block[q] + w] * J[1];
                             }
                 for (int u = 0; u < 3; u++) {
-                    sum += filter->P[SHIFT + c][TURN + u] * K[d][u] + K[c][u] * filter->P[TURN + u][SHIFT + d];
-                    sum += filter->P[SHIFT + c][at + u] * filter->R[d][u] + filter->R[c][u] * filter->P[at + u][SHIFT + d];
+                    sum += filter->P[TRANSLATION + c][ATTITUDE + u] * K[d][u] + K[c][u] * filter->P[ATTITUDE + u][TRANSLATION + d];
+                    sum += filter->P[TRANSLATION + c][at + u] * filter->R[d][u] + filter->R[c][u] * filter->P[at + u][TRANSLATION + d];
                 }
                 S[c][d] = sum;
             }

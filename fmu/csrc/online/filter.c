@@ -1,6 +1,6 @@
 /* The Kalman filter of all errors: propagation, and updates with one feature after the other. */
 
-static int size_of(const Online *filter) { return BODY + 3 * (int)filter->used; }
+static int size_of(const Online *filter) { return FEATURES + 3 * (int)filter->used; }
 
 /* (r, v) and its transition matrix F from one time to another, without a push of the chaser. */
 static void propagate(const OnlineOptions *options, double begin, double end, double x[6], double F[6][6]) {
@@ -94,19 +94,19 @@ static void settle(Online *filter) {
     for (int i = 0; i < 6; i++) {
         for (int j = 0; j < n; j++) A[i][j] = 0.0;
         for (int k = 0; k < 6; k++)
-            for (int j = 0; j < n; j++) A[i][j] += transition.F[i][k] * filter->P[PLACE + k][j];
+            for (int j = 0; j < n; j++) A[i][j] += transition.F[i][k] * filter->P[POSITION + k][j];
     }
     for (int i = 0; i < 6; i++)
-        for (int j = 0; j < n; j++) filter->P[PLACE + i][j] = filter->P[j][PLACE + i] = A[i][j];
+        for (int j = 0; j < n; j++) filter->P[POSITION + i][j] = filter->P[j][POSITION + i] = A[i][j];
     for (int i = 0; i < 6; i++)
         for (int j = 0; j <= i; j++) {
             double sum = 0.0;
-            for (int k = 0; k < 6; k++) sum += A[i][PLACE + k] * transition.F[j][k];
+            for (int k = 0; k < 6; k++) sum += A[i][POSITION + k] * transition.F[j][k];
             if (i == j) sum += ROUNDING * sum;
-            filter->P[PLACE + i][PLACE + j] = filter->P[PLACE + j][PLACE + i] = sum;
+            filter->P[POSITION + i][POSITION + j] = filter->P[POSITION + j][POSITION + i] = sum;
         }
-    add_noise(filter->density, transition.span, &filter->P[PLACE][PLACE], MOST_ERRORS);
-    add_thrust(filter, &transition, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    add_noise(filter->density, transition.span, &filter->P[POSITION][POSITION], MOST_ERRORS);
+    add_thrust(filter, &transition, &filter->P[POSITION][POSITION], MOST_ERRORS);
     advance_bank(filter, &transition, filter->bank);
     append_transition(&filter->since_node, &transition);
     filter->span += transition.span;
@@ -175,7 +175,7 @@ static void renew(Online *filter, int begin, double covariance[3][3]) {
    errors before `first` are none. 0 where rounding has left the covariance indefinite. */
 static int update_point(Online *filter, const Frame *frame, int i, double lag, int first, double dx[]) {
     const Passage *passage = &frame->passage[i];
-    const int n = size_of(filter), at = BODY + 3 * frame->slot[i], even = first - first % 2; /* where rows are aligned */
+    const int n = size_of(filter), at = FEATURES + 3 * frame->slot[i], even = first - first % 2; /* where rows are aligned */
     double arm[3], bent[3], there[3], A[3][3], T[3][3], K[3][3], S[3][3], B[3][MOST_ERRORS], L[9], e[3], since = lag - passage->later;
     times(filter->R, filter->b[frame->slot[i]], arm);
     for (int k = 0; k < 3; k++) bent[k] = arm[k] + frame->bent[i][k];
@@ -186,26 +186,26 @@ static int update_point(Online *filter, const Frame *frame, int i, double lag, i
     moved_by_turn(bent, T);
     product(passage->M, T, K);
     for (int c = 0; c < 3; c++) {
-        const double *p = filter->P[SHIFT + c], *q = filter->P[PLACE + c], *v = filter->P[SPEED + c];
-        const double *t0 = filter->P[TURN], *t1 = filter->P[TURN + 1], *t2 = filter->P[TURN + 2];
+        const double *p = filter->P[TRANSLATION + c], *q = filter->P[POSITION + c], *v = filter->P[VELOCITY + c];
+        const double *t0 = filter->P[ATTITUDE], *t1 = filter->P[ATTITUDE + 1], *t2 = filter->P[ATTITUDE + 2];
         const double *b0 = filter->P[at], *b1 = filter->P[at + 1], *b2 = filter->P[at + 2];
         double *out = B[c];
         for (int k = 0; k < 3; k++) S[c][k] *= passage->swept;
         for (int j = even; j < n; j++)
             out[j] = p[j] + q[j] - since * v[j] + K[c][0] * t0[j] + K[c][1] * t1[j] + K[c][2] * t2[j] + A[c][0] * b0[j] +
                      A[c][1] * b1[j] + A[c][2] * b2[j];
-        e[c] = passage->y[c] - there[c] - dx[SHIFT + c] - dx[PLACE + c] + since * dx[SPEED + c];
-        e[c] -= dot(K[c], &dx[TURN]) + dot(A[c], &dx[at]);
-        if (first != SWEEP) continue;
+        e[c] = passage->y[c] - there[c] - dx[TRANSLATION + c] - dx[POSITION + c] + since * dx[VELOCITY + c];
+        e[c] -= dot(K[c], &dx[ATTITUDE]) + dot(A[c], &dx[at]);
+        if (first != RATE) continue;
         for (int k = 0; k < 3; k++)
-            for (int j = 0; j < n; j++) out[j] += S[c][k] * filter->P[SWEEP + k][j];
-        e[c] -= dot(S[c], &dx[SWEEP]);
+            for (int j = 0; j < n; j++) out[j] += S[c][k] * filter->P[RATE + k][j];
+        e[c] -= dot(S[c], &dx[RATE]);
     }
     for (int c = 0; c < 3; c++)
         for (int d = 0; d < 3; d++) {
-            L[3 * c + d] = B[c][SHIFT + d] + B[c][PLACE + d] - since * B[c][SPEED + d] + dot(K[d], &B[c][TURN]) + dot(A[d], &B[c][at]) +
+            L[3 * c + d] = B[c][TRANSLATION + d] + B[c][POSITION + d] - since * B[c][VELOCITY + d] + dot(K[d], &B[c][ATTITUDE]) + dot(A[d], &B[c][at]) +
                            frame->noise[i][c][d];
-            if (first == SWEEP) L[3 * c + d] += dot(S[d], &B[c][SWEEP]);
+            if (first == RATE) L[3 * c + d] += dot(S[d], &B[c][RATE]);
         }
     if (!factored(3, L)) return 0;
     for (int c = 0; c < 3; c++) {

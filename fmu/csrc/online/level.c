@@ -67,7 +67,7 @@ static void common_noise(const Online *filter, const Frame *frame, const Pose *p
     double offset[3][3] = {{0}};
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
-        int at = BODY + 3 * frame->slot[i];
+        int at = FEATURES + 3 * frame->slot[i];
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 3; k++) offset[j][k] += filter->P[at + j][at + k] / pose->count;
     }
@@ -97,7 +97,7 @@ static void add_second_order(const Online *filter, Frame *frame, const Pose *pos
         copy(frame->spread[i], place);
         add_cross(turn, pose->R, place, 1.0, frame->noise[i]);
         if (swept == 0.0) continue;
-        int at = BODY + 3 * frame->slot[i];
+        int at = FEATURES + 3 * frame->slot[i];
         for (int j = 0; j < 3; j++)
             for (int k = 0; k < 3; k++) place[j][k] = filter->P[at + j][at + k];
         add_cross(sweep->covariance, pose->R, place, swept * swept, frame->noise[i]);
@@ -152,7 +152,7 @@ static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3],
         int first = a < TURNED ? a / BEFORE * BEFORE : TURNED, end = a < TURNED ? TURNED : ROWS;
         for (int j = 0; j < n; j++) DP[j] = 0.0;
         for (int i = 0; i < n; i++)
-            for (int j = 0; j < n; j++) DP[j] += D[a][i] * filter->P[BODY + i][BODY + j];
+            for (int j = 0; j < n; j++) DP[j] += D[a][i] * filter->P[FEATURES + i][FEATURES + j];
         for (int b = first; b < end; b++) {
             double sum = 0.0;
             for (int j = 0; j < n; j++) sum += DP[j] * D[b][j];
@@ -298,10 +298,10 @@ static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose,
     with_centroid(filter, G);
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) mean[a][b] += G[a][BODY + 3 * f + b] / used;
+            for (int b = 0; b < 3; b++) mean[a][b] += G[a][FEATURES + 3 * f + b] / used;
     for (int i = 0; i < frame->count; i++) {
         if (!frame->fits[i]) continue;
-        int at = BODY + 3 * frame->slot[i];
+        int at = FEATURES + 3 * frame->slot[i];
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) place[a][b] = filter->P[at + a][at + b] - G[a][at + b] - G[b][at + a] + mean[a][b];
         add_cross(level->turn, pose->R, place, NODES_OF_A_TURN, frame->noise[i]);

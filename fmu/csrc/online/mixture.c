@@ -225,19 +225,19 @@ static void take_mixture(Online *filter, double dx[]) {
     double x[ERRORS], D[ERRORS][ERRORS], more[LEVEL][LEVEL];
     Member large = large_at(filter, filter->x), shadow;
     unpack_member(&filter->bank[SHADOW], &shadow);
-    for (int a = 0; a < OFFSET; a++) large.x[a] += dx[PLACE + a];
+    for (int a = 0; a < OFFSET; a++) large.x[a] += dx[POSITION + a];
     for (int f = 0; f < (int)filter->used; f++)
-        for (int a = 0; a < OF_MAP; a++) large.x[OFFSET + a] += dot(filter->share[f][a], &dx[BODY + 3 * f]);
+        for (int a = 0; a < OF_MAP; a++) large.x[OFFSET + a] += dot(filter->share[f][a], &dx[FEATURES + 3 * f]);
     mixture(filter->bank, ANY, &large, x, D, more);
     shadow.x[SCALE] = large.x[SCALE];
     for (int a = 0; a < SCALE; a++) {
         shadow.x[a] = large.x[a] + x[a];
         for (int b = 0; b < SCALE; b++) more[a][b] += UNTRUE * UNTRUE * x[a] * x[b];
     }
-    for (int i = PLACE; i < n; i++) {
-        int a = i < BODY ? i - PLACE : OFFSET + (i - BODY) % 3;
+    for (int i = POSITION; i < n; i++) {
+        int a = i < FEATURES ? i - POSITION : OFFSET + (i - FEATURES) % 3;
         dx[i] += x[a];
-        for (int j = PLACE; j < n; j++) filter->P[i][j] += more[a][j < BODY ? j - PLACE : OFFSET + (j - BODY) % 3];
+        for (int j = POSITION; j < n; j++) filter->P[i][j] += more[a][j < FEATURES ? j - POSITION : OFFSET + (j - FEATURES) % 3];
     }
     of_level(filter, shadow.P);
     pack_member(&shadow, &filter->bank[SHADOW]);

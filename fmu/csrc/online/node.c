@@ -234,7 +234,7 @@ static void map_turned(const Online *filter, const double before[MOST_FEATURES][
     double weight[MOST_FEATURES], sum = 0.0, centre[3] = {0}, moved[3] = {0}, N[3][3] = {{0}}, torque[3] = {0}, inverse[3][3];
     for (int k = 0; k < 3; k++) turn[k] = 0.0;
     for (int f = 0; f < (int)filter->used; f++) {
-        int at = BODY + 3 * f;
+        int at = FEATURES + 3 * f;
         weight[f] = 1.0 / (filter->P[at][at] + filter->P[at + 1][at + 1] + filter->P[at + 2][at + 2]);
         sum += weight[f];
         for (int k = 0; k < 3; k++) {

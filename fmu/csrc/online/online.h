@@ -31,13 +31,13 @@ enum {
     MOST_FEATURES = 32,
     /* Errors of the state, in this order: a node's angular rate, shift and attitude (a rotation vector), all in C, r, v,
        features. */
-    SWEEP = 0,
-    SHIFT = 3,
-    TURN = 6,
-    PLACE = 9,
-    SPEED = 12,
-    BODY = 15,
-    MOST_ERRORS = BODY + 3 * MOST_FEATURES + 1, /* and one that is none: rows of an even length are aligned alike */
+    RATE = 0,
+    TRANSLATION = 3,
+    ATTITUDE = 6,
+    POSITION = 9,
+    VELOCITY = 12,
+    FEATURES = 15,
+    MOST_ERRORS = FEATURES + 3 * MOST_FEATURES + 1, /* and one that is none: rows of an even length are aligned alike */
     DENSITIES = 8,
     BENDS = 8,   /* deviations of an acceleration by which a path bends */
     WANDERS = 2, /* how soon it is another */

@@ -141,7 +141,7 @@ static void couple_features(const Online *filter, const Posterior *posterior, Fe
    and H (own + wider) H'. Together with (r, v) that is definite as own + wider is, at any later time, too, as no time changes
    offset and scale. Where own is singular, features go with the offset. */
 static void posterior_of_feature(const Online *filter, const Posterior *posterior, const FeatureCoupling *coupling, int slot, FeaturePosterior *known) {
-    const int at = BODY + 3 * slot;
+    const int at = FEATURES + 3 * slot;
     double H[3][OF_MAP], M[OF_MAP][3];
     for (int i = 0; i < 3; i++) {
         for (int a = 0; a < OF_MAP; a++) H[i][a] = coupling->sure ? coupling->G[OFFSET + a][at + i] : a == i;

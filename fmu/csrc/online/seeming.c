@@ -31,7 +31,7 @@ static void take_back(Online *filter, double M[3][3]) {
     with_centroid(filter, G);
     for (int f = 0; f < used; f++)
         for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) P[a][b] += G[a][BODY + 3 * f + b] / used;
+            for (int b = 0; b < 3; b++) P[a][b] += G[a][FEATURES + 3 * f + b] / used;
     damped(P, M, filter->widest, less);
     for (int a = 0; a < 3; a++)
         for (int j = 0; j < n; j++) MG[a][j] = less[a][0] * G[0][j] + less[a][1] * G[1][j] + less[a][2] * G[2][j];

@@ -6,21 +6,21 @@
 /* The errors dx are taken from the state, from the bank's offset and scale and from the points of the node; moved: by how
    much these two are corrected. */
 static void correct(Online *filter, Frame *frame, double lag, const double dx[], double moved[OF_MAP]) {
-    for (int k = 0; k < 6; k++) filter->x[k] += dx[PLACE + k];
+    for (int k = 0; k < 6; k++) filter->x[k] += dx[POSITION + k];
     for (int i = 0; i < frame->count; i++) {
         Passage *passage = &frame->passage[i];
         double swept[3], since = lag - passage->later;
-        cross(&dx[SWEEP], passage->y, swept);
+        cross(&dx[RATE], passage->y, swept);
         for (int k = 0; k < 3; k++) {
-            passage->y[k] -= dx[SHIFT + k] + dx[PLACE + k] - since * dx[SPEED + k] + passage->swept * swept[k];
-            frame->y[i][k] += lag * dx[SPEED + k];
+            passage->y[k] -= dx[TRANSLATION + k] + dx[POSITION + k] - since * dx[VELOCITY + k] + passage->swept * swept[k];
+            frame->y[i][k] += lag * dx[VELOCITY + k];
         }
     }
     start_interval(filter);
     for (int k = 0; k < OF_MAP; k++) moved[k] = 0.0;
     for (int f = 0; f < (int)filter->used; f++) {
-        for (int k = 0; k < 3; k++) filter->b[f][k] += dx[BODY + 3 * f + k];
-        for (int k = 0; k < OF_MAP; k++) moved[k] += dot(filter->share[f][k], &dx[BODY + 3 * f]);
+        for (int k = 0; k < 3; k++) filter->b[f][k] += dx[FEATURES + 3 * f + k];
+        for (int k = 0; k < OF_MAP; k++) moved[k] += dot(filter->share[f][k], &dx[FEATURES + 3 * f]);
     }
     for (int m = 0; m <= SHADOW; m++)
         for (int k = 0; k < OF_MAP; k++) filter->bank[m].x[OFFSET + k] -= moved[k];
@@ -32,7 +32,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
                         const double share[MOST_FEATURES][OF_MAP][3], Level *level) {
     double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}}, M[3][3];
     double moved[OF_MAP], rate[3][3];
-    int first = SHIFT, late;
+    int first = TRANSLATION, late;
     Level bare = *level;
     common_noise(filter, frame, pose, level, common);
     of_itself(filter, frame, pose, level, bare.noise);
@@ -42,13 +42,13 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
         for (int k = 0; k < 3; k++) level->noise[j][k] += common[j][k];
     add_thrust_of_node(filter, level, common);
     seeming(pose->R, level->turn, level->noise, M);
-    add_noise(update_bank(filter, level, M, &late), filter->span, &filter->P[PLACE][PLACE], MOST_ERRORS);
+    add_noise(update_bank(filter, level, M, &late), filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS);
     filter->span = 0.0;
     for (int i = 0; i < frame->count; i++)
-        if (frame->passage[i].swept != 0.0) first = SWEEP;
-    renew(filter, SWEEP, rate);
-    renew(filter, SHIFT, common);
-    renew(filter, TURN, free);
+        if (frame->passage[i].swept != 0.0) first = RATE;
+    renew(filter, RATE, rate);
+    renew(filter, TRANSLATION, common);
+    renew(filter, ATTITUDE, free);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) filter->R[i][j] = pose->R[i][j];
     for (int i = 0; i < frame->count; i++)
@@ -56,7 +56,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     for (int f = 0; f < (int)filter->used; f++) copy_shares(share[f], filter->share[f]);
     if (late) take_mixture(filter, dx);
     correct(filter, frame, lag, dx, moved);
-    turn_left(&dx[TURN], filter->R);
+    turn_left(&dx[ATTITUDE], filter->R);
     take_back(filter, M);
     Member shadow;
     unpack_member(&filter->bank[SHADOW], &shadow);
