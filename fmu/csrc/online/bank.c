@@ -4,7 +4,7 @@ likelihood.
 Some take it for straight, or the orbit that is told, with white acceleration of one density each. The large filter goes with
 the mean of the logarithms of these, which changes as the evidence grows. One more member, its shadow, does the same: by what
 their mixture differs from the shadow, the large filter's estimate is corrected (mixture.c). Others take the path for bent, by
-an acceleration that wanders, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
+an acceleration in a random walk, which they estimate, too: gravity where no orbit is told, drag, light. They stand for themselves
 (posterior.c). Further members have jumped (jumps.c). A member sees where a frame puts the map's centre of mass: r + R d + g s,
 d being what the map's offset is wrong by, and s its size: where depths are far less precise than directions, as a stereo rig's
 are, a map that is too large is seen too far away, in all frames alike. Of the size a member knows what the large filter does. */
@@ -13,7 +13,7 @@ are, a map that is too large is seen too far away, in all frames alike. Of the s
    an acceleration at first, m/s2. */
 typedef struct {
     double white, jerk, bend;
-} Law;
+} ProcessNoise;
 
 #define LOG_LEAST (-36.841361487904734) /* logarithm of the least density */
 #define LOG_RATIO 3.453877639491069     /* of one to the one before, 10^1.5 */
@@ -38,18 +38,18 @@ static void add_noise(double q, double T, double *P, int stride) {
 static const double DENSITY[DENSITIES] = {1e-16, 3.1622776601683794e-15, 1e-13, 3.1622776601683794e-12,
                                           1e-10, 3.1622776601683794e-9,  1e-7,  3.1622776601683794e-6};
 
-/* Deviations of an acceleration, m/s2, and the spans in which it wanders by as much, s. */
-static const double ACCELERATION[BENDS] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
-static const double WANDER[WANDERS] = {1000.0, 30.0};
+/* Deviations of an acceleration, m/s2, and the spans in which its random walk is as much, s. */
+static const double ACCELERATION[ACCELERATIONS] = {1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
+static const double WALK_TIME[WALKS] = {1000.0, 30.0};
 
-static Law law_of(int steady) {
-    if (steady < DENSITIES) return (Law){.white = DENSITY[steady]};
-    double bend = ACCELERATION[(steady - DENSITIES) % BENDS];
-    return (Law){.white = DENSITY[0], .jerk = bend * bend / WANDER[(steady - DENSITIES) / BENDS], .bend = bend};
+static ProcessNoise process_noise_of(int steady) {
+    if (steady < DENSITIES) return (ProcessNoise){.white = DENSITY[steady]};
+    double bend = ACCELERATION[(steady - DENSITIES) % ACCELERATIONS];
+    return (ProcessNoise){.white = DENSITY[0], .jerk = bend * bend / WALK_TIME[(steady - DENSITIES) / ACCELERATIONS], .bend = bend};
 }
 
 /* White jerk over T s: of (r, v) and the acceleration. */
-static void add_wander(double jerk, double T, double P[ERRORS][ERRORS]) {
+static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
     const int AT[3] = {0, 3, LEVEL};
     const double square = T * T, Q[3][3] = {{square * square * T / 20.0, square * square / 8.0, square * T / 6.0},
                                             {square * square / 8.0, square * T / 3.0, square / 2.0},
@@ -125,13 +125,13 @@ static double offset_variance(const PackedMember *member) {
     return (packed(member, OFFSET, OFFSET) + packed(member, OFFSET + 1, OFFSET + 1) + packed(member, OFFSET + 2, OFFSET + 2)) / 3.0;
 }
 
-static int is_bending(const PackedMember *member) { return law_of((int)member->steady).bend > 0.0; }
+static int is_bending(const PackedMember *member) { return process_noise_of((int)member->steady).bend > 0.0; }
 
-/* A member that follows a law from where another one is: of an acceleration it knows what that one does, or nothing yet. One of
+/* A member that goes on with a process noise from where another one is: of an acceleration it knows what that one does, or nothing yet. One of
    which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
 static PackedMember going_on(const PackedMember *from, int steady) {
     PackedMember member = *from;
-    double bend = law_of(steady).bend, square = dot(&from->x[LEVEL], &from->x[LEVEL]) / 3.0;
+    double bend = process_noise_of(steady).bend, square = dot(&from->x[LEVEL], &from->x[LEVEL]) / 3.0;
     if (from->errors != ERRORS) member.errors = bend > 0.0 ? MOTION : LEVEL;
     member.steady = steady;
     if ((bend > 0.0) == is_bending(from) && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
@@ -149,7 +149,7 @@ static int count_of(const Online *filter) { return filter->options.on_orbit != 0
 /* What a member weighs before the first frame. */
 static double first_weight(const Online *filter, int m) {
     if (m >= count_of(filter)) return -INFINITY;
-    double bend = law_of(m).bend;
+    double bend = process_noise_of(m).bend;
     if (filter->options.on_orbit != 0.0) return bend > 0.0 ? BENT_ODDS : 0.0;
     return bend > LEAST_OF_GRAVITY && bend < MOST_OF_GRAVITY ? GRAVITY_ODDS : 0.0;
 }
@@ -196,7 +196,7 @@ static void push_member(const Member *member, const Transition *transition, cons
 }
 
 /* The transition, and what an acceleration adds, in a straight line: an orbit is gone in small arcs. */
-static void advance_member(Member *member, Law law, const Transition *transition) {
+static void advance_member(Member *member, ProcessNoise noise, const Transition *transition) {
     const int n = (int)member->errors;
     const double T = transition->span, (*F)[6] = transition->F;
     double x[6], by[6], A[6][ERRORS], across[6][6];
@@ -220,15 +220,15 @@ static void advance_member(Member *member, Law law, const Transition *transition
         for (int b = 0; b <= a; b++) member->P[a][b] = member->P[b][a] = a == b ? s[b] + ROUNDING * s[b] : s[b];
         for (int b = 6; b < n; b++) member->P[a][b] = member->P[b][a] = A[a][b];
     }
-    add_noise(law.white, T, &member->P[0][0], ERRORS);
-    if (law.jerk > 0.0) add_wander(law.jerk, T, member->P);
+    add_noise(noise.white, T, &member->P[0][0], ERRORS);
+    if (noise.jerk > 0.0) add_white_jerk(noise.jerk, T, member->P);
 }
 
 /* The large filter, or its shadow: for them what the thrusters are wrong by is noise of each transition. */
 static void advance_large(const Online *filter, Member *large, const Transition *transition) {
     for (int k = THRUST; k < ERRORS; k++)
         for (int j = THRUST; j < ERRORS; j++) large->P[k][j] = 0.0;
-    advance_member(large, (Law){.white = filter->density}, transition);
+    advance_member(large, (ProcessNoise){.white = filter->density}, transition);
     add_thrust(filter, transition, &large->P[0][0], ERRORS);
 }
 
@@ -239,7 +239,7 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
         if (!is_alive(&bank[m])) continue;
         unpack_member(&bank[m], &member);
         if (m == SHADOW) advance_large(filter, &member, transition);
-        else advance_member(&member, law_of((int)member.steady), transition);
+        else advance_member(&member, process_noise_of((int)member.steady), transition);
         pack_member(&member, &bank[m]);
     }
 }

@@ -7,7 +7,7 @@ Further filters find rate and inertia ratios where it is a free one, or under th
 say where a feature will be.
 Frames between which the target turns less than their noise are taken together first, as a node: attitudes that differ
 by noise alone would seem to show the offset of the centre of mass.
-r moves on the orbit that is given, else in a straight line, and besides with white acceleration, or one that wanders: a bank
+r moves on the orbit that is given, else in a straight line, and besides with white acceleration, or one in a random walk: a bank
 of small filters weighs what it may be by the likelihood of its innovations, and finds what the chaser's thrusters are wrong by. Everything is in one struct without pointers: copying it saves the
 filter. Nothing is allocated; the time of a frame is bounded. Only <math.h> is needed. */
 #ifndef ONLINE_H
@@ -39,9 +39,9 @@ enum {
     FEATURES = 15,
     MOST_ERRORS = FEATURES + 3 * MOST_FEATURES + 1, /* and one that is none: rows of an even length are aligned alike */
     DENSITIES = 8,
-    BENDS = 8,   /* deviations of an acceleration by which a path bends */
-    WANDERS = 2, /* how soon it is another */
-    STEADY = DENSITIES + BENDS * WANDERS,
+    ACCELERATIONS = 8, /* deviations of an acceleration by which a path bends */
+    WALKS = 2, /* spans in which a random walk makes another of it */
+    STEADY = DENSITIES + ACCELERATIONS * WALKS,
     ON_ORBIT = DENSITIES + 4, /* of them where an orbit is given, from which a path departs little */
     JUMPS = 4, /* members at most that have jumped */
     MEMBERS = STEADY + JUMPS,
@@ -126,7 +126,7 @@ typedef struct {
 typedef struct {
     double errors; /* LEVEL, MOTION or ERRORS; others are 0 */
     double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
-    double steady; /* the member without a jump that has its law */
+    double steady; /* the member without a jump that has its process noise */
     double x[ERRORS];
     double P[ERRORS][ERRORS];
 } Member;
@@ -165,7 +165,7 @@ typedef struct {
 } Stage;
 
 /* What is known from all frames: what the large filter's (r, v, offset) is wrong by, as the bank says, its covariance, and
-   by how much the true one is wider; with the acceleration of a path that bends, and how that wanders. */
+   by how much the true one is wider; with the acceleration of a path that bends, and the noise of its random walk. */
 typedef struct {
     double errors; /* MOTION or ERRORS; others are 0 */
     double x[ERRORS], own[ERRORS][ERRORS], wider[ERRORS][ERRORS];

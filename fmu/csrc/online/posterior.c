@@ -70,9 +70,9 @@ static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], P
         }
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        Law law = law_of((int)bank[m].steady);
+        ProcessNoise noise = process_noise_of((int)bank[m].steady);
         double part = exp(bank[m].weight) / sum;
-        white += part * log(law.white), posterior->jerk += part * law.jerk;
+        white += part * log(noise.white), posterior->jerk += part * noise.jerk;
     }
     posterior->white = exp(white);
 }

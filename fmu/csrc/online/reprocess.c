@@ -57,7 +57,7 @@ static int update_again(Online *filter, const Stage *stage, Level *level, double
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         unpack_member(&filter->bank[m], &member);
-        advance_member(&member, law_of((int)member.steady), &stage->transition);
+        advance_member(&member, process_noise_of((int)member.steady), &stage->transition);
         pack_member(&member, &filter->bank[m]);
     }
     seeming(level->offset, level->turn, level->noise, M);
