@@ -29,7 +29,7 @@ static OnlineStatus worth_of(const Online *filter, const Posterior *posterior, d
     for (int k = 0; k < 36; k++) L[k] = P[k / 6][k % 6];
     if (!factored(6, L)) return STARTING; /* of rounding, where exact points meet a wide start */
     if (!(P[0][0] + P[1][1] + P[2][2] < square)) return STARTING;
-    if (filter->stages >= 0.0 && filter->stages < FEWEST) return STARTING;
+    if (filter->stored_count >= 0.0 && filter->stored_count < FEWEST) return STARTING;
     if (noise_ratio(filter) > UNLIKE || filter->bank[DENSITIES - 1].weight == 0.0) return DOUBTFUL;
     if (filter->options.on_orbit == 0.0 && is_bent(filter)) return DOUBTFUL;
     return posterior->seems < 1.0 ? TRACKING : STARTING;

@@ -244,7 +244,7 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
     }
 }
 
-/* What a node is not where a member foresees it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
+/* What a node is not where a member predicts it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
    there is no factor. */
 static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[3][ERRORS]) {
     const double(*late)[3] = level->lag, (*R)[3] = level->offset, *g = level->scale, bend = level->bend;

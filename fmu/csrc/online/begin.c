@@ -1,7 +1,7 @@
 /* The first frame, or the first of another map: the path goes on where it is known.
 
 A target that comes into view again with other features, or from another side before its tumble is known, shows nothing
-that is in the map. The centre of mass is where it was foreseen all the same. */
+that is in the map. The centre of mass is where it was predicted all the same. */
 
 /* Whether the points are not all in a line. */
 static int spread_out(const Frame *frame) {
@@ -98,7 +98,7 @@ static void resume_path(Online *filter, const Path *path) {
         filter->thrust[a] = path->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) filter->of_thrust[a][b] = path->of_thrust[a][b];
     }
-    filter->stages = -1.0;
+    filter->stored_count = -1.0;
 }
 
 /* One more member, which takes the path for far less well known: the new map will tell. */

@@ -19,30 +19,30 @@ static void exchange(Frame *frame, int i, int j) {
     frame->slot[j] = slot, frame->name[j] = name, copy(spread, frame->spread[j]);
 }
 
-/* Whether the attitude of a pose is far from the foreseen one. */
-static int is_far(const Online *filter, const Foreseen *foreseen, const Pose *pose) {
-    double turn[3], angle = angle_between(pose->R, foreseen->R, turn);
-    return angle * angle > GATE * (attitude_variance(filter, pose) + foreseen->variance);
+/* Whether the attitude of a pose is far from the predicted one. */
+static int is_far(const Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
+    double turn[3], angle = angle_between(pose->R, predicted->R, turn);
+    return angle * angle > GATE * (attitude_variance(filter, pose) + predicted->variance);
 }
 
-/* The pose of a frame of which all points fit if two have exchanged their names, nearest to the foreseen attitude; 0 if there
+/* The pose of a frame of which all points fit if two have exchanged their names, nearest to the predicted attitude; 0 if there
    is none that is not far from it. */
-static int exchanged(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+static int exchanged(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int found = 0, first = 0, second = 0;
     double turn[3], angle, least = INFINITY;
-    if (known_in(frame) == 3 && !(GATE * foreseen->variance < LARGE * LARGE)) return 0; /* most triangles fit some such attitude */
+    if (known_in(frame) == 3 && !(GATE * predicted->variance < LARGE * LARGE)) return 0; /* most triangles fit some such attitude */
     for (int i = 0; i < frame->count; i++)
         for (int j = i + 1; j < frame->count; j++) {
             if (frame->slot[i] < 0 || frame->slot[j] < 0) continue;
             exchange(frame, i, j);
-            if (fits_as_a_whole(filter, frame, foreseen, pose) && !is_far(filter, foreseen, pose) &&
-                (angle = angle_between(pose->R, foreseen->R, turn)) < least)
+            if (fits_as_a_whole(filter, frame, predicted, pose) && !is_far(filter, predicted, pose) &&
+                (angle = angle_between(pose->R, predicted->R, turn)) < least)
                 found = 1, least = angle, first = i, second = j;
             exchange(frame, i, j);
         }
     if (!found) return 0;
     exchange(frame, first, second);
-    return fits_as_a_whole(filter, frame, foreseen, pose);
+    return fits_as_a_whole(filter, frame, predicted, pose);
 }
 
 /* Points that do not fit the pose, but each other's places, have exchanged their names. */

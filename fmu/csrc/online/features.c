@@ -169,7 +169,7 @@ static int known_in(const Frame *frame) {
     return known;
 }
 
-/* Where too few names are known: features that are foreseen to be where unknown points are, at R from the centre of mass,
+/* Where too few names are known: features that are predicted to be where unknown points are, at R from the centre of mass,
    with a deviation in m. A point is given a feature that is much nearer than any other; whether the frame fits, tells. */
 static void guess_by_place(const Online *filter, Frame *frame, const double R[3][3], double deviation) {
     for (int i = 0; i < frame->count; i++) {

@@ -2,9 +2,9 @@
 #ifndef FRAMES_H
 #define FRAMES_H
 
-/* When a point of a node was seen, which is the mean of its sightings: y = x + M R b from the foreseen path x. */
+/* When a point of a node was seen, which is the mean of its sightings: y = x + M R b from the predicted path x. */
 typedef struct {
-    double y[3];    /* from the foreseen centre of mass */
+    double y[3];    /* from the predicted centre of mass */
     double later;   /* than the node's mean time, s */
     double swept;   /* s, by which an error of the rate turns the target */
     double M[3][3]; /* the mean rotation in C since the mean time */
@@ -36,10 +36,10 @@ typedef struct {
 /* An attitude with the variance of its rotation vector, rad2; INFINITY where any is possible. */
 typedef struct {
     double R[3][3], variance;
-} Foreseen;
+} PredictedAttitude;
 
 /* How the target turns about the mean time of a node: rate and acceleration in C, with the covariance of the rate, and the
-   drift of the map's centre of mass from the foreseen one. If `since` is not 0, `before` is the mean rate since the node
+   drift of the map's centre of mass from the predicted one. If `since` is not 0, `before` is the mean rate since the node
    before, that long ago, and acceleration the rate's change from then. spread: mean square of the frames' times. push: of what
    thrusters are wrong by in r, the mean over the frames. */
 typedef struct {

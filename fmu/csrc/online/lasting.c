@@ -99,12 +99,12 @@ static void put_right(Online *filter, double factor) {
         scale_block(member->P, PAIRS, factor);
         member->weight /= factor;
     }
-    for (int k = 0; k < (int)filter->stages; k++) {
-        Stage *stage = &filter->stage[k];
-        scale_block(stage->change[0], OF_MAP * OF_MAP, factor);
-        scale_block(stage->noise[0], 9, factor);
-        scale_block(stage->turn[0], 9, factor);
-        scale_block(stage->both[0], 9, factor);
+    for (int k = 0; k < (int)filter->stored_count; k++) {
+        StoredNode *stored = &filter->stored[k];
+        scale_block(stored->change[0], OF_MAP * OF_MAP, factor);
+        scale_block(stored->noise[0], 9, factor);
+        scale_block(stored->turn[0], 9, factor);
+        scale_block(stored->both[0], 9, factor);
     }
     for (int f = 0; f < (int)filter->used; f++) scale_block(filter->feature[f].information[0], 9, 1.0 / factor);
     Tumble *tumble = &filter->tumble;

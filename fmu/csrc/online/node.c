@@ -257,7 +257,7 @@ static void map_turned(const Online *filter, const double before[MOST_FEATURES][
     if (inverted(N, inverse)) times(inverse, torque, turn);
 }
 
-/* Give the node to the filter and begin another; with the tumble as it is foreseen now. 0 if the filter has to start again. */
+/* Give the node to the filter and begin another; with the tumble as it is predicted now. 0 if the filter has to start again. */
 static int close_node(Online *filter, const OnlineTumble *tumble, const double R[3][3]) {
     Frame frame;
     Pose pose;
@@ -267,9 +267,9 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     note_lasting(filter);
     double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
     filter->node.count = 0.0;
-    Foreseen foreseen = {.variance = INFINITY};
-    copy(R, foreseen.R);
-    if (!registered(filter, &frame, &foreseen, &pose)) return 1;
+    PredictedAttitude predicted = {.variance = INFINITY};
+    copy(R, predicted.R);
+    if (!registered(filter, &frame, &predicted, &pose)) return 1;
     add_second_order(filter, &frame, &pose, &sweep);
     level_of(filter, &frame, &pose, lag, &sweep, share, &level);
     if (is_loose(&level)) return 1;

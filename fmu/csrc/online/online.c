@@ -59,59 +59,59 @@ static void last_rate(const Online *filter, double rate[3], double *variance, do
     *variance = 2.0 * filter->unsure / (span * span), *since = node->begin;
 }
 
-#define WEAK 4.0 /* times the variance of an attitude that was foreseen has one that tells little */
+#define WEAK 4.0 /* times the variance of an attitude that was predicted has one that tells little */
 
 /* The attitude at a time: of the tumble where it is known, else of a constant rate, which may change by its square. */
-static void foresee(const Online *filter, double time, OnlineTumble *found, Foreseen *foreseen) {
+static void predict_attitude(const Online *filter, double time, OnlineTumble *found, PredictedAttitude *predicted) {
     double rate[3], of_rate, turned, turn[3], T = time - filter->referred;
     online_tumble(filter, time, found);
     if (found->known != 0.0) {
-        copy(found->R, foreseen->R);
-        foreseen->variance = found->turn[0][0] + found->turn[1][1] + found->turn[2][2];
+        copy(found->R, predicted->R);
+        predicted->variance = found->turn[0][0] + found->turn[1][1] + found->turn[2][2];
         return;
     }
     last_rate(filter, rate, &of_rate, &turned);
-    copy(filter->reference, foreseen->R);
+    copy(filter->reference, predicted->R);
     for (int k = 0; k < 3; k++) turn[k] = rate[k] * T;
-    turn_left(turn, foreseen->R);
+    turn_left(turn, predicted->R);
     double square = dot(rate, rate), change = square * T * (time - turned);
-    foreseen->variance = square > 0.0 && square * T * T < 1.0 ? filter->unsure + of_rate * T * T + change * change : INFINITY;
+    predicted->variance = square > 0.0 && square * T * T < 1.0 ? filter->unsure + of_rate * T * T + change * change : INFINITY;
 }
 
-/* What the next attitude is foreseen from: that of a registered frame, or where it was foreseen if that is far better known. */
-static void refer(Online *filter, const Foreseen *foreseen, const Pose *pose) {
+/* What the next attitude is predicted from: that of a registered frame, or where it was predicted if that is far better known. */
+static void refer(Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
     double variance = attitude_variance(filter, pose);
-    int better = WEAK * foreseen->variance < variance && !is_far(filter, foreseen, pose);
-    copy(better ? foreseen->R : pose->R, filter->reference);
-    filter->unsure = better ? foreseen->variance : variance;
+    int better = WEAK * predicted->variance < variance && !is_far(filter, predicted, pose);
+    copy(better ? predicted->R : pose->R, filter->reference);
+    filter->unsure = better ? predicted->variance : variance;
     filter->referred = filter->time;
 }
 
-/* Whether the attitude of a frame is far from the foreseen one: points of it are not what they are taken for. But if that goes
+/* Whether the attitude of a frame is far from the predicted one: points of it are not what they are taken for. But if that goes
    on, the target turns so. */
-static int is_surprising(Online *filter, const Foreseen *foreseen, const Pose *pose) {
-    filter->surprises = is_far(filter, foreseen, pose) ? filter->surprises + 1.0 : 0.0;
+static int is_surprising(Online *filter, const PredictedAttitude *predicted, const Pose *pose) {
+    filter->surprises = is_far(filter, predicted, pose) ? filter->surprises + 1.0 : 0.0;
     if (filter->surprises > 0.0 && filter->surprises < STUBBORN) return 1;
     filter->surprises = 0.0;
     return 0;
 }
 
 /* Whether a frame has a pose that is not surprising, if need be with the names of two points exchanged. */
-static int is_expected(Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+static int is_expected(Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     double turn[3], rate[3], of_rate, turned;
     Pose other = {.count = 0};
-    int fits = registered(filter, frame, foreseen, pose), far = fits && is_far(filter, foreseen, pose);
-    double angle = fits ? angle_between(pose->R, foreseen->R, turn) : INFINITY;
-    last_rate(filter, rate, &of_rate, &turned); /* if one is known, any attitude may come where none is foreseen */
-    if (fits && !far && (isfinite(foreseen->variance) || dot(rate, rate) > 0.0 || angle < LARGE)) exchange_misfits(filter, frame, pose);
-    else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, foreseen, &other) &&
-             (far || angle_between(other.R, foreseen->R, turn) < 0.5 * angle))
+    int fits = registered(filter, frame, predicted, pose), far = fits && is_far(filter, predicted, pose);
+    double angle = fits ? angle_between(pose->R, predicted->R, turn) : INFINITY;
+    last_rate(filter, rate, &of_rate, &turned); /* if one is known, any attitude may come where none is predicted */
+    if (fits && !far && (isfinite(predicted->variance) || dot(rate, rate) > 0.0 || angle < LARGE)) exchange_misfits(filter, frame, pose);
+    else if (known_in(frame) >= 3 && known_in(frame) <= FEW && exchanged(filter, frame, predicted, &other) &&
+             (far || angle_between(other.R, predicted->R, turn) < 0.5 * angle))
         *pose = other, fits = 1;
-    else fits = fits && registered(filter, frame, foreseen, pose);
-    return fits && !is_surprising(filter, foreseen, pose);
+    else fits = fits && registered(filter, frame, predicted, pose);
+    return fits && !is_surprising(filter, predicted, pose);
 }
 
-/* The deviation of a coordinate of a feature, foreseen: of the centre of mass, and of the attitude at its distance. */
+/* The deviation of a coordinate of a feature, predicted: of the centre of mass, and of the attitude at its distance. */
 static double place_deviation(const Online *filter, const OnlineTumble *tumble, double time) {
     static const OnlineThrust none;
     Ahead ahead;
@@ -131,20 +131,20 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     Pose pose;
     Path path;
     OnlineTumble tumble;
-    Foreseen foreseen;
+    PredictedAttitude predicted;
     double R[3][3], turn[3];
     int sound = 1;
     if (!are_within(LATEST, &time, 1) || (filter->frames > 0.0 && !(time > filter->time))) return BAD_TIME;
     if (filter->frames > 0.0 && !(time - filter->time <= filter->options.longest_gap)) return TOO_LATE;
-    foresee(filter, time, &tumble, &foreseen);
-    int refused = read_frame(filter, foreseen.R, count, names, points, covariances, &frame);
+    predict_attitude(filter, time, &tumble, &predicted);
+    int refused = read_frame(filter, predicted.R, count, names, points, covariances, &frame);
     if (refused) return refused;
     if (filter->frames == 0.0) {
         filter->time = time;
         begin(filter, &frame, NULL);
         return ACCEPTED;
     }
-    int fits = is_expected(filter, &frame, &foreseen, &pose);
+    int fits = is_expected(filter, &frame, &predicted, &pose);
     if (!fits) keep_posterior(filter);
     advance(filter, time, push);
     if (is_better_first(filter, &frame)) {
@@ -152,8 +152,8 @@ static int take_frame(Online *filter, double time, int count, const long long *n
         return ACCEPTED;
     }
     if (tumble.known != 0.0 && known_in(&frame) < 3) {
-        guess_by_place(filter, &frame, foreseen.R, place_deviation(filter, &tumble, time));
-        fits = is_expected(filter, &frame, &foreseen, &pose);
+        guess_by_place(filter, &frame, predicted.R, place_deviation(filter, &tumble, time));
+        fits = is_expected(filter, &frame, &predicted, &pose);
     }
     if (!fits) {
         int strangers = known_in(&frame) < 3;
@@ -173,7 +173,7 @@ static int take_frame(Online *filter, double time, int count, const long long *n
     if (covariances) carry_covariances(filter, &frame, &pose);
     filter->lost = 0.0;
     copy(pose.R, filter->attitude);
-    refer(filter, &foreseen, &pose);
+    refer(filter, &predicted, &pose);
     filter->registered = time;
     if (filter->node.count > 0.0 && angle_between(pose.R, filter->node.R, turn) > widest_within(&filter->node)) {
         far_enough(filter, R);

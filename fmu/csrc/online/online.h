@@ -46,7 +46,7 @@ enum {
     JUMPS = 4, /* members at most that have jumped */
     MEMBERS = STEADY + JUMPS,
     SHADOW = MEMBERS,
-    STAGES = 32, /* nodes that are kept */
+    STORED_NODES = 32, /* nodes that are kept */
     SCALES = 14, /* blocks of 1, 2, 4 ... sightings */
     OFFSET = 6, /* first of the errors of a member of the bank after r and v: what the offset of the features seen is wrong by */
     SCALE = OFFSET + 3, /* what the size of the map is wrong by, as a part of it */
@@ -106,7 +106,7 @@ typedef struct {
 typedef struct {
     long long name;
     double count, times, squares, cubes; /* of its times from the node's first */
-    double y[3], y_times[3];             /* y is from the foreseen centre of mass */
+    double y[3], y_times[3];             /* y is from the predicted centre of mass */
     double place[3];                     /* mean, in B, of a feature that is not in the map yet */
     double strangers;                    /* sightings of such a one that are not there */
     double noise[3][3];
@@ -116,7 +116,7 @@ typedef struct {
 typedef struct {
     double count, begin, times, squares, used;
     double R[3][3], turn[3], turn_times[3]; /* first attitude, sums of rotation vectors in C from it */
-    double drift[3], drift_times[3];        /* of the map from the foreseen centre of mass */
+    double drift[3], drift_times[3];        /* of the map from the predicted centre of mass */
     double push[3][OF_THRUST];              /* of what thrusters are wrong by in r, since the node before */
     double variance;                        /* of an attitude, rad2 per axis */
     double residuals, freedom;
@@ -162,7 +162,7 @@ typedef struct {
     double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
     double moved[OF_MAP];                       /* by which offset, in B, and scale were corrected after it */
-} Stage;
+} StoredNode;
 
 /* What is known from all frames: what the large filter's (r, v, offset) is wrong by, as the bank says, its covariance, and
    by how much the true one is wider; with the acceleration of a path that bends, and the noise of its random walk. */
@@ -217,8 +217,8 @@ typedef struct {
     double R[3][3], rate[3], turned;   /* of the last node; angular rate in C between the last two; its time */
     double attitude[3][3], registered; /* of the last frame that fits, and its time */
     double of_rate, of_attitude;       /* variances of rate and R, over all axes */
-    double reference[3][3], referred, unsure; /* attitude from which the next one is foreseen, its time, its variance, rad2 */
-    double surprises; /* frames in a row with an attitude far from the foreseen one */
+    double reference[3][3], referred, unsure; /* attitude from which the next one is predicted, its time, its variance, rad2 */
+    double surprises; /* frames in a row with an attitude far from the predicted one */
     double x[6];                       /* r, v at `time` */
     double from[6]; /* r, v at the time of the covariances */
     Transition transition; /* since then, but for its step */
@@ -242,13 +242,13 @@ typedef struct {
     double share[MOST_FEATURES][OF_MAP][3]; /* of a feature's error, in B, in the offset that the last node saw, and in the scale */
     PackedMember bank[MEMBERS + 1]; /* without a jump, with one, and the shadow */
     Jump jump[JUMPS];
-    double stages;     /* how many nodes since the first frame are kept, -1 if there were more */
+    double stored_count;     /* how many nodes since the first frame are kept, -1 if there were more */
     double again;      /* variance of the offset below which they are taken again, m2 */
     Transition since_node; /* since the last node */
     PackedMember first;        /* of the bank at the first frame */
     double last[3], trend, terms; /* the last innovation, whitened; the sum of products of successive ones, of how many terms */
     double likely; /* errors of the member that it is of */
-    Stage stage[STAGES];
+    StoredNode stored[STORED_NODES];
     Tumble tumble;
     double posterior_valid; /* 1: `posterior` is what is known at `time`, as of the last frame */
     Posterior posterior;

@@ -7,13 +7,13 @@ static int open_node(const Online *filter, const PackedMember *likely, Level *le
     Pose pose;
     Sweep sweep;
     OnlineTumble tumble;
-    Foreseen foreseen = {.variance = INFINITY};
+    PredictedAttitude predicted = {.variance = INFINITY};
     Member best;
     double share[MOST_FEATURES][OF_MAP][3], common[3][3], e[3], L[9], B[3][ERRORS], beyond;
-    if (!(turned_by(filter, foreseen.R, &beyond) > beyond)) return 0;
+    if (!(turned_by(filter, predicted.R, &beyond) > beyond)) return 0;
     online_tumble(filter, filter->time, &tumble);
-    double lag = as_frame(filter, &tumble, foreseen.R, &frame, &sweep);
-    if (!registered(filter, &frame, &foreseen, &pose)) return 0;
+    double lag = as_frame(filter, &tumble, predicted.R, &frame, &sweep);
+    if (!registered(filter, &frame, &predicted, &pose)) return 0;
     add_second_order(filter, &frame, &pose, &sweep);
     level_of(filter, &frame, &pose, lag, &sweep, share, level);
     if (is_loose(level)) return 0;

@@ -130,8 +130,8 @@ static int from_triple(const Online *filter, Frame *frame, const int at[3], Pose
     return adjusted(filter, frame, pose);
 }
 
-/* The pose that most points, and the foreseen attitude, agree on, by some of all triples. */
-static int agreed(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *best) {
+/* The pose that most points, and the predicted attitude, agree on, by some of all triples. */
+static int agreed(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *best) {
     int known[MOST_FEATURES], n = 0, number = 0, found = 0;
     for (int i = 0; i < frame->count; i++)
         if (frame->slot[i] >= 0) known[n++] = i;
@@ -144,8 +144,8 @@ static int agreed(const Online *filter, Frame *frame, const Foreseen *foreseen, 
                 int at[3] = {known[i], known[j], known[k]};
                 Pose pose;
                 if (!from_triple(filter, frame, at, &pose)) continue;
-                double turn[3], angle = angle_between(pose.R, foreseen->R, turn);
-                double cost = fmin(angle * angle / foreseen->variance, ROUGHLY * GATE);
+                double turn[3], angle = angle_between(pose.R, predicted->R, turn);
+                double cost = fmin(angle * angle / predicted->variance, ROUGHLY * GATE);
                 for (int p = 0; p < n; p++) {
                     double arm[3], e[3], We[3];
                     cost += fmin(residual(filter, frame, &pose, known[p], arm, e, We), ROUGHLY * GATE);
@@ -157,23 +157,23 @@ static int agreed(const Online *filter, Frame *frame, const Foreseen *foreseen, 
     return settled(filter, frame, best);
 }
 
-/* The pose from all points that are in the map, near a foreseen attitude; 0 if one does not fit. */
-static int fits_as_a_whole(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+/* The pose from all points that are in the map, near a predicted attitude; 0 if one does not fit. */
+static int fits_as_a_whole(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     for (int k = 0; k < 3; k++) pose->c[k] = 0.0;
-    copy(foreseen->R, pose->R);
+    copy(predicted->R, pose->R);
     for (int i = 0; i < frame->count; i++) frame->fits[i] = frame->slot[i] >= 0;
     return adjusted(filter, frame, pose) && !sorted_out(filter, frame, pose, GATE);
 }
 
-/* The pose of a frame near a foreseen attitude, or by agreement; 0 if fewer than three, or half of them, fit. */
-static int registered(const Online *filter, Frame *frame, const Foreseen *foreseen, Pose *pose) {
+/* The pose of a frame near a predicted attitude, or by agreement; 0 if fewer than three, or half of them, fit. */
+static int registered(const Online *filter, Frame *frame, const PredictedAttitude *predicted, Pose *pose) {
     int known = 0;
     for (int i = 0; i < frame->count; i++) known += frame->slot[i] >= 0;
     if (known < 3) return 0;
-    if (fits_as_a_whole(filter, frame, foreseen, pose)) {
+    if (fits_as_a_whole(filter, frame, predicted, pose)) {
         double turn[3];
-        if (angle_between(pose->R, foreseen->R, turn) < ALIKE) return 1;
+        if (angle_between(pose->R, predicted->R, turn) < ALIKE) return 1;
         if (settled(filter, frame, pose) && pose->count == known) return 1;
     }
-    return agreed(filter, frame, foreseen, pose) && 2 * pose->count > known;
+    return agreed(filter, frame, predicted, pose) && 2 * pose->count > known;
 }

@@ -136,10 +136,10 @@ static int best_course(const Tumble *tumble, int count) {
 /* Take the attitude of a node, T s after the last one; returns the weighted square of the likeliest innovation. */
 static double follow_course(Course *course, const OnlineOptions *options, double begin, double T, const double R[3][3],
                             const double noise[3][3]) {
-    double F[6][SPIN], Q[6][6], foreseen[3][3], turn[3], squares[TORQUES];
+    double F[6][SPIN], Q[6][6], predicted[3][3], turn[3], squares[TORQUES];
     if (!spin_on(options, &course->spin, begin, T, F, Q)) return INFINITY;
-    matrix_of(course->spin.q, foreseen);
-    angle_between(R, foreseen, turn);
+    matrix_of(course->spin.q, predicted);
+    angle_between(R, predicted, turn);
     int best = best_error(course);
     for (int m = 0; m < TORQUES; m++) {
         error_on(&course->error[m], F, Q, TORQUE[m]);
@@ -227,9 +227,9 @@ static void sum_up(Tumble *tumble, int count) {
 static int take_kept(Tumble *tumble, int c, const OnlineOptions *options, const Attitude *last) {
     Course *course = &tumble->course[c];
     const Attitude *first = &tumble->attitude[0];
-    double square = dot(course->spin.w, course->spin.w), off[3], foreseen[3][3];
-    matrix_of(course->spin.q, foreseen);
-    angle_between(first->R, foreseen, off);
+    double square = dot(course->spin.w, course->spin.w), off[3], predicted[3][3];
+    matrix_of(course->spin.q, predicted);
+    angle_between(first->R, predicted, off);
     for (int m = 0; m < TORQUES; m++) {
         SpinError *error = &course->error[m];
         *error = (SpinError){.weight = 0.5 * log(TORQUE[m])};

@@ -68,7 +68,7 @@ static int update_frame(Online *filter, Frame *frame, const Pose *pose, double l
     if (take_again(filter) && is_elsewhere(filter)) {
         take_mixture(filter, dy);
         correct(filter, frame, lag, dy, moved);
-        for (int k = 0; k < OF_MAP; k++) filter->stage[(int)filter->stages - 1].moved[k] += moved[k];
+        for (int k = 0; k < OF_MAP; k++) filter->stored[(int)filter->stored_count - 1].moved[k] += moved[k];
     }
     know_scale_of_map(filter);
     learn_thrust(filter);
