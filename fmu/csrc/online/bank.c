@@ -50,7 +50,7 @@ static ProcessNoise process_noise_of(int steady) {
 
 /* White jerk over T s: of (r, v) and the acceleration. */
 static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
-    const int AT[3] = {0, 3, LEVEL};
+    const int AT[3] = {0, 3, PATH_AND_MAP};
     const double square = T * T, Q[3][3] = {{square * square * T / 20.0, square * square / 8.0, square * T / 6.0},
                                             {square * square / 8.0, square * T / 3.0, square / 2.0},
                                             {square * T / 6.0, square / 2.0, T}};
@@ -61,10 +61,10 @@ static void add_white_jerk(double jerk, double T, double P[ERRORS][ERRORS]) {
 
 /* What the large filter's errors are with those of (r, v, offset, scale), the offset being what the last node saw: its share
    of each feature's error. */
-static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]) {
+static void with_path_and_map(const Online *filter, int n, double G[PATH_AND_MAP][MOST_ERRORS]) {
     for (int j = 0; j < n; j++) {
         for (int a = 0; a < 6; a++) G[a][j] = filter->P[POSITION + a][j];
-        for (int a = OFFSET; a < LEVEL; a++) G[a][j] = 0.0;
+        for (int a = OFFSET; a < PATH_AND_MAP; a++) G[a][j] = 0.0;
     }
     for (int f = 0; f < (int)filter->used; f++)
         for (int a = 0; a < OF_MAP; a++)
@@ -76,8 +76,8 @@ static void with_level(const Online *filter, int n, double G[LEVEL][MOST_ERRORS]
 }
 
 /* The covariance of (r, v, offset, scale) from what they are with all errors. */
-static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], double P[ERRORS][ERRORS]) {
-    for (int a = 0; a < LEVEL; a++)
+static void among_path_and_map(const Online *filter, double G[PATH_AND_MAP][MOST_ERRORS], double P[ERRORS][ERRORS]) {
+    for (int a = 0; a < PATH_AND_MAP; a++)
         for (int b = 0; b <= a; b++) {
             double sum = b < OFFSET ? G[a][POSITION + b] : 0.0;
             for (int f = 0; f < (int)filter->used && b >= OFFSET; f++)
@@ -87,10 +87,10 @@ static void among_level(const Online *filter, double G[LEVEL][MOST_ERRORS], doub
 }
 
 /* The large filter's covariance of (r, v, offset, scale). */
-static void of_level(const Online *filter, double P[ERRORS][ERRORS]) {
-    double G[LEVEL][MOST_ERRORS];
-    with_level(filter, FEATURES + 3 * (int)filter->used, G);
-    among_level(filter, G, P);
+static void of_path_and_map(const Online *filter, double P[ERRORS][ERRORS]) {
+    double G[PATH_AND_MAP][MOST_ERRORS];
+    with_path_and_map(filter, FEATURES + 3 * (int)filter->used, G);
+    among_path_and_map(filter, G, P);
 }
 
 static const double NO_SHARE[OF_MAP][3];
@@ -131,11 +131,11 @@ static int is_bending(const PackedMember *member) { return process_noise_of((int
    which it would be more than three deviations is not its own: it would take that for as steady as a small one. */
 static PackedMember going_on(const PackedMember *from, int steady) {
     PackedMember member = *from;
-    double bend = process_noise_of(steady).bend, square = dot(&from->x[LEVEL], &from->x[LEVEL]) / 3.0;
-    if (from->errors != ERRORS) member.errors = bend > 0.0 ? MOTION : LEVEL;
+    double bend = process_noise_of(steady).bend, square = dot(&from->x[PATH_AND_MAP], &from->x[PATH_AND_MAP]) / 3.0;
+    if (from->errors != ERRORS) member.errors = bend > 0.0 ? MOTION : PATH_AND_MAP;
     member.steady = steady;
     if ((bend > 0.0) == is_bending(from) && !(bend > 0.0 && square > 9.0 * bend * bend)) return member;
-    for (int a = LEVEL; a < MOTION; a++) {
+    for (int a = PATH_AND_MAP; a < MOTION; a++) {
         member.x[a] = 0.0;
         for (int b = 0; b < ERRORS; b++) member.P[packed_index(a, b)] = 0.0;
         member.P[packed_index(a, a)] = bend * bend;
@@ -156,9 +156,9 @@ static double first_weight(const Online *filter, int m) {
 
 /* The large filter as a member, at x: of the thrusters it knows what the bank said last. */
 static Member large_at(const Online *filter, const double x[6]) {
-    Member large = {.errors = filter->pushed != 0.0 ? ERRORS : LEVEL};
+    Member large = {.errors = filter->pushed != 0.0 ? ERRORS : PATH_AND_MAP};
     for (int k = 0; k < 6; k++) large.x[k] = x[k];
-    of_level(filter, large.P);
+    of_path_and_map(filter, large.P);
     for (int a = 0; a < OF_THRUST; a++) {
         large.x[THRUST + a] = filter->thrust[a];
         for (int b = 0; b < OF_THRUST; b++) large.P[THRUST + a][THRUST + b] = filter->of_thrust[a][b];
@@ -185,7 +185,7 @@ static double bent_by(int component, double T) { return component < 3 ? 0.5 * T 
 /* Of `advance_member`, what the errors of the thrusters add: to x, and to A, the covariance of (r, v) then with all now. */
 static void push_member(const Member *member, const Transition *transition, const double by[6], double x[6], double A[6][ERRORS]) {
     for (int a = 0; a < 6; a++) {
-        for (int b = THRUST; b < ERRORS; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
+        for (int b = THRUST; b < ERRORS; b++) A[a][b] = by[a] * member->P[PATH_AND_MAP + a % 3][b];
         for (int k = 0; k < 6; k++)
             for (int b = THRUST; b < ERRORS; b++) A[a][b] += transition->F[a][k] * member->P[k][b];
         for (int k = 0; k < OF_THRUST; k++) {
@@ -202,9 +202,9 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
     double x[6], by[6], A[6][ERRORS], across[6][6];
     for (int a = 0; a < 6; a++) {
         by[a] = n < MOTION ? 0.0 : bent_by(a, T);
-        x[a] = transition->step[a] + by[a] * member->x[LEVEL + a % 3];
+        x[a] = transition->step[a] + by[a] * member->x[PATH_AND_MAP + a % 3];
         for (int k = 0; k < 6; k++) x[a] += F[a][k] * member->x[k], across[k][a] = F[a][k];
-        for (int b = 0; b < MOTION; b++) A[a][b] = by[a] * member->P[LEVEL + a % 3][b];
+        for (int b = 0; b < MOTION; b++) A[a][b] = by[a] * member->P[PATH_AND_MAP + a % 3][b];
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < MOTION; b++) A[a][b] += F[a][k] * member->P[k][b];
     }
@@ -212,7 +212,7 @@ static void advance_member(Member *member, ProcessNoise noise, const Transition 
     for (int a = 0; a < 6; a++) {
         double s[6];
         member->x[a] = x[a];
-        for (int b = 0; b < 6; b++) s[b] = by[b] * A[a][LEVEL + b % 3];
+        for (int b = 0; b < 6; b++) s[b] = by[b] * A[a][PATH_AND_MAP + b % 3];
         for (int k = 0; k < 6; k++)
             for (int b = 0; b < 6; b++) s[b] += A[a][k] * across[k][b];
         for (int k = 0; k < OF_THRUST && n > MOTION; k++)
@@ -246,34 +246,34 @@ static void advance_bank(const Online *filter, const Transition *transition, Pac
 
 /* What a node is not where a member predicts it: e, its covariance's Cholesky factor L, and what it is with the member's errors, B; 0 if
    there is no factor. */
-static int innovation(const Member *member, const Level *level, double e[3], double L[9], double B[3][ERRORS]) {
-    const double(*late)[3] = level->lag, (*R)[3] = level->offset, *g = level->scale, bend = level->bend;
+static int innovation(const Member *member, const Measurement *measurement, double e[3], double L[9], double B[3][ERRORS]) {
+    const double(*late)[3] = measurement->lag, (*R)[3] = measurement->offset, *g = measurement->scale, bend = measurement->bend;
     const int pushed = member->errors > MOTION;
     for (int a = 0; a < (pushed ? ERRORS : MOTION); a++)
         for (int k = 0; k < 3; k++)
             B[k][a] = member->P[a][k] - dot(&member->P[a][3], late[k]) + dot(&member->P[a][OFFSET], R[k]) +
-                      g[k] * member->P[a][SCALE] + bend * member->P[a][LEVEL + k];
+                      g[k] * member->P[a][SCALE] + bend * member->P[a][PATH_AND_MAP + k];
     for (int a = 0; a < ERRORS && pushed; a++)
         for (int k = 0; k < 3; k++)
-            for (int i = 0; i < OF_THRUST; i++) B[k][a] += level->push[k][i] * member->P[a][THRUST + i];
+            for (int i = 0; i < OF_THRUST; i++) B[k][a] += measurement->push[k][i] * member->P[a][THRUST + i];
     for (int k = 0; k < 3; k++) {
-        e[k] = level->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
-        e[k] -= g[k] * member->x[SCALE] + bend * member->x[LEVEL + k];
-        for (int i = 0; i < OF_THRUST && pushed; i++) e[k] -= level->push[k][i] * member->x[THRUST + i];
+        e[k] = measurement->c[k] - member->x[k] - dot(R[k], &member->x[OFFSET]) + dot(late[k], &member->x[3]);
+        e[k] -= g[k] * member->x[SCALE] + bend * member->x[PATH_AND_MAP + k];
+        for (int i = 0; i < OF_THRUST && pushed; i++) e[k] -= measurement->push[k][i] * member->x[THRUST + i];
         for (int j = 0; j < 3; j++) {
-            L[3 * k + j] = B[j][k] + g[k] * B[j][SCALE] + bend * B[j][LEVEL + k] + level->noise[k][j];
+            L[3 * k + j] = B[j][k] + g[k] * B[j][SCALE] + bend * B[j][PATH_AND_MAP + k] + measurement->noise[k][j];
             for (int i = 0; i < 3; i++) L[3 * k + j] += R[k][i] * B[j][OFFSET + i] - late[k][i] * B[j][3 + i];
-            for (int i = 0; i < OF_THRUST && pushed; i++) L[3 * k + j] += level->push[k][i] * B[j][THRUST + i];
+            for (int i = 0; i < OF_THRUST && pushed; i++) L[3 * k + j] += measurement->push[k][i] * B[j][THRUST + i];
         }
     }
     return factored(3, L);
 }
 
 /* The update with a node; 0 if rounding has left the covariance indefinite. */
-static int update_member(Member *member, const Level *level) {
+static int update_member(Member *member, const Measurement *measurement) {
     const int n = (int)member->errors;
     double e[3], L[9], B[3][ERRORS];
-    if (!innovation(member, level, e, L, B)) return 0;
+    if (!innovation(member, measurement, e, L, B)) return 0;
     whitened(L, e);
     member->weight -= 0.5 * dot(e, e) + log(L[0] * L[4] * L[8]);
     whiten_rows(L, n, ERRORS, B[0]);
@@ -289,28 +289,28 @@ static int update_member(Member *member, const Level *level) {
 /* The offset that a node sees is of other features than the one before, and so is the scale: uncertain by as much more. What was
    known of them before tells of them as it does by the map: where a feature that was not seen comes back, the one may be half of
    the other. */
-static void add_change(PackedMember *packed_member, const Level *level) {
+static void add_change(PackedMember *packed_member, const Measurement *measurement) {
     const int n = (int)packed_member->errors;
     Member member;
     double more[OF_MAP][ERRORS], x[OF_MAP];
     unpack_member(packed_member, &member);
     for (int a = 0; a < OF_MAP; a++) {
         x[a] = 0.0;
-        for (int b = 0; b < OF_MAP; b++) x[a] += level->follow[a][b] * member.x[OFFSET + b];
+        for (int b = 0; b < OF_MAP; b++) x[a] += measurement->follow[a][b] * member.x[OFFSET + b];
         for (int j = 0; j < n; j++) {
             more[a][j] = 0.0;
-            for (int b = 0; b < OF_MAP; b++) more[a][j] += level->follow[a][b] * member.P[OFFSET + b][j];
+            for (int b = 0; b < OF_MAP; b++) more[a][j] += measurement->follow[a][b] * member.P[OFFSET + b][j];
         }
     }
     for (int a = 0; a < OF_MAP; a++) {
         member.x[OFFSET + a] += x[a];
         for (int j = 0; j < n; j++) member.P[OFFSET + a][j] += more[a][j];
-        for (int j = 0; j < n; j++) member.P[j][OFFSET + a] += j >= OFFSET && j < LEVEL ? 0.0 : more[a][j];
+        for (int j = 0; j < n; j++) member.P[j][OFFSET + a] += j >= OFFSET && j < PATH_AND_MAP ? 0.0 : more[a][j];
     }
     for (int a = 0; a < OF_MAP; a++)
         for (int b = 0; b <= a; b++) {
-            double sum = level->change[a][b] + member.P[OFFSET + a][OFFSET + b];
-            for (int k = 0; k < OF_MAP; k++) sum += member.P[OFFSET + a][OFFSET + k] * level->follow[b][k];
+            double sum = measurement->change[a][b] + member.P[OFFSET + a][OFFSET + b];
+            for (int k = 0; k < OF_MAP; k++) sum += member.P[OFFSET + a][OFFSET + k] * measurement->follow[b][k];
             more[a][b] = sum;
         }
     for (int a = 0; a < OF_MAP; a++)

@@ -60,6 +60,6 @@ typedef struct {
     /* Of offset, in B, and scale since the node before, as other features are seen: the covariance, and how what is known of them
        goes on. */
     double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
-} Level;
+} Measurement;
 
 #endif

@@ -8,13 +8,13 @@ once, or nodes later, then by what the mixture says. */
 #define CLEAR 3.0   /* logarithm by which a jump is more likely than none */
 
 /* The member that jumps at a node, `span` s after the one before, or -1; *jump is the density of its acceleration. */
-static int jumped(Online *filter, const Level *level, double span, double *jump) {
+static int jumped(Online *filter, const Measurement *measurement, double span, double *jump) {
     double e[3], L[9], B[3][ERRORS];
     int best = likeliest(filter->bank), found = -1;
     Member from;
     unpack_member(&filter->bank[best], &from);
-    if (!(span > 0.0) || !innovation(&from, level, e, L, B)) return -1;
-    double square = dot(e, e), lag = (level->lag[0][0] + level->lag[1][1] + level->lag[2][2]) / 3.0;
+    if (!(span > 0.0) || !innovation(&from, measurement, e, L, B)) return -1;
+    double square = dot(e, e), lag = (measurement->lag[0][0] + measurement->lag[1][1] + measurement->lag[2][2]) / 3.0;
     whitened(L, e);
     if (!(dot(e, e) > GATE)) return -1;
     for (int m = STEADY; m < MEMBERS; m++)
@@ -80,16 +80,16 @@ static void weigh_members(Online *filter) {
 
 /* A node updates all members but the shadow, and of them M, what it only seems to show, is taken back; returns the one that jumps there,
    or -1. 0 in *sound where rounding has left a covariance indefinite. */
-static int update_members(Online *filter, const Level *level, double M[3][3], double span, double *jump, int *sound) {
+static int update_members(Online *filter, const Measurement *measurement, double M[3][3], double span, double *jump, int *sound) {
     for (int m = 0; m < MEMBERS; m++)
-        if (is_alive(&filter->bank[m])) add_change(&filter->bank[m], level);
-    int fresh = jumped(filter, level, span, jump);
+        if (is_alive(&filter->bank[m])) add_change(&filter->bank[m], measurement);
+    int fresh = jumped(filter, measurement, span, jump);
     *sound = 1;
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&filter->bank[m])) continue;
         unpack_member(&filter->bank[m], &member);
-        *sound = update_member(&member, level) && *sound;
+        *sound = update_member(&member, measurement) && *sound;
         take_back_of_member(&member, M, filter->widest);
         pack_member(&member, &filter->bank[m]);
     }
@@ -98,13 +98,13 @@ static int update_members(Online *filter, const Level *level, double M[3][3], do
 
 /* What successive innovations of the most likely member have in common: nothing, where the path is as that takes it for.
    What they had before it was known that the path bends is forgotten then. */
-static void note_trend(Online *filter, const Level *level) {
+static void note_trend(Online *filter, const Measurement *measurement) {
     double e[3], L[9], B[3][ERRORS];
     PackedMember best = filter->bank[likeliest(filter->bank)];
     Member member;
-    add_change(&best, level);
+    add_change(&best, measurement);
     unpack_member(&best, &member);
-    if (!innovation(&member, level, e, L, B)) return;
+    if (!innovation(&member, measurement, e, L, B)) return;
     whitened(L, e);
     if (dot(e, e) > GATE) return;
     if (is_bending(&best) > filter->likely) filter->trend = filter->terms = 0.0;
@@ -116,10 +116,10 @@ static void note_trend(Online *filter, const Level *level) {
 
 /* Returns the density of a jump that is clear at once, else 0; *late: one is clear by now that the large filter has not
    taken. */
-static double update_bank(Online *filter, const Level *level, double M[3][3], int *late) {
+static double update_bank(Online *filter, const Measurement *measurement, double M[3][3], int *late) {
     double jump = 0.0;
-    note_trend(filter, level);
-    int sound, parent = likeliest(filter->bank), fresh = update_members(filter, level, M, filter->span, &jump, &sound);
+    note_trend(filter, measurement);
+    int sound, parent = likeliest(filter->bank), fresh = update_members(filter, measurement, M, filter->span, &jump, &sound);
     int best = likeliest(filter->bank);
     const PackedMember *first = &filter->bank[best];
     const Jump *jumped = best < STEADY ? NULL : &filter->jump[best - STEADY];
@@ -129,11 +129,11 @@ static double update_bank(Online *filter, const Level *level, double M[3][3], in
     *late = jumped && jumped->pending != 0.0 && filter->bank[(int)jumped->parent].weight < first->weight - CLEAR;
     if (!*late) adopt(filter);
     Member shadow;
-    Level of_shadow = *level;
-    add_change(&filter->bank[SHADOW], level);
+    Measurement of_shadow = *measurement;
+    add_change(&filter->bank[SHADOW], measurement);
     unpack_member(&filter->bank[SHADOW], &shadow);
     add_noise(jump, filter->span, &shadow.P[0][0], ERRORS);
-    add_thrust_of_node(filter, level, of_shadow.noise);
+    add_thrust_of_node(filter, measurement, of_shadow.noise);
     sound = update_member(&shadow, &of_shadow) && sound;
     shadow.weight = 0.0;
     pack_member(&shadow, &filter->bank[SHADOW]);

@@ -43,52 +43,52 @@ static void learn_thrust(Online *filter) {
 #define DEFINITE 1e-12 /* least eigenvalue of a covariance, in units of the shadow's */
 
 /* L A L' of a lower triangle L and a symmetric A. */
-static void congruent(const double L[LEVEL * LEVEL], double A[LEVEL][LEVEL]) {
-    double T[LEVEL][LEVEL];
-    for (int i = 0; i < LEVEL; i++)
-        for (int j = 0; j < LEVEL; j++) {
+static void congruent(const double L[PATH_AND_MAP * PATH_AND_MAP], double A[PATH_AND_MAP][PATH_AND_MAP]) {
+    double T[PATH_AND_MAP][PATH_AND_MAP];
+    for (int i = 0; i < PATH_AND_MAP; i++)
+        for (int j = 0; j < PATH_AND_MAP; j++) {
             T[i][j] = 0.0;
-            for (int k = 0; k <= i; k++) T[i][j] += L[LEVEL * i + k] * A[k][j];
+            for (int k = 0; k <= i; k++) T[i][j] += L[PATH_AND_MAP * i + k] * A[k][j];
         }
-    for (int i = 0; i < LEVEL; i++)
+    for (int i = 0; i < PATH_AND_MAP; i++)
         for (int j = 0; j <= i; j++) {
             double sum = 0.0;
-            for (int k = 0; k <= j; k++) sum += T[i][k] * L[LEVEL * j + k];
+            for (int k = 0; k <= j; k++) sum += T[i][k] * L[PATH_AND_MAP * j + k];
             A[i][j] = A[j][i] = sum;
         }
 }
 
 /* The inverse of a lower triangle in place. */
-static void invert_triangle(double L[LEVEL * LEVEL]) {
-    for (int j = 0; j < LEVEL; j++) {
-        L[LEVEL * j + j] = 1.0 / L[LEVEL * j + j];
-        for (int i = j + 1; i < LEVEL; i++) {
+static void invert_triangle(double L[PATH_AND_MAP * PATH_AND_MAP]) {
+    for (int j = 0; j < PATH_AND_MAP; j++) {
+        L[PATH_AND_MAP * j + j] = 1.0 / L[PATH_AND_MAP * j + j];
+        for (int i = j + 1; i < PATH_AND_MAP; i++) {
             double sum = 0.0;
-            for (int k = j; k < i; k++) sum += L[LEVEL * i + k] * L[LEVEL * k + j];
-            L[LEVEL * i + j] = -sum / L[LEVEL * i + i];
+            for (int k = j; k < i; k++) sum += L[PATH_AND_MAP * i + k] * L[PATH_AND_MAP * k + j];
+            L[PATH_AND_MAP * i + j] = -sum / L[PATH_AND_MAP * i + i];
         }
     }
 }
 
 /* Eigenvectors U, as columns, and eigenvalues, on the diagonal, of a symmetric A in place (Jacobi). */
-static void eigen(double A[LEVEL][LEVEL], double U[LEVEL][LEVEL]) {
-    for (int i = 0; i < LEVEL; i++)
-        for (int j = 0; j < LEVEL; j++) U[i][j] = i == j;
+static void eigen(double A[PATH_AND_MAP][PATH_AND_MAP], double U[PATH_AND_MAP][PATH_AND_MAP]) {
+    for (int i = 0; i < PATH_AND_MAP; i++)
+        for (int j = 0; j < PATH_AND_MAP; j++) U[i][j] = i == j;
     for (int sweep = 0; sweep < 12; sweep++) {
         double off = 0.0;
-        for (int p = 0; p < LEVEL; p++)
-            for (int q = p + 1; q < LEVEL; q++) {
+        for (int p = 0; p < PATH_AND_MAP; p++)
+            for (int q = p + 1; q < PATH_AND_MAP; q++) {
                 double a = A[p][q], scale = sqrt(fabs(A[p][p] * A[q][q]));
                 if (!(fabs(a) > 1e-8 * scale)) continue;
                 off = 1.0;
                 double tau = (A[q][q] - A[p][p]) / (2.0 * a), sign = tau >= 0.0 ? 1.0 : -1.0;
                 double t = sign / (fabs(tau) + sqrt(1.0 + tau * tau));
                 double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
-                for (int k = 0; k < LEVEL; k++) {
+                for (int k = 0; k < PATH_AND_MAP; k++) {
                     double x = A[k][p], y = A[k][q];
                     A[k][p] = c * x - s * y, A[k][q] = s * x + c * y;
                 }
-                for (int k = 0; k < LEVEL; k++) {
+                for (int k = 0; k < PATH_AND_MAP; k++) {
                     double x = A[p][k], y = A[q][k];
                     A[p][k] = c * x - s * y, A[q][k] = s * x + c * y;
                     x = U[k][p], y = U[k][q];
@@ -100,43 +100,43 @@ static void eigen(double A[LEVEL][LEVEL], double U[LEVEL][LEVEL]) {
 }
 
 /* A = U diag(d) U' */
-static void with_values(double U[LEVEL][LEVEL], const double d[LEVEL], double A[LEVEL][LEVEL]) {
-    for (int i = 0; i < LEVEL; i++)
+static void with_values(double U[PATH_AND_MAP][PATH_AND_MAP], const double d[PATH_AND_MAP], double A[PATH_AND_MAP][PATH_AND_MAP]) {
+    for (int i = 0; i < PATH_AND_MAP; i++)
         for (int j = 0; j <= i; j++) {
             double sum = 0.0;
-            for (int k = 0; k < LEVEL; k++) sum += U[i][k] * d[k] * U[j][k];
+            for (int k = 0; k < PATH_AND_MAP; k++) sum += U[i][k] * d[k] * U[j][k];
             A[i][j] = A[j][i] = sum;
         }
 }
 
 /* y = L x of a lower triangle L. */
-static void by_triangle(const double L[LEVEL * LEVEL], const double x[LEVEL], double y[LEVEL]) {
-    for (int i = 0; i < LEVEL; i++) {
+static void by_triangle(const double L[PATH_AND_MAP * PATH_AND_MAP], const double x[PATH_AND_MAP], double y[PATH_AND_MAP]) {
+    for (int i = 0; i < PATH_AND_MAP; i++) {
         y[i] = 0.0;
-        for (int k = 0; k <= i; k++) y[i] += L[LEVEL * i + k] * x[k];
+        for (int k = 0; k <= i; k++) y[i] += L[PATH_AND_MAP * i + k] * x[k];
     }
 }
 
 /* y = A x */
-static void by_matrix(double A[LEVEL][LEVEL], const double x[LEVEL], double y[LEVEL]) {
-    for (int i = 0; i < LEVEL; i++) {
+static void by_matrix(double A[PATH_AND_MAP][PATH_AND_MAP], const double x[PATH_AND_MAP], double y[PATH_AND_MAP]) {
+    for (int i = 0; i < PATH_AND_MAP; i++) {
         y[i] = 0.0;
-        for (int k = 0; k < LEVEL; k++) y[i] += A[i][k] * x[k];
+        for (int k = 0; k < PATH_AND_MAP; k++) y[i] += A[i][k] * x[k];
     }
 }
 
 /* A = T N^-1 T of symmetric T and N, N by its Cholesky factor. */
-static void wrapped(const double N[LEVEL * LEVEL], double T[LEVEL][LEVEL], double A[LEVEL][LEVEL]) {
-    for (int i = 0; i < LEVEL; i++) {
-        double row[LEVEL];
-        for (int k = 0; k < LEVEL; k++) row[k] = T[i][k];
-        solved(LEVEL, N, row);
+static void wrapped(const double N[PATH_AND_MAP * PATH_AND_MAP], double T[PATH_AND_MAP][PATH_AND_MAP], double A[PATH_AND_MAP][PATH_AND_MAP]) {
+    for (int i = 0; i < PATH_AND_MAP; i++) {
+        double row[PATH_AND_MAP];
+        for (int k = 0; k < PATH_AND_MAP; k++) row[k] = T[i][k];
+        solved(PATH_AND_MAP, N, row);
         by_matrix(T, row, A[i]);
     }
 }
 
 /* The scale comes first, as nothing but the large filter knows it: what members know of the others they know for a scale. */
-static int ordered(int a) { return (a + SCALE) % LEVEL; }
+static int ordered(int a) { return (a + SCALE) % PATH_AND_MAP; }
 
 /* By what members of a shape correct the large filter: x is to be added to its (r, v, offset, scale), P is the covariance of these
    then; with what these tell of the thrusters. Returns the sum of the weights.
@@ -148,58 +148,58 @@ static int ordered(int a) { return (a + SCALE) % LEVEL; }
    are as many times wider, T. Where the mixture knows less than the shadow, d > 1, as after a jump, the large filter's covariance
    grows by as much, G, `more`, and it follows by as much as that is of the mixture's. */
 static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const Member *large, double x[ERRORS],
-                      double P[ERRORS][ERRORS], double more[LEVEL][LEVEL]) {
-    double S[LEVEL * LEVEL], back[LEVEL * LEVEL], N[LEVEL * LEVEL], off[LEVEL], lead[LEVEL], pull[LEVEL], step[LEVEL];
-    double D[LEVEL][LEVEL], U[LEVEL][LEVEL], V[LEVEL][LEVEL], W[LEVEL][LEVEL], G[LEVEL][LEVEL], T[LEVEL][LEVEL];
-    double known[LEVEL], rest[LEVEL], wider[LEVEL], growth[LEVEL], inverse[LEVEL], sum = mixed(bank, shape, x, P);
-    double before[LEVEL], of_members[LEVEL][LEVEL];
+                      double P[ERRORS][ERRORS], double more[PATH_AND_MAP][PATH_AND_MAP]) {
+    double S[PATH_AND_MAP * PATH_AND_MAP], back[PATH_AND_MAP * PATH_AND_MAP], N[PATH_AND_MAP * PATH_AND_MAP], off[PATH_AND_MAP], lead[PATH_AND_MAP], pull[PATH_AND_MAP], step[PATH_AND_MAP];
+    double D[PATH_AND_MAP][PATH_AND_MAP], U[PATH_AND_MAP][PATH_AND_MAP], V[PATH_AND_MAP][PATH_AND_MAP], W[PATH_AND_MAP][PATH_AND_MAP], G[PATH_AND_MAP][PATH_AND_MAP], T[PATH_AND_MAP][PATH_AND_MAP];
+    double known[PATH_AND_MAP], rest[PATH_AND_MAP], wider[PATH_AND_MAP], growth[PATH_AND_MAP], inverse[PATH_AND_MAP], sum = mixed(bank, shape, x, P);
+    double before[PATH_AND_MAP], of_members[PATH_AND_MAP][PATH_AND_MAP];
     const PackedMember *shadow = &bank[SHADOW];
-    for (int a = 0; a < LEVEL; a++) {
+    for (int a = 0; a < PATH_AND_MAP; a++) {
         int i = ordered(a);
         pull[a] = x[i], step[a] = shadow->x[i] - large->x[i];
-        for (int b = 0; b < LEVEL; b++) {
+        for (int b = 0; b < PATH_AND_MAP; b++) {
             int j = ordered(b);
-            S[LEVEL * a + b] = packed(shadow, i, j), D[a][b] = P[i][j], V[a][b] = large->P[i][j];
+            S[PATH_AND_MAP * a + b] = packed(shadow, i, j), D[a][b] = P[i][j], V[a][b] = large->P[i][j];
             more[a][b] = 0.0;
         }
     }
-    if (!factored(LEVEL, S)) return sum; /* the mixture alone */
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = a + 1; b < LEVEL; b++) S[LEVEL * a + b] = 0.0;
-    for (int k = 0; k < LEVEL * LEVEL; k++) back[k] = S[k];
+    if (!factored(PATH_AND_MAP, S)) return sum; /* the mixture alone */
+    for (int a = 0; a < PATH_AND_MAP; a++)
+        for (int b = a + 1; b < PATH_AND_MAP; b++) S[PATH_AND_MAP * a + b] = 0.0;
+    for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) back[k] = S[k];
     invert_triangle(back);
     by_triangle(back, pull, off), by_triangle(back, step, lead); /* of the mixture from the shadow, of that from the filter */
     congruent(back, D), eigen(D, U);
     congruent(back, V), eigen(V, W);
-    for (int k = 0; k < LEVEL; k++) {
+    for (int k = 0; k < PATH_AND_MAP; k++) {
         double d = fmax(D[k][k], DEFINITE), v = fmax(V[k][k], DEFINITE);
         known[k] = 1.0 / fmin(d, 1.0), inverse[k] = 1.0 / d, growth[k] = fmax(d - 1.0, 0.0);
         rest[k] = fmax(1.0 / v - 1.0, 0.0), wider[k] = fmax(sqrt(v), 1.0);
     }
     with_values(U, known, D), with_values(W, rest, V);
-    for (int k = 0; k < LEVEL * LEVEL; k++) N[k] = D[k / LEVEL][k % LEVEL] + V[k / LEVEL][k % LEVEL];
-    if (!factored(LEVEL, N)) return sum;
+    for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) N[k] = D[k / PATH_AND_MAP][k % PATH_AND_MAP] + V[k / PATH_AND_MAP][k % PATH_AND_MAP];
+    if (!factored(PATH_AND_MAP, N)) return sum;
     with_values(U, growth, G), with_values(W, wider, T), with_values(U, inverse, V);
     by_matrix(V, off, pull), by_matrix(D, lead, step);
-    for (int a = 0; a < LEVEL; a++) step[a] += pull[a] - lead[a];
-    solved(LEVEL, N, step);
+    for (int a = 0; a < PATH_AND_MAP; a++) step[a] += pull[a] - lead[a];
+    solved(PATH_AND_MAP, N, step);
     by_matrix(G, pull, off);
-    for (int a = 0; a < LEVEL; a++) step[a] += off[a];
+    for (int a = 0; a < PATH_AND_MAP; a++) step[a] += off[a];
     by_triangle(S, step, off);
     wrapped(N, T, D);
     congruent(S, D), congruent(S, G);
-    for (int a = 0; a < LEVEL; a++) {
+    for (int a = 0; a < PATH_AND_MAP; a++) {
         before[a] = shadow->x[a] - large->x[a] + x[a];
-        for (int b = 0; b < LEVEL; b++) of_members[a][b] = P[a][b];
+        for (int b = 0; b < PATH_AND_MAP; b++) of_members[a][b] = P[a][b];
     }
-    for (int a = 0; a < LEVEL; a++) {
+    for (int a = 0; a < PATH_AND_MAP; a++) {
         x[ordered(a)] = off[a];
-        for (int b = 0; b < LEVEL; b++) {
+        for (int b = 0; b < PATH_AND_MAP; b++) {
             more[ordered(a)][ordered(b)] = G[a][b];
             P[ordered(a)][ordered(b)] = D[a][b] + G[a][b];
         }
     }
-    if (large->errors == ERRORS) follow_level(before, of_members, x, P);
+    if (large->errors == ERRORS) follow_path_and_map(before, of_members, x, P);
     return sum;
 }
 
@@ -208,13 +208,13 @@ static double mixture(const PackedMember bank[MEMBERS + 1], Shape shape, const M
 
 /* Whether the mixture is where the shadow does not expect it. */
 static int is_elsewhere(const Online *filter) {
-    double x[ERRORS], y[LEVEL], P[ERRORS][ERRORS], S[LEVEL * LEVEL], square = 0.0;
+    double x[ERRORS], y[PATH_AND_MAP], P[ERRORS][ERRORS], S[PATH_AND_MAP * PATH_AND_MAP], square = 0.0;
     mixed(filter->bank, ANY, x, P);
-    for (int k = 0; k < LEVEL * LEVEL; k++) S[k] = packed(&filter->bank[SHADOW], k / LEVEL, k % LEVEL);
-    if (!factored(LEVEL, S)) return 0;
-    for (int k = 0; k < LEVEL; k++) y[k] = x[k];
-    solved(LEVEL, S, y);
-    for (int k = 0; k < LEVEL; k++) square += x[k] * y[k];
+    for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) S[k] = packed(&filter->bank[SHADOW], k / PATH_AND_MAP, k % PATH_AND_MAP);
+    if (!factored(PATH_AND_MAP, S)) return 0;
+    for (int k = 0; k < PATH_AND_MAP; k++) y[k] = x[k];
+    solved(PATH_AND_MAP, S, y);
+    for (int k = 0; k < PATH_AND_MAP; k++) square += x[k] * y[k];
     return square > ELSEWHERE;
 }
 
@@ -222,7 +222,7 @@ static int is_elsewhere(const Online *filter) {
    this is added. Of the scale the mixture knows nothing more. */
 static void take_mixture(Online *filter, double dx[]) {
     int n = size_of(filter);
-    double x[ERRORS], D[ERRORS][ERRORS], more[LEVEL][LEVEL];
+    double x[ERRORS], D[ERRORS][ERRORS], more[PATH_AND_MAP][PATH_AND_MAP];
     Member large = large_at(filter, filter->x), shadow;
     unpack_member(&filter->bank[SHADOW], &shadow);
     for (int a = 0; a < OFFSET; a++) large.x[a] += dx[POSITION + a];
@@ -239,7 +239,7 @@ static void take_mixture(Online *filter, double dx[]) {
         dx[i] += x[a];
         for (int j = POSITION; j < n; j++) filter->P[i][j] += more[a][j < FEATURES ? j - POSITION : OFFSET + (j - FEATURES) % 3];
     }
-    of_level(filter, shadow.P);
+    of_path_and_map(filter, shadow.P);
     pack_member(&shadow, &filter->bank[SHADOW]);
     for (int j = 0; j < JUMPS; j++) filter->jump[j].pending = 0.0;
     adopt(filter);

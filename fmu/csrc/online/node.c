@@ -262,7 +262,7 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     Frame frame;
     Pose pose;
     Sweep sweep;
-    Level level;
+    Measurement measurement;
     double turn[3], before[3][3], map[MOST_FEATURES][3], share[MOST_FEATURES][OF_MAP][3];
     note_lasting(filter);
     double lag = as_frame(filter, tumble, R, &frame, &sweep), time = filter->time - lag;
@@ -271,23 +271,23 @@ static int close_node(Online *filter, const OnlineTumble *tumble, const double R
     copy(R, predicted.R);
     if (!registered(filter, &frame, &predicted, &pose)) return 1;
     add_second_order(filter, &frame, &pose, &sweep);
-    level_of(filter, &frame, &pose, lag, &sweep, share, &level);
-    if (is_loose(&level)) return 1;
-    add_what_stays(filter, &frame, &pose, &level);
+    measurement_of(filter, &frame, &pose, lag, &sweep, share, &measurement);
+    if (is_loose(&measurement)) return 1;
+    add_what_stays(filter, &frame, &pose, &measurement);
     copy(filter->R, before);
     for (int f = 0; f < (int)filter->used; f++)
         for (int k = 0; k < 3; k++) map[f][k] = filter->b[f][k];
     settle(filter);
-    if (!update_frame(filter, &frame, &pose, lag, &sweep, share, &level)) return 0;
+    if (!update_frame(filter, &frame, &pose, lag, &sweep, share, &measurement)) return 0;
     map_turned(filter, map, turn);
     turn_tumble(&filter->tumble, &filter->options, turn);
     turn_axes(turn, before);
     angle_between(filter->R, before, turn);
-    double of_attitude = level.turn[0][0] + level.turn[1][1] + level.turn[2][2], span = time - filter->turned;
+    double of_attitude = measurement.turn[0][0] + measurement.turn[1][1] + measurement.turn[2][2], span = time - filter->turned;
     for (int k = 0; k < 3; k++) filter->rate[k] = turn[k] / span;
     filter->of_rate = (filter->of_attitude + of_attitude) / (span * span);
     filter->of_attitude = of_attitude;
-    follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, level.turn);
+    follow(&filter->tumble, &filter->options, filter->turned, time, before, turn, filter->R, measurement.turn);
     filter->turned = time;
     double V[6][6];
     for (int j = 0; j < 6; j++) {

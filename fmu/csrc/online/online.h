@@ -50,9 +50,9 @@ enum {
     SCALES = 14, /* blocks of 1, 2, 4 ... sightings */
     OFFSET = 6, /* first of the errors of a member of the bank after r and v: what the offset of the features seen is wrong by */
     SCALE = OFFSET + 3, /* what the size of the map is wrong by, as a part of it */
-    LEVEL = SCALE + 1,
-    OF_MAP = LEVEL - OFFSET, /* of these, what is of the map: offset and scale */
-    MOTION = LEVEL + 3, /* of one whose path bends: its acceleration, too */
+    PATH_AND_MAP = SCALE + 1,
+    OF_MAP = PATH_AND_MAP - OFFSET, /* of these, what is of the map: offset and scale */
+    MOTION = PATH_AND_MAP + 3, /* of one whose path bends: its acceleration, too */
     THRUST = MOTION,    /* once the chaser was pushed: what its thrusters are wrong by, a scale and a rotation vector in their axes */
     OF_THRUST = 4,
     ERRORS = THRUST + OF_THRUST,
@@ -124,7 +124,7 @@ typedef struct {
 } Node;
 
 typedef struct {
-    double errors; /* LEVEL, MOTION or ERRORS; others are 0 */
+    double errors; /* PATH_AND_MAP, MOTION or ERRORS; others are 0 */
     double weight; /* logarithm, that of the best is 0; -INFINITY: there is none */
     double steady; /* the member without a jump that has its process noise */
     double x[ERRORS];
@@ -158,7 +158,7 @@ typedef struct {
 /* A node as the bank was given it, and the transition to it. */
 typedef struct {
     Transition transition;
-    double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], bend; /* see Level */
+    double c[3], lag[3][3], offset[3][3], scale[3], push[3][OF_THRUST], bend; /* see Measurement */
     double change[OF_MAP][OF_MAP], follow[OF_MAP][OF_MAP];
     double noise[3][3], turn[3][3], both[3][3]; /* of c without what is of second order, of the attitude, of c by it */
     double moved[OF_MAP];                       /* by which offset, in B, and scale were corrected after it */

@@ -2,7 +2,7 @@
 
 /* What the open node says, and M, what it only seems to show; 0 where it is not to be taken. A node with a jump, against the
    likeliest member, has to be closed first, and one that is not far beyond its noise would seem to show too much. */
-static int open_node(const Online *filter, const PackedMember *likely, Level *level, double M[3][3]) {
+static int open_node(const Online *filter, const PackedMember *likely, Measurement *measurement, double M[3][3]) {
     Frame frame;
     Pose pose;
     Sweep sweep;
@@ -15,26 +15,26 @@ static int open_node(const Online *filter, const PackedMember *likely, Level *le
     double lag = as_frame(filter, &tumble, predicted.R, &frame, &sweep);
     if (!registered(filter, &frame, &predicted, &pose)) return 0;
     add_second_order(filter, &frame, &pose, &sweep);
-    level_of(filter, &frame, &pose, lag, &sweep, share, level);
-    if (is_loose(level)) return 0;
-    common_noise(filter, &frame, &pose, level, common);
+    measurement_of(filter, &frame, &pose, lag, &sweep, share, measurement);
+    if (is_loose(measurement)) return 0;
+    common_noise(filter, &frame, &pose, measurement, common);
     for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++) level->noise[a][b] += common[a][b];
-    seeming(pose.R, level->turn, level->noise, M);
+        for (int b = 0; b < 3; b++) measurement->noise[a][b] += common[a][b];
+    seeming(pose.R, measurement->turn, measurement->noise, M);
     unpack_member(likely, &best);
-    if (!innovation(&best, level, e, L, B)) return 0;
+    if (!innovation(&best, measurement, e, L, B)) return 0;
     whitened(L, e);
     return !(dot(e, e) > GATE);
 }
 
 /* The bank takes what a node says; 0 where rounding has left a covariance indefinite, and the bank is none. */
-static int take_level(PackedMember bank[MEMBERS], const Level *level, double M[3][3], double widest) {
+static int take_measurement(PackedMember bank[MEMBERS], const Measurement *measurement, double M[3][3], double widest) {
     Member member;
     for (int m = 0; m < MEMBERS; m++) {
         if (!is_alive(&bank[m])) continue;
-        add_change(&bank[m], level);
+        add_change(&bank[m], measurement);
         unpack_member(&bank[m], &member);
-        if (!update_member(&member, level)) return 0;
+        if (!update_member(&member, measurement)) return 0;
         take_back_of_member(&member, M, widest);
         pack_member(&member, &bank[m]);
     }
@@ -52,14 +52,14 @@ static void propagated_bank(const Online *filter, const Transition *transition, 
 /* What the bank says against the large filter: members whose path does not bend correct that, which does not know of bends;
    those whose path does stand for themselves. */
 static void combine(const Member *large, const PackedMember bank[MEMBERS + 1], Posterior *posterior) {
-    double x[2][ERRORS], P[2][ERRORS][ERRORS], more[LEVEL][LEVEL], share[2], white = 0.0;
+    double x[2][ERRORS], P[2][ERRORS][ERRORS], more[PATH_AND_MAP][PATH_AND_MAP], share[2], white = 0.0;
     *posterior = (Posterior){.errors = fmax(large->errors, MOTION)};
     const int n = (int)posterior->errors;
-    for (int a = 0; a < LEVEL; a++)
-        for (int b = 0; b < LEVEL; b++) posterior->own[a][b] = large->P[a][b];
+    for (int a = 0; a < PATH_AND_MAP; a++)
+        for (int b = 0; b < PATH_AND_MAP; b++) posterior->own[a][b] = large->P[a][b];
     share[0] = mixture(bank, STRAIGHT, large, x[0], P[0], more);
     share[1] = mixed(bank, BENT, x[1], P[1]);
-    for (int a = 0; a < LEVEL; a++) x[1][a] += bank[SHADOW].x[a] - large->x[a];
+    for (int a = 0; a < PATH_AND_MAP; a++) x[1][a] += bank[SHADOW].x[a] - large->x[a];
     double sum = share[0] + share[1];
     for (int a = 0; a < n; a++) posterior->x[a] = (share[0] * x[0][a] + share[1] * x[1][a]) / sum;
     for (int a = 0; a < n; a++)
@@ -94,7 +94,7 @@ static double seeming_part(const Online *filter, const Posterior *posterior) {
 /* At the filter's time. */
 static void find_posterior(const Online *filter, Posterior *posterior) {
     PackedMember bank[MEMBERS + 1];
-    Level level;
+    Measurement measurement;
     double M[3][3];
     if (filter->posterior_valid != 0.0) {
         *posterior = filter->posterior;
@@ -104,8 +104,8 @@ static void find_posterior(const Online *filter, Posterior *posterior) {
     Member large = large_at(filter, filter->from);
     propagated_bank(filter, &transition, bank);
     if (transition.span > 0.0) advance_large(filter, &large, &transition);
-    int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &level, M);
-    if (taken && !take_level(bank, &level, M, filter->widest)) propagated_bank(filter, &transition, bank);
+    int taken = filter->node.count > 0.0 && open_node(filter, &bank[likeliest(bank)], &measurement, M);
+    if (taken && !take_measurement(bank, &measurement, M, filter->widest)) propagated_bank(filter, &transition, bank);
     for (int m = 0; m < MEMBERS && filter->pushed != 0.0; m++)
         if (is_alive(&bank[m])) grade(&filter->options, noise_ratio(filter), &bank[m]);
     combine(&large, bank, posterior);
@@ -126,12 +126,12 @@ typedef struct {
 /* How the errors of features go with the large filter's of offset and scale, and the Cholesky factor of the covariance of these;
    `sure` is 0 where it has none. */
 typedef struct {
-    double G[LEVEL][MOST_ERRORS], L[OF_MAP * OF_MAP];
+    double G[PATH_AND_MAP][MOST_ERRORS], L[OF_MAP * OF_MAP];
     int sure;
 } FeatureCoupling;
 
 static void couple_features(const Online *filter, const Posterior *posterior, FeatureCoupling *coupling) {
-    with_level(filter, size_of(filter), coupling->G);
+    with_path_and_map(filter, size_of(filter), coupling->G);
     for (int k = 0; k < OF_MAP * OF_MAP; k++) coupling->L[k] = posterior->own[OFFSET + k / OF_MAP][OFFSET + k % OF_MAP];
     coupling->sure = factored(OF_MAP, coupling->L);
 }
@@ -148,7 +148,7 @@ static void posterior_of_feature(const Online *filter, const Posterior *posterio
         if (coupling->sure) solved(OF_MAP, coupling->L, H[i]);
         known->b[i] = filter->b[slot][i];
         for (int a = 0; a < OF_MAP; a++) known->b[i] += H[i][a] * posterior->x[OFFSET + a];
-        for (int a = 0; a < LEVEL; a++) {
+        for (int a = 0; a < PATH_AND_MAP; a++) {
             double sum = 0.0;
             for (int b = 0; b < OF_MAP; b++) sum += (posterior->own[a][OFFSET + b] + posterior->wider[a][OFFSET + b]) * H[i][b];
             *(a < OFFSET ? &known->with[a][i] : &M[a - OFFSET][i]) = sum;

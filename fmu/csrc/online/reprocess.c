@@ -6,51 +6,51 @@
 #define SEEMS 0.1          /* of what is known of the offset, what the noise of the attitudes may seem to show */
 
 /* Keep a node: what it says, without noise of second order, and by what it moved offset and scale; the next begins. */
-static void keep(Online *filter, const Level *level, const double moved[OF_MAP]) {
+static void keep(Online *filter, const Measurement *measurement, const double moved[OF_MAP]) {
     if (filter->stored_count >= STORED_NODES) filter->stored_count = -1.0;
     if (filter->stored_count >= 0.0) {
         StoredNode *stored = &filter->stored[(int)filter->stored_count++];
         *stored = (StoredNode){.transition = filter->since_node};
-        copy(level->lag, stored->lag), copy(level->offset, stored->offset);
-        copy(level->noise, stored->noise), copy(level->turn, stored->turn), copy(level->both, stored->both);
-        for (int k = 0; k < 3; k++) stored->c[k] = level->c[k], stored->scale[k] = level->scale[k];
+        copy(measurement->lag, stored->lag), copy(measurement->offset, stored->offset);
+        copy(measurement->noise, stored->noise), copy(measurement->turn, stored->turn), copy(measurement->both, stored->both);
+        for (int k = 0; k < 3; k++) stored->c[k] = measurement->c[k], stored->scale[k] = measurement->scale[k];
         for (int a = 0; a < 3; a++)
-            for (int k = 0; k < OF_THRUST; k++) stored->push[a][k] = level->push[a][k];
+            for (int k = 0; k < OF_THRUST; k++) stored->push[a][k] = measurement->push[a][k];
         for (int a = 0; a < OF_MAP; a++) {
             stored->moved[a] = moved[a];
-            for (int b = 0; b < OF_MAP; b++) stored->change[a][b] = level->change[a][b], stored->follow[a][b] = level->follow[a][b];
+            for (int b = 0; b < OF_MAP; b++) stored->change[a][b] = measurement->change[a][b], stored->follow[a][b] = measurement->follow[a][b];
         }
-        stored->bend = level->bend;
+        stored->bend = measurement->bend;
     }
     start_transition(&filter->since_node);
 }
 
 /* What a node says if its map's offset was wrong by `wrong`, of the covariance P, in B: the error of the attitude moves
    that. */
-static void level_again(const StoredNode *stored, const double wrong[3], double P[3][3], Level *level) {
+static void measurement_again(const StoredNode *stored, const double wrong[3], double P[3][3], Measurement *measurement) {
     double off[3], K[3][3], spread[3][3], more[3][3], T[3][3];
-    *level = (Level){0};
-    copy(stored->lag, level->lag), copy(stored->offset, level->offset), copy(stored->turn, level->turn);
+    *measurement = (Measurement){0};
+    copy(stored->lag, measurement->lag), copy(stored->offset, measurement->offset), copy(stored->turn, measurement->turn);
     for (int a = 0; a < OF_MAP; a++)
-        for (int b = 0; b < OF_MAP; b++) level->change[a][b] = stored->change[a][b], level->follow[a][b] = stored->follow[a][b];
-    level->bend = stored->bend;
+        for (int b = 0; b < OF_MAP; b++) measurement->change[a][b] = stored->change[a][b], measurement->follow[a][b] = stored->follow[a][b];
+    measurement->bend = stored->bend;
     times(stored->offset, wrong, off);
     moved_by_turn(off, K);
     copy(P, spread);
     turned(stored->offset, spread);
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++) spread[a][b] += off[a] * off[b], T[a][b] = dot(stored->both[a], K[b]);
-    of_cross(level->turn, spread, more);
-    add_arc(level->turn, spread, more);
+    of_cross(measurement->turn, spread, more);
+    add_arc(measurement->turn, spread, more);
     for (int a = 0; a < 3; a++) {
-        level->c[a] = stored->c[a], level->scale[a] = stored->scale[a];
-        for (int k = 0; k < OF_THRUST; k++) level->push[a][k] = stored->push[a][k];
-        for (int b = 0; b < 3; b++) level->noise[a][b] = stored->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
+        measurement->c[a] = stored->c[a], measurement->scale[a] = stored->scale[a];
+        for (int k = 0; k < OF_THRUST; k++) measurement->push[a][k] = stored->push[a][k];
+        for (int b = 0; b < 3; b++) measurement->noise[a][b] = stored->noise[a][b] + more[a][b] - T[a][b] - T[b][a];
     }
 }
 
 /* The bank takes a node again, with its jumps; `seems` adds up what the noise of the attitudes seems to show. */
-static int update_again(Online *filter, const StoredNode *stored, Level *level, double seems[3][3]) {
+static int update_again(Online *filter, const StoredNode *stored, Measurement *measurement, double seems[3][3]) {
     double jump, M[3][3];
     Member member;
     int sound;
@@ -60,8 +60,8 @@ static int update_again(Online *filter, const StoredNode *stored, Level *level, 
         advance_member(&member, process_noise_of((int)member.steady), &stored->transition);
         pack_member(&member, &filter->bank[m]);
     }
-    seeming(level->offset, level->turn, level->noise, M);
-    update_members(filter, level, M, stored->transition.span, &jump, &sound);
+    seeming(measurement->offset, measurement->turn, measurement->noise, M);
+    update_members(filter, measurement, M, stored->transition.span, &jump, &sound);
     adopt(filter);
     weigh_members(filter);
     for (int m = 0; m < MEMBERS; m++)
@@ -101,9 +101,9 @@ static int take_again(Online *filter) {
         filter->bank[m].weight = first_weight(filter, m);
     }
     for (int k = 0; k < count && sound; k++) {
-        Level level;
-        level_again(&filter->stored[k], wrong[k], of_offset, &level);
-        sound = update_again(filter, &filter->stored[k], &level, seems);
+        Measurement measurement;
+        measurement_again(&filter->stored[k], wrong[k], of_offset, &measurement);
+        sound = update_again(filter, &filter->stored[k], &measurement, seems);
     }
     if (sound && part_of(&filter->bank[likeliest(filter->bank)], seems) < SEEMS) return 1;
     for (int m = 0; m < MEMBERS; m++) filter->bank[m] = before[m];

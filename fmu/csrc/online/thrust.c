@@ -86,13 +86,13 @@ static void add_thrust(const Online *filter, const Transition *transition, doubl
 }
 
 /* The covariance of what a node says by that, which the large filter and its shadow do not know otherwise; added. */
-static void add_thrust_of_node(const Online *filter, const Level *level, double found[3][3]) {
+static void add_thrust_of_node(const Online *filter, const Measurement *measurement, double found[3][3]) {
     if (filter->pushed == 0.0) return;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             for (int a = 0; a < OF_THRUST; a++)
                 for (int b = 0; b < OF_THRUST; b++)
-                    found[i][j] += NODES_OF_A_FLIGHT * level->push[i][a] * filter->of_thrust[a][b] * level->push[j][b];
+                    found[i][j] += NODES_OF_A_FLIGHT * measurement->push[i][a] * filter->of_thrust[a][b] * measurement->push[j][b];
 }
 
 /* Of thrusters that nothing has told of yet. */
@@ -118,24 +118,24 @@ static void heed_thrust(Online *filter) {
 
 /* Of (r, v, offset, scale) other things are known, x and P, than what the bank said, `before` and S: so are they of the thrusters,
    whose regression on these stays. */
-static void follow_level(const double before[LEVEL], double S[LEVEL][LEVEL], double x[ERRORS], double P[ERRORS][ERRORS]) {
-    double L[LEVEL * LEVEL], H[OF_THRUST][LEVEL];
-    for (int k = 0; k < LEVEL * LEVEL; k++) L[k] = S[k / LEVEL][k % LEVEL];
-    const int sure = factored(LEVEL, L);
+static void follow_path_and_map(const double before[PATH_AND_MAP], double S[PATH_AND_MAP][PATH_AND_MAP], double x[ERRORS], double P[ERRORS][ERRORS]) {
+    double L[PATH_AND_MAP * PATH_AND_MAP], H[OF_THRUST][PATH_AND_MAP];
+    for (int k = 0; k < PATH_AND_MAP * PATH_AND_MAP; k++) L[k] = S[k / PATH_AND_MAP][k % PATH_AND_MAP];
+    const int sure = factored(PATH_AND_MAP, L);
     for (int i = 0; i < OF_THRUST; i++) {
-        for (int a = 0; a < LEVEL; a++) H[i][a] = sure ? P[THRUST + i][a] : 0.0;
-        if (sure) solved(LEVEL, L, H[i]);
-        for (int a = 0; a < LEVEL; a++) x[THRUST + i] += H[i][a] * (x[a] - before[a]);
+        for (int a = 0; a < PATH_AND_MAP; a++) H[i][a] = sure ? P[THRUST + i][a] : 0.0;
+        if (sure) solved(PATH_AND_MAP, L, H[i]);
+        for (int a = 0; a < PATH_AND_MAP; a++) x[THRUST + i] += H[i][a] * (x[a] - before[a]);
     }
     for (int i = 0; i < OF_THRUST; i++) {
-        double row[LEVEL], more[LEVEL];
-        for (int a = 0; a < LEVEL; a++) {
+        double row[PATH_AND_MAP], more[PATH_AND_MAP];
+        for (int a = 0; a < PATH_AND_MAP; a++) {
             row[a] = more[a] = 0.0;
-            for (int b = 0; b < LEVEL; b++) row[a] += H[i][b] * P[b][a], more[a] += H[i][b] * (P[b][a] - S[b][a]);
+            for (int b = 0; b < PATH_AND_MAP; b++) row[a] += H[i][b] * P[b][a], more[a] += H[i][b] * (P[b][a] - S[b][a]);
             P[THRUST + i][a] = P[a][THRUST + i] = row[a];
         }
         for (int j = 0; j < OF_THRUST; j++)
-            for (int a = 0; a < LEVEL; a++) P[THRUST + i][THRUST + j] += more[a] * H[j][a];
+            for (int a = 0; a < PATH_AND_MAP; a++) P[THRUST + i][THRUST + j] += more[a] * H[j][a];
     }
 }
 

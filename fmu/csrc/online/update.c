@@ -29,20 +29,20 @@ static void correct(Online *filter, Frame *frame, double lag, const double dx[],
 /* A node whose mean time is `lag` s ago, and what it says; afterwards its points are where they would have been seen from the
    centre of mass as it is known now. 0 where rounding has left the covariance indefinite. */
 static int update_frame(Online *filter, Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
-                        const double share[MOST_FEATURES][OF_MAP][3], Level *level) {
+                        const double share[MOST_FEATURES][OF_MAP][3], Measurement *measurement) {
     double dx[MOST_ERRORS] = {0}, dy[MOST_ERRORS] = {0}, common[3][3], free[3][3] = {{0}}, M[3][3];
     double moved[OF_MAP], rate[3][3];
     int first = TRANSLATION, late;
-    Level bare = *level;
-    common_noise(filter, frame, pose, level, common);
-    of_itself(filter, frame, pose, level, bare.noise);
-    for (int k = 0; k < 3; k++) free[k][k] = fmin(1.0, FREE * turned_squares(level));
+    Measurement bare = *measurement;
+    common_noise(filter, frame, pose, measurement, common);
+    of_itself(filter, frame, pose, measurement, bare.noise);
+    for (int k = 0; k < 3; k++) free[k][k] = fmin(1.0, FREE * turned_squares(measurement));
     copy(sweep->covariance, rate);
     for (int j = 0; j < 3; j++)
-        for (int k = 0; k < 3; k++) level->noise[j][k] += common[j][k];
-    add_thrust_of_node(filter, level, common);
-    seeming(pose->R, level->turn, level->noise, M);
-    add_noise(update_bank(filter, level, M, &late), filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS);
+        for (int k = 0; k < 3; k++) measurement->noise[j][k] += common[j][k];
+    add_thrust_of_node(filter, measurement, common);
+    seeming(pose->R, measurement->turn, measurement->noise, M);
+    add_noise(update_bank(filter, measurement, M, &late), filter->span, &filter->P[POSITION][POSITION], MOST_ERRORS);
     filter->span = 0.0;
     for (int i = 0; i < frame->count; i++)
         if (frame->passage[i].swept != 0.0) first = RATE;

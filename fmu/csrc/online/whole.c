@@ -45,7 +45,7 @@ static void rotation_step(double q[4], double w[3], const double inertia[9], con
 #include "thrust.c"
 #include "bank.c"
 #include "filter.c"
-#include "level.c"
+#include "measurement.c"
 #include "seeming.c"
 #include "jumps.c"
 #include "mixture.c"

@@ -229,10 +229,10 @@ def test_thrust_that_is_none_is_refused():
 FUNCTIONS = """#include "library.c"
 void move(const double wrong[4], const double axes[3][3], const double told[3], double moved[3], double errors[3][4])
 { truly_moved(wrong, axes, told, moved, errors); }
-int level(void) { return LEVEL; }
+int level(void) { return PATH_AND_MAP; }
 int errors(void) { return ERRORS; }
-void regress(const double *before, double S[LEVEL][LEVEL], double x[ERRORS], double P[ERRORS][ERRORS])
-{ follow_level(before, S, x, P); }"""
+void regress(const double *before, double S[PATH_AND_MAP][PATH_AND_MAP], double x[ERRORS], double P[ERRORS][ERRORS])
+{ follow_path_and_map(before, S, x, P); }"""
 
 
 @pytest.fixture(scope="module")

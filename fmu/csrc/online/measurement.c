@@ -49,20 +49,20 @@ static void add_arc(const double turn[3][3], double place[3][3], double found[3]
 }
 
 /* Of what a node shows by itself: the camera's attitude, and the arc on which its attitude moves the centre of mass. */
-static void of_itself(const Online *filter, const Frame *frame, const Pose *pose, const Level *level, double found[3][3]) {
+static void of_itself(const Online *filter, const Frame *frame, const Pose *pose, const Measurement *measurement, double found[3][3]) {
     double mean[3] = {0}, arm[3], place[3][3];
     for (int i = 0; i < frame->count; i++)
         for (int k = 0; k < 3 && frame->fits[i]; k++) mean[k] += filter->b[frame->slot[i]][k] / pose->count;
     times(pose->R, mean, arm);
     for (int j = 0; j < 3; j++)
         for (int k = 0; k < 3; k++) place[j][k] = arm[j] * arm[k];
-    add_arc(level->turn, place, found);
+    add_arc(measurement->turn, place, found);
     of_camera(filter, pose, found);
 }
 
 /* What moves all points of a frame together: the camera's attitude, and what is of second order, the error of the
    attitude times that of the offset, and the arc of its own. */
-static void common_noise(const Online *filter, const Frame *frame, const Pose *pose, const Level *level,
+static void common_noise(const Online *filter, const Frame *frame, const Pose *pose, const Measurement *measurement,
                          double found[3][3]) {
     double offset[3][3] = {{0}};
     for (int i = 0; i < frame->count; i++) {
@@ -72,9 +72,9 @@ static void common_noise(const Online *filter, const Frame *frame, const Pose *p
             for (int k = 0; k < 3; k++) offset[j][k] += filter->P[at + j][at + k] / pose->count;
     }
     turned(pose->R, offset);
-    of_cross(level->turn, offset, found);
-    add_arc(level->turn, offset, found);
-    of_itself(filter, frame, pose, level, found);
+    of_cross(measurement->turn, offset, found);
+    add_arc(measurement->turn, offset, found);
+    of_itself(filter, frame, pose, measurement, found);
 }
 
 /* What an error of a rotation does to one of a place, added with a factor; covariances of both, of the place in B. */
@@ -136,7 +136,7 @@ static void turn_of_map(const Online *filter, double share[MOST_FEATURES][3][3])
 /* What the errors of the features do: to the offset and scale that are seen, as other features are than in the node before, and to
    the attitude against that of the whole map, `turned_by`, to which it is added; in B. What is known of offset and scale goes on
    by the regression of their change on what they were. */
-static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3], Level *level,
+static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3], double turn[MOST_FEATURES][3][3], Measurement *measurement,
                    double turned_by[3][3]) {
     enum { BEFORE = OF_MAP, TURNED = 2 * OF_MAP, ROWS = TURNED + 3 };
     int n = 3 * (int)filter->used;
@@ -158,14 +158,14 @@ static void of_map(const Online *filter, double share[MOST_FEATURES][OF_MAP][3],
             for (int j = 0; j < n; j++) sum += DP[j] * D[b][j];
             if (a >= TURNED) turned_by[a - TURNED][b - TURNED] += sum;
             else if (a >= BEFORE) before[OF_MAP * (a - BEFORE) + b - BEFORE] = sum;
-            else if (b >= BEFORE) level->follow[a][b - BEFORE] = sum;
-            else level->change[a][b] = sum;
+            else if (b >= BEFORE) measurement->follow[a][b - BEFORE] = sum;
+            else measurement->change[a][b] = sum;
         }
     }
     const int sure = factored(OF_MAP, before);
     for (int a = 0; a < OF_MAP; a++)
-        if (sure) solved(OF_MAP, before, level->follow[a]);
-        else for (int b = 0; b < OF_MAP; b++) level->follow[a][b] = 0.0;
+        if (sure) solved(OF_MAP, before, measurement->follow[a]);
+        else for (int b = 0; b < OF_MAP; b++) measurement->follow[a][b] = 0.0;
 }
 
 /* The share of each feature's error in the scale: least squares of the size of what a frame sees of the map about its middle. */
@@ -190,16 +190,16 @@ static void scale_of_map(const Online *filter, const Frame *frame, double share[
 
 /* Shares of each feature's error in a node's place of the centre of mass, in C, become those in the offset, in B, and in the
    scale: what a wrong size of the map does to the place is not the offset's, but `scale`. */
-static void apart(const Online *filter, const Frame *frame, double share[MOST_FEATURES][OF_MAP][3], Level *level) {
+static void apart(const Online *filter, const Frame *frame, double share[MOST_FEATURES][OF_MAP][3], Measurement *measurement) {
     int used = (int)filter->used;
-    double inverse[3][3], square = 0.0, in_B[3], *scale = level->scale;
+    double inverse[3][3], square = 0.0, in_B[3], *scale = measurement->scale;
     scale_of_map(filter, frame, share);
     for (int f = 0; f < used; f++) square += dot(share[f][SCALE - OFFSET], share[f][SCALE - OFFSET]);
     for (int k = 0; k < 3; k++) {
         scale[k] = 0.0; /* the inverse square of the shares in the scale is the square of the arms */
         for (int f = 0; f < used; f++) scale[k] += dot(share[f][k], share[f][SCALE - OFFSET]) / square;
     }
-    if (!inverse_of(level->offset, inverse)) copy(NOTHING, inverse);
+    if (!inverse_of(measurement->offset, inverse)) copy(NOTHING, inverse);
     times(inverse, scale, in_B);
     for (int f = 0; f < used; f++) {
         double T[3][3];
@@ -218,23 +218,23 @@ static void add_congruent(double (*A)[3], const double S[3][3], double found[3][
 }
 
 /* While the chaser is pushed, r at the mean time of the node's frames is not r - lag v: what errors of the thrusters add. */
-static void push_of_node(const Online *filter, const Sweep *sweep, double lag, Level *level) {
+static void push_of_node(const Online *filter, const Sweep *sweep, double lag, Measurement *measurement) {
     if (filter->pushed == 0.0) return;
     const Transition transition = transition_of_node(filter);
     for (int a = 0; a < 3; a++)
         for (int k = 0; k < OF_THRUST; k++)
-            level->push[a][k] = sweep->push[a][k] - (transition.push[a][k] - lag * transition.push[3 + a][k]);
+            measurement->push[a][k] = sweep->push[a][k] - (transition.push[a][k] - lag * transition.push[3 + a][k]);
 }
 
 /* What a node says of its centre of mass; share: of each feature's error in the offset, in B, and in the scale. */
-static void level_of(const Online *filter, const Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
-                     double share[MOST_FEATURES][OF_MAP][3], Level *level) {
+static void measurement_of(const Online *filter, const Frame *frame, const Pose *pose, double lag, const Sweep *sweep,
+                     double share[MOST_FEATURES][OF_MAP][3], Measurement *measurement) {
     double V[6][6], swept[2][3][3] = {{{0}}}, later[3][3] = {{0}}, turn[MOST_FEATURES][3][3], T[3][3];
     for (int j = 0; j < 6; j++) {
         for (int k = 0; k < 6; k++) V[j][k] = k == j;
         solved(6, pose->factor, V[j]);
     }
-    *level = (Level){.bend = 0.5 * (lag * lag + sweep->spread)};
+    *measurement = (Measurement){.bend = 0.5 * (lag * lag + sweep->spread)};
     turn_of_map(filter, turn);
     for (int f = 0; f < (int)filter->used; f++) copy(NOTHING, share[f]); /* of the offset */
     for (int i = 0; i < frame->count; i++) {
@@ -249,11 +249,11 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
             for (int a = 0; a < 3; a++) G[a] = V[j][a] + dot(K[a], &V[j][3]);
             transposed_times(frame->W[i], G, D[j / 3][j % 3]);
         }
-        add_congruent(D[0], frame->noise[i], level->noise);
-        add_congruent(D[1], frame->noise[i], level->turn);
+        add_congruent(D[0], frame->noise[i], measurement->noise);
+        add_congruent(D[1], frame->noise[i], measurement->turn);
         product(D[0], frame->noise[i], T);
         for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) level->both[a][b] += dot(T[a], D[1][b]);
+            for (int b = 0; b < 3; b++) measurement->both[a][b] += dot(T[a], D[1][b]);
         for (int part = 0; part < 2 && passage->swept != 0.0; part++) {
             product(D[part], K, T);
             for (int a = 0; a < 3; a++)
@@ -265,25 +265,25 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) {
                 later[a][b] += passage->later * D[0][a][b];
-                level->offset[a][b] += share[f][a][b];
+                measurement->offset[a][b] += share[f][a][b];
                 turn[f][a][b] -= T[a][b];
             }
     }
-    apart(filter, frame, share, level);
+    apart(filter, frame, share, measurement);
     copy(NOTHING, T);
-    of_map(filter, share, turn, level, T);
+    of_map(filter, share, turn, measurement, T);
     turned(pose->R, T);
-    add_congruent(swept[0], sweep->covariance, level->noise);
-    add_congruent(swept[1], sweep->covariance, level->turn);
-    push_of_node(filter, sweep, lag, level);
+    add_congruent(swept[0], sweep->covariance, measurement->noise);
+    add_congruent(swept[1], sweep->covariance, measurement->turn);
+    push_of_node(filter, sweep, lag, measurement);
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < 3; b++) {
-            level->turn[a][b] += T[a][b];
-            level->lag[a][b] = (a == b ? lag : 0.0) - later[a][b];
+            measurement->turn[a][b] += T[a][b];
+            measurement->lag[a][b] = (a == b ? lag : 0.0) - later[a][b];
         }
-        level->turn[a][a] += square_of_camera(filter);
-        level->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(level->lag[a], &filter->x[3]);
-        for (int k = 0; k < OF_THRUST; k++) level->c[a] += level->push[a][k] * filter->thrust[k];
+        measurement->turn[a][a] += square_of_camera(filter);
+        measurement->c[a] = pose->c[a] + dot(later[a], sweep->drift) - dot(measurement->lag[a], &filter->x[3]);
+        for (int k = 0; k < OF_THRUST; k++) measurement->c[a] += measurement->push[a][k] * filter->thrust[k];
     }
 }
 
@@ -292,7 +292,7 @@ static void level_of(const Online *filter, const Frame *frame, const Pose *pose,
 /* What a feature's error, against the map's centroid, and that of the attitude make of each other. It stays the same, until the map is
    better known: a filter that takes it for noise, new in each node, or leaves it out, soon knows of the map what it does not know,
    as the places about which it is linear change. So it counts as often as there are nodes in a turn. */
-static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose, const Level *level) {
+static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose, const Measurement *measurement) {
     int used = (int)filter->used;
     double G[3][MOST_ERRORS], mean[3][3] = {{0}}, place[3][3];
     with_centroid(filter, G);
@@ -304,13 +304,13 @@ static void add_what_stays(const Online *filter, Frame *frame, const Pose *pose,
         int at = FEATURES + 3 * frame->slot[i];
         for (int a = 0; a < 3; a++)
             for (int b = 0; b < 3; b++) place[a][b] = filter->P[at + a][at + b] - G[a][at + b] - G[b][at + a] + mean[a][b];
-        add_cross(level->turn, pose->R, place, NODES_OF_A_TURN, frame->noise[i]);
+        add_cross(measurement->turn, pose->R, place, NODES_OF_A_TURN, frame->noise[i]);
     }
 }
 
 /* The variances of a node's attitude against the whole map, rad2, all together. */
-static double turned_squares(const Level *level) { return level->turn[0][0] + level->turn[1][1] + level->turn[2][2]; }
+static double turned_squares(const Measurement *measurement) { return measurement->turn[0][0] + measurement->turn[1][1] + measurement->turn[2][2]; }
 
 #define LOOSE 0.3 /* rad, standard deviation of an attitude that is as good as none: of features near a line, or in a map of bad depths */
 
-static int is_loose(const Level *level) { return !(turned_squares(level) < LOOSE * LOOSE); }
+static int is_loose(const Measurement *measurement) { return !(turned_squares(measurement) < LOOSE * LOOSE); }
